@@ -30,6 +30,7 @@ from orchestration.identify.fitting import Scale, scale_of
 _STRENGTHS = (1.0, 10.0)  # of the declared size, where the response at null vanishes
 _FACTORS = (0.3, 1.0, 3.0)  # of other positive parameters
 _TIMES = (0.003, 0.02, 0.1, 0.5)  # of the length of a record, of a time constant
+_SHORTEST = 0.1  # of a step of the record, of a time constant: a lag of a quarter is seen
 _MOST = 16  # settings of an effect
 _Settings = Sequence[Mapping[str, float]]  # values of an effect's parameters
 _UNSEEN = 1e-9  # of the spread, below which a response is none
@@ -169,14 +170,15 @@ def _term(
 ) -> NamedTerm:
     """Return the term of an effect, which starts from a setting.
 
-    A time constant is not shorter than a step of the record (s), which tells no shorter one.
+    A time constant is not much shorter than a step of the record (s): a run has as many steps.
     """
     declared = _declared(effect)
     starts = tuple(setting[p.name] for p in declared[1:])
     others = (scale_of(p, v) for p, v in zip(declared[1:], starts, strict=True))
     scales = [Scale(False, size), *others]
+    least = {"s": _SHORTEST * step}
     released = tuple(
-        Released(p.name, p.unit, scale, max(p.min, step) if p.unit == "s" else p.min, p.max)
+        Released(p.name, p.unit, scale, max(p.min, least.get(p.unit, p.min)), p.max)
         for p, scale in zip(declared, scales, strict=True)
     )
     term = effect.term

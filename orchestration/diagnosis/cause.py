@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from orchestration.diagnosis.comparison import Comparison, Judged
 from orchestration.diagnosis.readings import Reading
-from orchestration.diagnosis.terms import Term
+from orchestration.diagnosis.terms import NamedTerm, Term
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +51,11 @@ class Cause:
         """The reading of the file, if that is the cause: the file is misread."""
         lead = self.parts[0]
         return lead if isinstance(lead, Reading) else None
+
+    @property
+    def is_effect(self) -> bool:
+        """Whether it is an effect of the catalogue."""
+        return isinstance(self.parts[0], NamedTerm)
 
     @property
     def name(self) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from fmus.kit.arrays import Array
 from orchestration.diagnosis.fitting import Fit, effective_samples
 from orchestration.diagnosis.law_model import LawModel
-from orchestration.diagnosis.readings import Reading, ReadingKind
+from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.terms import Memory, NamedTerm, SensorTerm, Shape, Term
 
 
@@ -30,8 +30,8 @@ class Weights:
     term : float
         Of each term. A third of a column's cost in a record of 10,000 independent samples.
     share_of_words, share_of_terms : float
-        Of the gain, for each nat of words and for each term after the first: nats weigh nothing
-        beside a gain of hundreds, in which no model of a few laws is exact.
+        Of the inexact part of the gain, for each nat of words and for each term after the first:
+        nats weigh nothing beside a gain of hundreds, in which no model of a few laws is exact.
     shape, curve : float
         Prior of a shape that is neither linear nor a square, and of a curve.
     constant, fading : float
@@ -50,7 +50,8 @@ class Weights:
         within a factor of three.
     behind : float
         Errors of the difference on what is left out, by which a fit may be behind the best there:
-        the rule of one standard error (Breiman et al.: Classification and Regression Trees, 1984).
+        the rule of one standard error (Breiman et al.: Classification and Regression Trees, 1984);
+        of two where the best leave white noise, and nothing is behind by more than chance.
     share_behind : float
         Share of the mean square that is removed, by which it may be behind at least: less is no
         matter of causes.
@@ -62,11 +63,12 @@ class Weights:
         Score and gain on what is left out, above which something is missing at all: strong evidence
         (Kass and Raftery: Bayes factors, J. Am. Stat. Assoc. 90, 1995).
     temper, temper_of_gain : float
-        Scale of scores that a probability is made of: of nats, and as a share of the largest gain.
+        Scale of scores that a probability is made of: of nats, and as a share of the inexact part
+        of the largest gain.
     confidence : Mapping of str to float
         Log odds that the true cause is among some, by their `features.features_of`: fitted to
-        records of five plants, half of them with truths outside of what can be searched (decision
-        91).
+        records of five plants, half of them with truths outside of what can be searched, and to
+        records with effects of a catalogue (decisions 91 and 94).
     sure, group : float
         Probability from which a cause is named, and which a group reaches.
     most : int
@@ -104,6 +106,7 @@ class Weights:
             "margin": 4.1,
             "ratio": -1.3,
             "share": 2.0,
+            "named": 1.2,
         }
     )
     sure: float = 0.9
@@ -163,6 +166,9 @@ class Judged:
     choosing, measuring : ndarray, shape (m, ny)
         Errors in spreads, on what is left out: of the samples that take part in the choice, and of
         those by which nothing is chosen.
+    beyond : ndarray, shape (m, ny)
+        Those of the choice beyond what parameters leave uncertain, by which a prediction is as
+        likely; see `Prediction.beyond_uncertainty`.
     words : float
         Prior of its terms and of its reading, nats.
     reading : Reading or None
@@ -171,6 +177,7 @@ class Judged:
 
     fit: Fit
     choosing: Array
+    beyond: Array
     measuring: Array
     words: float
     reading: Reading | None = None
@@ -190,9 +197,7 @@ class Judged:
         """Degrees of freedom that the terms and the reading add."""
         if self.reading is None:
             return self.fit.freedom
-        anywhere = self.reading.kind is ReadingKind.START
-        starts = len(self.fit.problem.model.states) if anywhere else 0
-        return self.fit.freedom + self.reading.is_fitted + starts
+        return self.fit.freedom + self.reading.is_fitted
 
     @cached_property
     def left_out(self) -> float:
@@ -264,11 +269,18 @@ class Comparison:
         """Cost of its terms, of its parameters' distance from nominal, and of its words, nats."""
         return self.columns + WEIGHTS.term * self.terms + self.distance + self.words
 
-    def score(self, largest: float) -> float:
-        """Return the score, nats, beside the largest gain of all that are compared."""
+    def score(self, inexact: float) -> float:
+        """Return the score, nats.
+
+        Parameters
+        ----------
+        inexact : float
+            Part of the largest gain of all that are compared, by which none is exact; see
+            `inexact`.
+        """
         share = WEIGHTS.share_of_words * self.words
         share += WEIGHTS.share_of_terms * max(self.terms - 1, 0)
-        return self.gain - self.cost - share * max(largest, 0.0)
+        return self.gain - self.cost - share * inexact
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,10 +293,14 @@ class Common:
         Of each fitted record.
     left_out : ndarray, shape (ny,)
         Of what is left out.
+    structure : float
+        Share of the fitted samples that are not independent, the mean over the outputs: 0 if the
+        best leave white noise.
     """
 
     fitted: list[Array]
     left_out: Array
+    structure: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,7 +327,7 @@ def contrast(one: Judged, base: Judged) -> Contrast:
     """Return the errors of a fitted model beside those of another on the same samples."""
     pairs = zip(one.fit.errors, base.fit.errors, strict=True)
     fitted = [_log_ratio(ours, theirs) for ours, theirs in pairs]
-    return Contrast(fitted, _log_ratio(one.choosing, base.choosing), *difference(one, base))
+    return Contrast(fitted, _log_ratio(one.beyond, base.beyond), *difference(one, base))
 
 
 def compare(
@@ -344,16 +360,33 @@ def compare(
     )
 
 
-def difference(one: Judged, base: Judged, width: Array | float = 1.0) -> tuple[float, float]:
-    """Return the rise of the mean square on what is left out, and its standard error.
+def inexact(comparisons: Sequence[Comparison], structure: float) -> float:
+    """Return the part of the largest gain, nats, by which no model of a few laws is exact.
+
+    Zero if the best leave white noise: then scores are those of a likelihood.
 
     Parameters
     ----------
-    one, base : Judged
-    width : ndarray, shape (ny,), or float
-        By which the errors of each output are divided.
+    comparisons : sequence of Comparison
+    structure : float
+        See `Common`.
     """
-    return _rise(one.choosing / width, base.choosing / width, _resolution(one, base))
+    gains = [c.gain for c in comparisons if np.isfinite(c.gain)]
+    return structure * max([0.0, *gains])
+
+
+def difference(one: Judged, base: Judged) -> tuple[float, float]:
+    """Return the rise of the mean square on what is left out, and its standard error."""
+    return _rise(one.choosing, base.choosing, _resolution(one, base))
+
+
+def shortfall(one: Judged, likeliest: Judged, noise: Array) -> tuple[float, float]:
+    """Return by how much a prediction is less likely than another, and its standard error.
+
+    As a rise of the mean square beyond uncertain parameters, in widths of the noise (ny,).
+    """
+    errors = one.beyond / noise, likeliest.beyond / noise
+    return _rise(*errors, _resolution(one, likeliest))
 
 
 def rises(one: Judged, base: Judged) -> bool:
@@ -413,4 +446,5 @@ def common_of(judged: Sequence[Judged]) -> Common:
     fitted = [np.median([one.effective[r] for one in nearest], axis=0) for r in range(len(errors))]
     samples = sum(np.isfinite(e).sum(axis=0) for e in errors)
     share = np.sum(fitted, axis=0) / np.maximum(samples, 1)
-    return Common(fitted, share * np.isfinite(nearest[0].choosing).sum(axis=0))
+    left_out = share * np.isfinite(nearest[0].choosing).sum(axis=0)
+    return Common(fitted, left_out, 1.0 - float(share[samples > 0].mean()))

@@ -14,15 +14,15 @@ from orchestration.diagnosis.comparison import (
     Judged,
     are_same,
     common_of,
-    difference,
     rises,
+    shortfall,
 )
 from orchestration.diagnosis.courses import are_interchangeable
 from orchestration.diagnosis.features import confidence, features_of
-from orchestration.diagnosis.readings import Reading, ReadingKind
+from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.search import Found, Ranked
 from orchestration.diagnosis.subject import words_of
-from orchestration.diagnosis.terms import Memory, NamedTerm, SensorTerm, Term
+from orchestration.diagnosis.terms import SensorTerm, Term
 
 _LEAST = 1e-12
 _SETS = 8  # that share the probability
@@ -35,8 +35,7 @@ class Conclusion:
     Attributes
     ----------
     verdict : str
-        ``cause``, ``ambiguous``, ``unexplained``, ``consistent``, or ``recalibrate`` if nothing but
-        the start states differ.
+        ``cause``, ``ambiguous``, ``unexplained`` or ``consistent``.
     causes : tuple of Cause
         The smallest group that reaches the probability; of ``unexplained`` the best guesses.
     nothing : float
@@ -54,18 +53,30 @@ def conclude(found: Found) -> Conclusion:
     """Draw the conclusion from all fits of a search."""
     ranked = [entry for entry in found.compared() if not entry.comparison.is_worse]
     best: dict[object, Ranked] = {}
-    for entry in _near_the_likeliest(ranked, found.base):
+    for entry in _near_the_likeliest(ranked, found):
         best.setdefault(frozenset(part.source[:3] for part in entry.judged.parts), entry)
-    top = sorted(best.values(), key=lambda entry: -entry.score)[:_SETS]
-    *shares, nothing = _shares(top)
+    top = _minimal(sorted(best.values(), key=lambda entry: -entry.score))[:_SETS]
+    *shares, nothing = _shares(top, found.temper)
     group = _group(_calibrated(_causes(top, shares, found), found))
     return Conclusion(_verdict(group, found), group, nothing, found.base)
 
 
-def _shares(top: Sequence[Ranked]) -> list[float]:
-    """Return the share of each set, and that of no term at all, by their scores."""
-    largest = max((entry.comparison.gain for entry in top), default=0.0)
-    temper = WEIGHTS.temper + WEIGHTS.temper_of_gain * max(largest, 0.0)
+def _minimal(ranked: Sequence[Ranked]) -> list[Ranked]:
+    """Return the sets, the best first, that contain no better one."""
+    kept: list[tuple[Ranked, frozenset[object]]] = []
+    for entry in ranked:
+        sources = frozenset(part.source[:3] for part in entry.judged.parts)
+        if not any(better < sources for _, better in kept):
+            kept.append((entry, sources))
+    return [entry for entry, _ in kept]
+
+
+def _shares(top: Sequence[Ranked], temper: float) -> list[float]:
+    """Return the share of each set, and that of no term at all, by their scores.
+
+    Where the best leaves white noise scores are nats of a likelihood; where it leaves more than
+    that, no set is exact, and they are worth less.
+    """
     scores = np.array([entry.score for entry in top] + [0.0]) / temper
     shares = np.exp(scores - scores.max())
     return [float(share) for share in shares / shares.sum()]
@@ -114,10 +125,10 @@ def _joined(causes: Sequence[Cause], found: Found) -> list[Cause]:
         same = {
             k: apart
             for k, one in enumerate(joined)
-            if ((apart := _apart(cause, one, common)) < WEIGHTS.temper and _is_effect(one))
+            if ((apart := _apart(cause, one, common)) < WEIGHTS.temper and one.is_effect)
             or _is_one_with(cause, one, found)
         }
-        if not same or cause.reading is not None or _is_effect(cause):
+        if not same or cause.reading is not None or cause.is_effect:
             joined.append(cause)
             continue
         nearest = min(same, key=lambda k: same[k])
@@ -125,6 +136,7 @@ def _joined(causes: Sequence[Cause], found: Found) -> list[Cause]:
         joined[nearest] = replace(
             one,
             probability=one.probability + cause.probability,
+            score=max(one.score, cause.score),
             members=one.members | cause.members,
             aliases=(*one.aliases, cause.name),
         )
@@ -132,11 +144,7 @@ def _joined(causes: Sequence[Cause], found: Found) -> list[Cause]:
 
 
 def _plainness(cause: Cause) -> tuple[bool, float]:
-    return not _is_effect(cause), cause.judged.words
-
-
-def _is_effect(cause: Cause) -> bool:
-    return isinstance(cause.parts[0], NamedTerm)
+    return not cause.is_effect, cause.judged.words
 
 
 def _is_one_with(cause: Cause, other: Cause, found: Found) -> bool:
@@ -148,11 +156,7 @@ def _is_one_with(cause: Cause, other: Cause, found: Found) -> bool:
         return not (isinstance(ours, SensorTerm) and isinstance(theirs, SensorTerm))
     if found.along is None:
         return False
-    is_instant = all(
-        isinstance(t, Term) and not isinstance(t, NamedTerm) and t.memory is Memory.NONE
-        for t in (ours, theirs)
-    )
-    signal = ours.signal if is_instant else ""
+    signal = ours.signal if ours.is_instant and theirs.is_instant else ""
     return are_interchangeable(found.along, ours.law, theirs.law, signal)
 
 
@@ -202,16 +206,10 @@ def _verdict(group: Sequence[Cause], found: Found) -> str:
         return "unexplained"
     if group[0].probability < WEIGHTS.sure:
         return "ambiguous"
-    return "recalibrate" if _is_start(group[0]) else "cause"
+    return "cause"
 
 
-def _is_start(cause: Cause) -> bool:
-    """Return whether a model holds as it is, and its run has begun elsewhere."""
-    reading = cause.reading
-    return len(cause.parts) == 1 and reading is not None and reading.kind is ReadingKind.START
-
-
-def _near_the_likeliest(ranked: Sequence[Ranked], base: Judged) -> list[Ranked]:
+def _near_the_likeliest(ranked: Sequence[Ranked], found: Found) -> list[Ranked]:
     """Return the fits that are not behind the most likely one on what is left out.
 
     Errors are in widths of the noise of each output, or one of large errors would decide alone.
@@ -224,34 +222,37 @@ def _near_the_likeliest(ranked: Sequence[Ranked], base: Judged) -> list[Ranked]:
     gaining = [entry for entry in ranked if entry.score > WEIGHTS.gaining * best.score] or [best]
     likeliest = max(gaining, key=lambda entry: entry.comparison.left_out)
     lowest, most = likeliest.judged, likeliest.comparison.left_out
-    noise = np.maximum(np.sqrt(np.nanmean(lowest.choosing**2, axis=0)), _LEAST)
-    removed, _ = difference(base, lowest, noise)
-    near = []
-    for entry in ranked:
-        behind, error = difference(entry.judged, lowest, noise)
+    noise = np.maximum(np.sqrt(np.nanmean(lowest.beyond**2, axis=0)), _LEAST)
+    removed, _ = shortfall(found.base, lowest, noise)
+    errors = WEIGHTS.behind * (2.0 - found.structure)
+    of_words = WEIGHTS.share_of_words * found.structure
+
+    def is_near(entry: Ranked) -> bool:
+        behind, error = shortfall(entry.judged, lowest, noise)
         plainer = max(lowest.words - entry.judged.words, 0.0)
-        worth = (WEIGHTS.share_behind + WEIGHTS.share_of_words * plainer) * most
-        is_near = behind <= max(WEIGHTS.behind * error, WEIGHTS.share_behind * removed)
-        if is_near or (plainer and most - entry.comparison.left_out <= worth):
-            near.append(entry)
-    return near
+        worth = (WEIGHTS.share_behind + of_words * plainer) * most
+        is_behind = behind > max(errors * error, WEIGHTS.share_behind * removed)
+        return not is_behind or bool(plainer and most - entry.comparison.left_out <= worth)
+
+    return [entry for entry in ranked if is_near(entry)]
 
 
 def _in_order(one: Judged, found: Found) -> tuple[Reading | Term, ...]:
     """Return the parts in the order in which they explain.
 
-    First that which gains most alone, less what its words cost, if this is half of what the set
-    gains; else that whose loss costs most.
+    First that which gains most alone, less what its columns and words cost, if this is half of what
+    the set gains; else that whose loss costs most.
     """
     gains: dict[frozenset[object], float] = {frozenset(): 0.0}
     for ranked in found.compared():
         key = frozenset(t.source for t in ranked.judged.parts)
-        gains[key] = max(gains.get(key, -np.inf), ranked.comparison.gain)
+        gained = ranked.comparison.gain - ranked.comparison.columns
+        gains[key] = max(gains.get(key, -np.inf), gained)
 
     def gain(parts: Sequence[Reading | Term]) -> float:
         return gains.get(frozenset(t.source for t in parts), -np.inf)
 
-    share = WEIGHTS.share_of_words * gain(one.parts)
+    share = WEIGHTS.share_of_words * found.structure * gain(one.parts)
     model = one.fit.problem.model
     words = {part: share * words_of(model, part) for part in one.parts}
     order: list[Reading | Term] = []

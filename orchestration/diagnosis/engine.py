@@ -101,13 +101,13 @@ class Diagnosis:
             return cast("Verdict", self.conclusion.verdict)
         if any(one.share > _LARGE and one.is_slow for one in self.remainders):
             return "unexplained"
-        return "recalibrate" if self.changed else "consistent"
+        is_changed = bool(self.changed) or self.begins_elsewhere
+        return "recalibrate" if is_changed else "consistent"
 
     @property
     def causes(self) -> tuple[Cause, ...]:
         """The group of causes, the most probable first; best guesses where nothing is explained."""
-        is_right = self.conclusion.verdict in ("consistent", "recalibrate")
-        return () if is_right else self.conclusion.causes
+        return () if self.conclusion.verdict == "consistent" else self.conclusion.causes
 
     @property
     def is_named(self) -> bool:
@@ -117,9 +117,7 @@ class Diagnosis:
     @property
     def final(self) -> Judged:
         """The model that all figures after the diagnosis are of: with the first cause if named."""
-        if self.is_named or self.conclusion.verdict == "recalibrate":
-            return self.conclusion.causes[0].judged
-        return self.found.base
+        return self.conclusion.causes[0].judged if self.is_named else self.found.base
 
     @property
     def reading(self) -> Reading | None:
@@ -149,6 +147,11 @@ class Diagnosis:
     def parameters(self) -> dict[str, Estimate]:
         """Parameters of the final model, those of its terms among them, by name."""
         return estimates(self.final.fit, self.terms)
+
+    @property
+    def begins_elsewhere(self) -> bool:
+        """Whether the records begin at other start states than the model declares."""
+        return self.found.subject.problem.begins_anywhere
 
     @cached_property
     def changed(self) -> tuple[str, ...]:
@@ -282,9 +285,8 @@ def _answer(
 ) -> _Answer | None:
     """Search for terms, unless parameters alone are to be fitted; None if the model runs away.
 
-    If states of the model keep errors, the errors are those of predictions where these leave
-    nothing to explain, and free runs leave a large slow error, no cause, or one that leaves more
-    than noise.
+    If states of the model keep errors, the errors are those of predictions where free runs leave a
+    large slow error, with a cause or without.
     """
 
     def answer_of(one: Subject) -> _Answer | None:
@@ -295,12 +297,17 @@ def _answer(
             found = search(one, progress, deadline.is_over)
         return None if found is None else (found, conclude(found))
 
-    one = predicted(subject) if subject.observer is None and _drifts(subject) else None
+    begun = subject.judge(subject.base)
+    drifts = subject.observer is None and (begun is None or _drifts(begun))
+    one = predicted(subject) if drifts else None
     first = answer_of(one) if one is not None and _is_trusted(one) else None
     if first is not None and _is_silent(first):
         return first
     plain = answer_of(subject)
     if plain is None or options.recalibrates or not _is_open(plain):
+        return plain
+    ranked = plain[0].compared()
+    if not _drifts(ranked[0].judged if ranked else plain[0].base):
         return plain
     if subject.observer is not None:
         return _predicted_answer(plain, plain, answer_of)
@@ -309,7 +316,7 @@ def _answer(
     if one is None or (is_named and not _is_trusted(one)):
         return plain
     first = first or answer_of(one)
-    if first is None or (is_named and not _is_silent(first)):
+    if first is None:
         return plain
     return _predicted_answer(plain, first, answer_of)
 
@@ -357,12 +364,9 @@ def _is_trusted(subject: Subject) -> bool:
     return subject.observer is not None and subject.observer.is_small
 
 
-def _drifts(subject: Subject) -> bool:
-    """Return whether a large slow error is left where nothing was fitted."""
-    base = subject.judge(subject.base)
-    if base is None:
-        return True
-    in_spreads = remainders(base, np.ones(len(subject.problem.spread)))
+def _drifts(judged: Judged) -> bool:
+    """Return whether a model leaves a large slow error where nothing was fitted."""
+    in_spreads = remainders(judged, np.ones(len(judged.fit.problem.spread)))
     return any(one.share > _LARGE and one.is_slow for one in in_spreads)
 
 

@@ -12,6 +12,7 @@ from orchestration.diagnosis.comparison import WEIGHTS
 from orchestration.diagnosis.search import Found
 
 _LEAST = 1e-12
+_CHANCE = 3.0  # tempers of scores that a first cause may gain by chance
 
 
 def features_of(found: Found, causes: Sequence[Cause]) -> dict[str, float]:
@@ -27,18 +28,22 @@ def features_of(found: Found, causes: Sequence[Cause]) -> dict[str, float]:
     -------
     dict of str to float
         ``margin``: by which the score falls from the first cause to the best fit without any of
-        them, as a share of the gain of the first, between -1 and 1. ``ratio``: logarithm of the
-        error of the first on what is left out over that on fitted samples. ``share``: of them all
-        in the probability by scores alone.
+        them, or to no term, as a share of the gain of the first and of what chance may give,
+        between -1 and 1. ``ratio``: logarithm of the error of the first on what is left out, beyond
+        uncertain parameters, over that on fitted samples. ``share``: of them all in the probability
+        by scores alone. ``named``: the same share if the first is an effect of the catalogue, else
+        0.
     """
     first = causes[0]
-    gain = max(first.comparison.gain, _LEAST)
+    gain = max(first.comparison.gain, 0.0) + _CHANCE * found.temper
     without = _best_without(found, set().union(*(cause.members for cause in causes)))
-    unseen = float(np.sqrt(np.nanmean(first.judged.choosing**2)))
+    unseen = float(np.sqrt(np.nanmean(first.judged.beyond**2)))
+    share = float(sum(cause.probability for cause in causes))
     return {
         "margin": float(np.clip((first.score - without) / gain, -1.0, 1.0)),
         "ratio": float(np.log(unseen / max(first.judged.fit.misfit, _LEAST))),
-        "share": float(sum(cause.probability for cause in causes)),
+        "share": share,
+        "named": share * first.is_effect,
     }
 
 
@@ -57,4 +62,4 @@ def _best_without(found: Found, causes: set[tuple[str, str]]) -> float:
         if not one.comparison.is_worse
         and all(part.cause not in causes for part in one.judged.parts)
     )
-    return max(others, default=0.0)
+    return max([0.0, *others])

@@ -90,6 +90,9 @@ class Problem:
         Nominal values of parameters, SI, where they are not the declared ones.
     substeps : int
         Of a run, between two samples.
+    begins_anywhere : bool
+        Whether a run of a model with inputs begins where its record says, and not near the start
+        states that are declared.
     """
 
     model: LawModel
@@ -99,6 +102,7 @@ class Problem:
     hold: frozenset[str] = frozenset()
     values: Mapping[str, float] | None = None
     substeps: int = 1
+    begins_anywhere: bool = False
 
     @cached_property
     def nominal(self) -> Array:
@@ -272,18 +276,38 @@ def mean_squares(errors: Array) -> Array:
 
 
 def weights_of(errors: Sequence[Array]) -> list[Array]:
+    """Return weights (ny,) of squared errors for a search, record by record: ``s / sigma^2``.
+
+    Sigma of each output is that of all records together, or a fit would give up the worst of them;
+    and so is the share s of independent samples that of all outputs, or it would give up one that
+    is slow because the model fails there.
+    """
+    parts = independent_weights(errors)
+    counts = [np.isfinite(e).sum(axis=0) for e in errors]
+    variance = _variance(errors)
+    shares = [np.nan_to_num(w * variance) for w in parts]
+    effective = sum(float(s @ n) for s, n in zip(shares, counts, strict=True))
+    share = effective / max(float(np.sum(counts)), 1.0)
+    return [np.asarray(share / variance) for _ in errors]
+
+
+def independent_weights(errors: Sequence[Array]) -> list[Array]:
     """Return weights (ny,) of squared errors, record by record: ``n_eff / n / sigma^2``.
 
-    Sigma of each output is that of all records together, or a fit would give up the worst of them.
+    By these the likelihood is that of so many independent samples.
     """
-    stacked = np.concatenate(errors)
-    variance = np.maximum(mean_squares(stacked), 1e-10)
+    variance = _variance(errors)
     weights = []
     for e in errors:
         counts = np.maximum(np.isfinite(e).sum(axis=0), 1)
         effective = np.array([effective_samples(column) for column in e.T])
         weights.append(effective / counts / variance)
     return weights
+
+
+def _variance(errors: Sequence[Array]) -> Array:
+    """Return the mean squares (ny,) of errors of all records, of which none vanishes."""
+    return np.maximum(mean_squares(np.concatenate(errors)), 1e-10)
 
 
 class _Search:
@@ -549,10 +573,7 @@ def fit_start(
 
 
 def final_curvature(fitted: Fit) -> Array:
-    """Return the curvature of the cost at a fit, in the noise that the fit itself leaves.
-
-    A fit of a search is weighed by the errors of the model without terms.
-    """
-    search = _Search(fitted.problem, fitted.terms, weights_of(fitted.errors))
+    """Return the curvature of the cost at a fit, by the independent samples of what it leaves."""
+    search = _Search(fitted.problem, fitted.terms, independent_weights(fitted.errors))
     here = search.evaluate(fitted.point)
     return fitted.curvature if here is None else here[1]

@@ -474,6 +474,13 @@ class LawModel:
         return [law for law in self.rates if law not in samples]
 
     @cached_property
+    def integrals(self) -> frozenset[str]:
+        """States that are integrals of another signal: their changes are a lag of that."""
+        laws = self.perturbed
+        pairs = zip(self.states, self.rates, strict=True)
+        return frozenset(s.name for s, r in pairs if laws.is_definition(r) or laws.is_count(r))
+
+    @cached_property
     def measured_states(self) -> dict[int, int]:
         """Positions of states that an output shows as they are, and of that output."""
         names = {s.name: i for i, s in enumerate(self.states)}

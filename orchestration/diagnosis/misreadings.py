@@ -15,15 +15,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmus.kit.arrays import Array
-from orchestration.diagnosis.comparison import Judged, are_same, common_of, compare
+from orchestration.diagnosis.comparison import Judged, are_same, common_of, compare, inexact
 from orchestration.diagnosis.fitting import (
-    Fit,
     Point,
     Problem,
     fit,
+    fit_base,
     mean_squares,
     nominal_point,
-    weights_of,
 )
 from orchestration.diagnosis.law_model import LawModel, Record
 from orchestration.diagnosis.readings import Reading, ReadingKind, readings_of
@@ -32,7 +31,7 @@ from orchestration.diagnosis.subject import LeftOut, Subject, divided_as_read, t
 
 _OF_A_KIND = 2  # readings of a kind that are fitted
 _KEPT = 2  # readings on top of which laws are searched
-_STEPS, _LAST_STEPS = 3, 40
+_STEPS = 3
 _ROUNDS = 3  # of estimates of a shift and of the parameters by turns
 _WEIGHT = 10.0  # of squared errors in spreads: within a third, as a first fit of the model
 _LATEST = 8  # share of a record, by which a column is late at most
@@ -162,8 +161,8 @@ def _gaining(read: Sequence[tuple[Subject, Judged]], base: Judged) -> list[Subje
         return []
     common = common_of([base, *(judged for _, judged in read)])
     compared = [(s, j, compare(j, base, common)) for s, j in read]
-    largest = max(c.gain for *_, c in compared)
-    scored = [(s, j, c.score(largest)) for s, j, c in compared if not c.is_worse]
+    part = inexact([c for *_, c in compared], common.structure)
+    scored = [(s, j, c.score(part)) for s, j, c in compared if not c.is_worse]
     gaining = sorted((entry for entry in scored if entry[2] > 0.0), key=lambda entry: -entry[2])
     kept: list[tuple[Subject, Judged]] = []
     for one, judged, _ in gaining:
@@ -340,14 +339,26 @@ def _moved(trial: _Trial, by: float) -> _Trial | None:
 
 
 def _fitted(trial: _Trial) -> Subject | None:
-    """Fit the model to what the file means by a reading."""
-    errors = _errors(trial.problem, trial.point)
-    if errors is None:
-        return None
-    fitted: Fit | None = fit(trial.problem, (), [trial.point], weights_of(errors), _LAST_STEPS)
-    if fitted is None:
-        return None
-    return Subject(trial.problem, trial.left_out, fitted, trial.reading)
+    """Fit the model to what the file means by a reading.
+
+    Inputs go between samples as fits best: of a file that is misread that was no choice.
+    """
+    here = trial.problem.records[0].smooth
+    ways = dict.fromkeys([here, tuple(not one for one in here)])
+    if not trial.problem.model.states:
+        ways = {here: None}
+    fits = [one for smooth in ways if (one := _fitted_as(trial, smooth)) is not None]
+    return min(fits, key=lambda one: one.base.misfit, default=None)
+
+
+def _fitted_as(trial: _Trial, smooth: tuple[bool, ...]) -> Subject | None:
+    """Fit the model to what the file means, with inputs that are held or go in straight lines."""
+    problem = trial.problem
+    records = tuple(replace(r, smooth=smooth) for r in problem.records)
+    left_out = tuple(replace(o, record=replace(o.record, smooth=smooth)) for o in trial.left_out)
+    problem = replace(problem, records=records)
+    fitted = fit_base(problem, trial.point.q)
+    return None if fitted is None else Subject(problem, left_out, fitted, trial.reading)
 
 
 def reading_that_runs(

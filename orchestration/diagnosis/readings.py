@@ -66,11 +66,6 @@ class ReadingKind(Enum):
     )
     CLOCK = _Kind(f"{TIME} is {{unit}}", "{change}, or write its unit in the header")
     LATE = _Kind("{column} is {size} s {side}", "shift {column} {size} s {back}", True)
-    START = _Kind(
-        "the run has other start states than the model",
-        "set the start states of the model",
-        models=("model, start as declared", "model, start fitted"),
-    )
 
 
 @dataclass(frozen=True)
@@ -84,8 +79,7 @@ class Reading:
         Inputs and outputs that it changes; two that are exchanged; ``time``.
     factor : float
     shift : float
-        SI; of a late column its delay, s, negative of an early one; of another start the
-        deviation of the start states, in that which the model declares.
+        SI; of a late column its delay, s, negative of an early one.
     unit : str
         That the file has, in words; of an offset the SI unit of its shift.
     instead : tuple of Reading
@@ -124,8 +118,6 @@ class Reading:
         if self.kind is ReadingKind.CLOCK:
             time = np.ascontiguousarray(record.time * self.factor)
             return replace(record, time=time, begin=record.begin * self.factor)
-        if self.kind is ReadingKind.START:
-            return record
         names = [v.name for v in (*model.inputs, *model.outputs)]
         values = np.hstack([record.inputs, record.outputs])
         places = [names.index(name) for name in self.columns]
@@ -232,8 +224,6 @@ def readings_of(model: LawModel, records: Sequence[Record]) -> list[Reading]:
     # all inputs late and all outputs early are the same
     columns = list(moving) if len(moving) != 2 else list(moving)[1:]
     result += [Reading(kinds.LATE, (name,)) for name in columns]
-    if len(model.inputs):
-        result.append(Reading(kinds.START, ()))
     return result
 
 

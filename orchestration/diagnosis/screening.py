@@ -65,7 +65,7 @@ _ROWS = 1600  # of the screen at most
 _SAME = 0.9999  # cosine from which on two laws act alike
 _START = 3.0  # prior deviation of a start state, in nominal values
 _RIDGE = 1e-2  # prior precision of a coefficient
-_VISIBLE = 1e-4  # share of a column's square that parameters leave, below which it is none
+_VISIBLE = 1e-8  # share of a column's square that parameters leave, below which it is none
 _NOTHING = 1e-300
 _LEAST = 1e-6  # share of a sum of squares, to which a set can take it
 _AT_ONCE = 400  # columns whose products are computed at once: as much as a cache holds
@@ -461,7 +461,11 @@ def _candidates(
     """Yield every term that may be missing."""
     model = along.model
     signals = _signals(along)
-    views = seen(signals, along.times, list(_REMEMBERED))
+    views = [
+        view
+        for view in seen(signals, along.times, list(_REMEMBERED))
+        if view.memory is not Memory.FADING or view.signal not in model.integrals
+    ]
     value_of = along.values
     for same in classes:
         size = max(float(np.sqrt(np.mean(value_of[law] ** 2))) for law in same) or 1.0

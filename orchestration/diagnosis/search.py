@@ -13,12 +13,14 @@ import numpy as np
 
 from fmus.kit.arrays import Array, single_threaded
 from orchestration.diagnosis.comparison import (
+    WEIGHTS,
     Comparison,
     Contrast,
     Judged,
     common_of,
     compare,
     contrast,
+    inexact,
 )
 from orchestration.diagnosis.courses import Courses, courses_of
 from orchestration.diagnosis.fitting import (
@@ -73,7 +75,7 @@ class Ranked:
     judged : Judged
     comparison : Comparison
     score : float
-        Of that comparison beside the largest gain of all fits, nats.
+        Of that comparison among all fits, nats.
     """
 
     judged: Judged
@@ -113,16 +115,32 @@ class Found:
 
     def compared(self) -> list[Ranked]:
         """Return each fit with its comparison to the base, the highest score first."""
+        comparisons = self._comparisons()
+        part = inexact(comparisons, self.structure)
+        pairs = zip(self.fits, comparisons, strict=True)
+        ranked = [Ranked(one, c, c.score(part)) for one, c in pairs]
+        return sorted((r for r in ranked if np.isfinite(r.score)), key=lambda r: -r.score)
+
+    def _comparisons(self) -> list[Comparison]:
+        """Return the comparison of each fit to the base."""
         if not self.fits:
             return []
         common = common_of(self.fits)
         fresh = self.fits[len(self._contrasts) :]
         self._contrasts += [contrast(one, self.base) for one in fresh]
         known = zip(self.fits, self._contrasts, strict=True)
-        pairs = [(one, compare(one, self.base, common, between)) for one, between in known]
-        largest = max((c.gain for _, c in pairs if np.isfinite(c.gain)), default=0.0)
-        ranked = [Ranked(one, c, c.score(largest)) for one, c in pairs]
-        return sorted((r for r in ranked if np.isfinite(r.score)), key=lambda r: -r.score)
+        return [compare(one, self.base, common, between) for one, between in known]
+
+    @property
+    def temper(self) -> float:
+        """Nats by which scores differ of causes that may both be true."""
+        part = inexact(self._comparisons(), self.structure)
+        return WEIGHTS.temper + WEIGHTS.temper_of_gain * part
+
+    @property
+    def structure(self) -> float:
+        """Share of the fitted samples that are not independent; see `Common`."""
+        return common_of(self.fits).structure if self.fits else 0.0
 
     def gain_where_fitted(self) -> float:
         """Return the largest gain on fitted samples beyond what the terms cost, nats."""
@@ -286,7 +304,13 @@ class _Rounds:
         def one(job: tuple[tuple[Term, ...], list[Point]]) -> Judged | None:
             if self._is_over():
                 return None
-            fitted = fit(subject.problem, job[0], job[1], self._weights, most, _NEARLY_FLAT)
+            terms, points = job
+            begun = fit(subject.problem, terms, points, self._weights, 0, _NEARLY_FLAT)
+            if begun is None:
+                return None
+            # in the noise of a worse model an end is flat that is not one in its own
+            weights = weights_of(begun.errors)
+            fitted = fit(subject.problem, terms, [begun.point], weights, most, _NEARLY_FLAT)
             return None if fitted is None else subject.judge(located(fitted))
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:

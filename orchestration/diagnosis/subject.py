@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from fmus.kit.arrays import Array, Indices, single_threaded
-from orchestration.diagnosis.comparison import WEIGHTS, Judged, words
+from orchestration.diagnosis.comparison import WEIGHTS, Judged, common_of, compare, words
 from orchestration.diagnosis.fitting import (
     Fit,
     Point,
@@ -23,6 +23,7 @@ from orchestration.diagnosis.fitting import (
 )
 from orchestration.diagnosis.law_model import LawModel, Record, Setting
 from orchestration.diagnosis.observer import Observer, Place, growth_of, observer_of
+from orchestration.diagnosis.prediction import Prediction, predict
 from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.terms import Shape, Term
 
@@ -88,19 +89,21 @@ class Subject:
         """
         if fitted.terms and self.samples <= self.rank + fitted.freedom:
             return None
-        choosing, measuring = [], []
+        choosing, beyond, measuring = [], [], []
         for one in self.left_out:
-            errors = self.errors(fitted, one)
-            if errors is None:
+            predicted = self._prediction(fitted, one)
+            if predicted is None:
                 return None
-            blocks = np.array_split(errors, _BLOCKS)
-            choosing += blocks[::2]
-            measuring += blocks[1::2]
+            blocks = np.array_split(np.arange(len(predicted.errors)), _BLOCKS)
+            by_turns = np.concatenate(blocks[::2])
+            choosing.append(predicted.errors[by_turns])
+            beyond.append(predicted.beyond_uncertainty(by_turns))
+            measuring.append(predicted.errors[np.concatenate(blocks[1::2])])
         model = self.problem.model
         read = () if self.reading is None else (self.reading,)
         prior = sum(words_of(model, part) for part in (*read, *fitted.terms))
-        chosen_by, unseen = np.concatenate(choosing), np.concatenate(measuring)
-        return Judged(fitted, chosen_by, unseen, prior, self.reading)
+        chosen_by, likely_by, unseen = map(np.concatenate, (choosing, beyond, measuring))
+        return Judged(fitted, chosen_by, likely_by, unseen, prior, self.reading)
 
     @cached_property
     def samples(self) -> int:
@@ -129,37 +132,39 @@ class Subject:
         return ends
 
     def errors(self, fitted: Fit, one: LeftOut) -> Array | None:
-        """Return the errors (m, ny) of a fit on samples that are left out, in spreads.
+        """Return the errors (m, ny) of a fit on samples that are left out, in spreads."""
+        predicted = self._prediction(fitted, one)
+        return None if predicted is None else predicted.errors
+
+    def _prediction(self, fitted: Fit, one: LeftOut) -> Prediction | None:
+        """Return the prediction of what is left out by a fit; None if it runs away there.
 
         A change at an instant is one of the fitted record: another was made before it or after it,
         as its beginning says.
         """
-        errors = None
+        nearest = None
         least = np.inf
         for variant in _before_and_after(fitted) if one.of is None else [fitted]:
-            whole = self._whole_errors(variant, one)
+            whole = self._whole(variant, one)
             if whole is None:
                 continue
-            size = float(np.nansum(whole[: one.first] ** 2))
+            size = float(np.nansum(whole.errors[: one.first] ** 2))
             if size < least:
-                errors, least = whole[one.first :], size
-        return errors
+                nearest, least = whole, size
+        return nearest and nearest.part(one.first)
 
-    def _whole_errors(self, fitted: Fit, one: LeftOut) -> Array | None:
-        """Return the errors (n, ny) of a fit on a record that is left out, from its start."""
+    def _whole(self, fitted: Fit, one: LeftOut) -> Prediction | None:
+        """Return the prediction of a record that is left out, from its start."""
         problem = self.problem
+        if one.of is not None:
+            start = fitted.point.starts[one.of]
+            return predict(fitted, one.record, start, problem.starts[one.of], one.of)
+        beginning = one.record.part(0, _beginning(one.record))
+        prior = start_prior(problem, beginning)
         setting = problem.setting(fitted.point, fitted.terms)
-        start = (
-            _start(problem, fitted, one.record, self.reading)
-            if one.of is None
-            else fitted.point.starts[one.of]
-        )
-        if start is None:
-            return None
-        course = problem.model.run(one.record, setting, start)
-        if course is None:
-            return None
-        return (one.record.outputs - course.outputs) / problem.spread
+        weight = np.full(len(problem.spread), _WELL / len(beginning.time))
+        begun = fit_start(problem, setting, beginning, prior, weight)
+        return None if begun is None else predict(fitted, one.record, begun, prior, beginning)
 
 
 def _before_and_after(fitted: Fit) -> list[Fit]:
@@ -191,38 +196,28 @@ def depends(model: LawModel, term: Term) -> bool:
     return term.signal in own
 
 
-def _start(problem: Problem, fitted: Fit, record: Record, reading: Reading | None) -> Array | None:
-    """Return the start states of a held-out record, from its first samples."""
-    beginning = record.part(0, _beginning(record))
-    prior = start_prior(problem, beginning, reading)
-    setting = problem.setting(fitted.point, fitted.terms)
-    weight = np.full(len(problem.spread), _WELL / len(beginning.time))
-    return fit_start(problem, setting, beginning, prior, weight)
-
-
 def _beginning(record: Record) -> int:
     """Return the number of samples that give the start states of a held-out record."""
     count = len(record.time)
     return min(max(20, count // _BEGINNING), count // 2)
 
 
-def start_prior(problem: Problem, record: Record, reading: Reading | None = None) -> StartPrior:
+def start_prior(problem: Problem, record: Record) -> StartPrior:
     """Return what is known of the start states: nominal, or read off an output that is the state.
 
-    A state that nominally starts somewhere starts near it if the model has inputs; without
-    inputs its start is all that moves. It starts anywhere if the file is read so.
+    A state that nominally starts somewhere starts near it if the model has inputs, unless the
+    problem begins anywhere; without inputs its start is all that moves.
     """
     model = problem.model
     nominal = model.nominal_states
     mean = problem.nominal[list(model.start_positions)]
-    anywhere = reading is not None and reading.kind is ReadingKind.START
-    near = _DECLARED if len(model.inputs) and not anywhere else 1.0
+    near = _DECLARED if len(model.inputs) and not problem.begins_anywhere else 1.0
     deviation = near * nominal
     for i, j in model.measured_states.items():
         first = record.outputs[:_FIRST, j]
         if np.isfinite(first).any():
             mean[i] = first[np.isfinite(first)][0]
-            deviation[i] = max(2.0 * float(np.nanstd(first)), 0.02 * nominal[i])
+            deviation[i] = nominal[i]  # the sensor may have an offset
     return StartPrior(mean, deviation)
 
 
@@ -335,7 +330,7 @@ def subject_of(
         one = _fitted(*parts)
         if one is not None and (best is None or _gain(one.base, best.base) > WEIGHTS.least):
             best = one
-    return None if best is None else _as_fitted(best, records, held_out)
+    return None if best is None else _begun(_as_fitted(best, records, held_out))
 
 
 def _fitted(problem: Problem, left_out: tuple[LeftOut, ...]) -> Subject | None:
@@ -426,7 +421,7 @@ def _place(problem: Problem, left_out: Sequence[LeftOut], fitted: Fit | None) ->
 
 def _anywhere(problem: Problem, record: Record) -> StartPrior:
     """Return the start states of a record for an observer, which finds where a run starts."""
-    return start_prior(problem, record, Reading(ReadingKind.START, ()))
+    return start_prior(replace(problem, begins_anywhere=True), record)
 
 
 def _as_fitted(subject: Subject, records: Sequence[Record], held_out: Sequence[Record]) -> Subject:
@@ -447,6 +442,31 @@ def _as_fitted(subject: Subject, records: Sequence[Record], held_out: Sequence[R
     return subject if refitted is None else Subject(*parts, refitted)
 
 
+def _begun(subject: Subject) -> Subject:
+    """Return a subject whose runs begin where the records say, if they clearly do elsewhere.
+
+    A record that begins while the plant moves misses no law; to a search that may not begin there,
+    it would miss any that moves a state at first.
+    """
+    problem = subject.problem
+    at_rest = len(problem.model.inputs) and subject.observer is None
+    if not problem.model.states or not at_rest:
+        return subject
+    free = replace(problem, begins_anywhere=True)
+    free = replace(free, starts=tuple(start_prior(free, r) for r in free.records))
+    fitted = fit_base(free, subject.base.point.q)
+    if fitted is None:
+        return subject
+    other = replace(subject, problem=free, base=fitted)
+    ours, declared = (one.judge(one.base) for one in (other, subject))
+    if ours is None or declared is None:
+        return subject
+    gain = compare(ours, declared, common_of([ours, declared]))
+    columns = 0.5 * len(problem.model.states) * len(problem.records)
+    columns *= float(np.log(max(sum(n.sum() for n in ours.effective), 3.0)))
+    return other if min(gain.fitted - columns, gain.left_out) > WEIGHTS.least else subject
+
+
 def _steps(problem: Problem) -> list[int]:
     """Return the steps of a run over each record."""
     return [problem.substeps * len(record.time) for record in problem.records]
@@ -464,7 +484,7 @@ def divided_as_read(subject: Subject, reading: Reading) -> tuple[Problem, tuple[
     model = problem.model
     records = tuple(reading.apply(model, r) for r in problem.records)
     left_out = tuple(replace(o, record=reading.apply(model, o.record)) for o in subject.left_out)
-    starts = tuple(start_prior(problem, r, reading) for r in records)
+    starts = tuple(start_prior(problem, r) for r in records)
     # as that of the file as it was read, of which these may be a part, or errors would differ by it
     spread = problem.spread * _spread(records) / _spread(problem.records)
     changed = replace(problem, records=records, spread=spread, starts=starts)

@@ -138,6 +138,11 @@ class Term:
         return self.memory is not Memory.NONE
 
     @property
+    def is_instant(self) -> bool:
+        """Whether it is a function of its signal at the same instant."""
+        return not self.has_memory
+
+    @property
     def cause(self) -> tuple[str, str]:
         """Law and signal, by which a cause is named."""
         return self.law, self.signal
@@ -250,6 +255,11 @@ class NamedTerm(Term):
     def name(self) -> str:
         """Name in the catalogue."""
         return self.effect
+
+    @property
+    def is_instant(self) -> bool:
+        """Whether it has no time constant."""
+        return all(one.unit != "s" for one in self.released)
 
     @property
     def source(self) -> tuple[str, str, Memory, str]:

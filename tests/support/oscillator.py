@@ -82,12 +82,18 @@ def diagnosis_with(record: Record, *sets: Sequence[Term]) -> Diagnosis:
     return Diagnosis(declared_model_of(Oscillator), (record,), (), found, conclude(found))
 
 
+def diagnosis_without_terms(record: Record) -> Diagnosis:
+    """Return the diagnosis of an oscillator by its model as it is alone."""
+    found = _unsearched(record)
+    return Diagnosis(declared_model_of(Oscillator), (record,), (), found, conclude(found))
+
+
 def _unsearched(record: Record) -> Found:
     """Return the fit of the model without terms."""
     inputs = record.signals["force"][:, None]
     outputs = record.signals["position"][:, None]
     given = KernelRecord(record.time, inputs, outputs, (False,), record.source.stem)
-    subject = subject_of(LawModel(Oscillator), [given])
+    subject = subject_of(LawModel(Oscillator), [given], interpolate=False)
     assert subject is not None
     base = subject.judge(subject.base)
     assert base is not None

@@ -8,7 +8,7 @@ from math import isfinite
 from fmus.kit.units import format_value
 from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.engine import Diagnosis
-from orchestration.diagnosis.readings import Reading, ReadingKind
+from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.remainder import Remainder
 from orchestration.diagnosis.term_names import sentence
 from orchestration.diagnosis.terms import Term
@@ -89,7 +89,7 @@ def headline(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "consistent":
         return "nothing is missing that this record can show"
     if diagnosis.verdict == "recalibrate":
-        starts = ["the start states"] if diagnosis.reading is not None else []
+        starts = ["the start states"] if diagnosis.begins_elsewhere else []
         return f"the laws hold with other values of {_listed([*starts, *diagnosis.changed])}"
     if not diagnosis.causes:
         return "the model misses something, and nothing that was tried explains it"
@@ -152,7 +152,7 @@ def _next_of_consistent(diagnosis: Diagnosis) -> str:
 
 def _next_of_recalibrate(diagnosis: Diagnosis) -> str:
     """Return the values to use."""
-    if diagnosis.reading is not None:
+    if diagnosis.begins_elsewhere:
         return _next_of_start(diagnosis)
     values = ", ".join(_settings(diagnosis, diagnosis.changed))
     return f"use the model with {values}; {option('fmu', 'fitted.fmu')} builds it."
@@ -174,9 +174,7 @@ def _next_of_cause(diagnosis: Diagnosis) -> str:
 
 
 def _next_of_misread(diagnosis: Diagnosis, reading: Reading) -> str:
-    """Return how to correct the files, or where to start."""
-    if reading.kind is ReadingKind.START:
-        return _next_of_start(diagnosis)
+    """Return how to correct the files."""
     ways = " or ".join(one.correction for one in (reading, *reading.instead))
     check = "" if diagnosis.verdict == "cause" else "check file and wiring; if it is so, "
     return (
@@ -186,13 +184,15 @@ def _next_of_misread(diagnosis: Diagnosis, reading: Reading) -> str:
 
 
 def _next_of_start(diagnosis: Diagnosis) -> str:
-    """Return where the model is to start."""
+    """Return where the model is to start, and other values to use."""
     declared = diagnosis.subject.problem.model
     starts = [declared.parameters[i].name for i in declared.start_positions]
     # of several records each has its own
     estimates = [(n, diagnosis.parameters[n]) for n in starts if n in diagnosis.parameters]
     other = [n for n, e in estimates if not e.interval[0] <= e.nominal <= e.interval[1]]
-    sets = " ".join(str(option("set", text)) for text in _settings(diagnosis, other))
+    sets = " ".join(
+        str(option("set", text)) for text in _settings(diagnosis, [*other, *diagnosis.changed])
+    )
     ways = f"start the model there, with {sets}," if sets else "start the model where the run does"
     return f"{ways} or begin a record at rest; {option('fmu', 'fitted.fmu')} builds it so."
 

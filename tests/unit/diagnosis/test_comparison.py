@@ -20,6 +20,8 @@ from orchestration.diagnosis.comparison import (
     common_of,
     compare,
     difference,
+    inexact,
+    shortfall,
     words,
 )
 from tests.support.diagnosed_mass import mass
@@ -31,12 +33,12 @@ NONE = Comparison(0.0, 0.0, 0.0, 1.0, 0.0, 0, 0.0, 0.0)
 def judged(fitted: Array, left_out: Array, prior: float = 0.0, **fit: Any) -> Judged:
     """Return errors as those of a fit with so much freedom."""
     given = {"freedom": 0, "distance": 0.0, "terms": (), "misfit": fitted.std()} | fit
-    return Judged(SimpleNamespace(errors=(fitted,), **given), left_out, left_out, prior)
+    return Judged(SimpleNamespace(errors=(fitted,), **given), *3 * [left_out], prior)
 
 
 def shared(fitted: list[float], left_out: list[float]) -> Common:
     """Return so many effective samples of each output."""
-    return Common([np.array(fitted)], np.array(left_out))
+    return Common([np.array(fitted)], np.array(left_out), 0.0)
 
 
 def likelihood(errors: Array) -> float:
@@ -112,7 +114,7 @@ def test_a_rise_beyond_its_error_is_worse() -> None:
     assert difference(short, judged(np.zeros((3, 1)), np.zeros((3, 1)))) == (0.0, np.inf)
 
 
-@pytest.mark.parametrize("largest", [0.0, 500.0])
+@pytest.mark.parametrize("part", [0.0, 500.0])
 @pytest.mark.parametrize(
     ("feature", "sign"),
     [
@@ -125,9 +127,9 @@ def test_a_rise_beyond_its_error_is_worse() -> None:
     ],
 )
 def test_the_score_rises_with_gains_and_falls_with_costs(
-    feature: str, sign: int, largest: float
+    feature: str, sign: int, part: float
 ) -> None:
-    scores = [replace(NONE, **{feature: value}).score(largest) for value in (1, 2, 3)]
+    scores = [replace(NONE, **{feature: value}).score(part) for value in (1, 2, 3)]
     assert np.all(sign * np.diff(scores) > 0.0)
 
 
@@ -135,7 +137,7 @@ def test_left_out_gains_count_for_more_than_fitted_ones() -> None:
     assert replace(NONE, left_out=10.0).gain > replace(NONE, fitted=10.0).gain
 
 
-def test_words_and_further_terms_cost_a_share_of_a_large_gain() -> None:
+def test_words_and_further_terms_cost_a_share_of_what_is_inexact() -> None:
     plain, wordy = replace(NONE, terms=1), replace(NONE, terms=1, words=1.0)
     assert plain.score(0.0) - wordy.score(0.0) < plain.score(900.0) - wordy.score(900.0)
     two = replace(NONE, terms=2)
@@ -176,3 +178,21 @@ def test_common_samples_are_medians_of_the_nearest_fits() -> None:
     common = common_of(many[::-1])
     assert common.fitted[0] == many[1].effective[0]
     assert common.left_out == pytest.approx(common.fitted[0] / 2.0)
+    assert common.structure == pytest.approx(1.0 - common.fitted[0][0] / 2000.0)
+
+
+def test_a_gain_is_inexact_as_far_as_what_is_left_has_structure() -> None:
+    comparisons = [replace(NONE, left_out=gain) for gain in (-5.0, 40.0, np.nan)]
+    assert inexact(comparisons, 0.25) == pytest.approx(10.0)
+    assert inexact(comparisons, 0.0) == 0.0
+    assert inexact(comparisons[:1], 0.9) == 0.0
+
+
+def test_a_shortfall_is_of_predictions_in_widths_of_the_noise() -> None:
+    """Plain errors say nothing of it; the second output is ten times as noisy as the first."""
+    noise = np.array([1.0, 10.0])
+    likely = judged(np.ones((400, 2)), RNG.standard_normal((400, 2)) * noise)
+    one = replace(likely, beyond=likely.beyond * np.array([1.0, 1.1]), choosing=0.0 * likely.beyond)
+    behind, _ = shortfall(one, likely, noise)
+    assert behind == pytest.approx(0.5 * 0.21 * np.mean((likely.beyond[:, 1] / 10.0) ** 2))
+    assert difference(one, likely)[0] < 0.0

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from fmus.kit.arrays import Array
 from orchestration.diagnosis import Found, Memory, Shape, Term
@@ -17,6 +18,7 @@ from tests.support.dry_mass import dry, nothing, outside, small_search
 
 RNG = np.random.default_rng(8)
 WHITE, SEEN = RNG.standard_normal((300, 1)), RNG.standard_normal((200, 1))
+SLOW = lfilter([1.0], [1.0, -0.5], RNG.standard_normal((1500, 1)), axis=0)
 DRY = Term("friction", "v", Shape.DRY)
 CURVE = Term("friction", "v", Shape.CURVE, places=(-1.0, 0.0, 1.0))
 SPRING = Term("spring", "x", Shape.CUBE)
@@ -25,9 +27,15 @@ ANY = {"x", "v", "force", "time", "friction", "charge", "load", "a", "b", "c"}
 MODEL = SimpleNamespace(laws=[], perturbed=SimpleNamespace(computed_from=lambda law: ANY))
 
 
-def judged(fitted: float, left_out: float | Array, *terms: Term, words: float = 0.0) -> Judged:
+def judged(
+    fitted: float,
+    left_out: float | Array,
+    *terms: Term,
+    words: float = 0.0,
+    noise: Array = WHITE,
+) -> Judged:
     """Return a fit with errors of so many times those of the base."""
-    errors = fitted * WHITE
+    errors = fitted * noise
     freedom = sum(t.freedom for t in terms)
     fit = SimpleNamespace(
         errors=(errors,),
@@ -37,11 +45,11 @@ def judged(fitted: float, left_out: float | Array, *terms: Term, words: float = 
         distance=0.0,
         problem=SimpleNamespace(model=MODEL),
     )
-    return Judged(fit, left_out * SEEN, left_out * SEEN, words)
+    return Judged(fit, *3 * [left_out * SEEN], words)
 
 
-def found(*fits: Judged) -> Found:
-    return Found(None, judged(1.0, 1.0), list(fits))
+def found(*fits: Judged, noise: Array = WHITE) -> Found:
+    return Found(None, judged(1.0, 1.0, noise=noise), list(fits))
 
 
 def test_friction_is_named_first_and_surely(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -173,10 +181,15 @@ def test_a_cause_whose_error_rises_where_nothing_is_chosen_by_it_is_not_named() 
 
 
 def test_what_is_plainer_may_be_behind_by_what_its_words_are_worth() -> None:
-    behind, ahead = judged(0.5, 0.52, DRY), judged(0.5, 0.5, SPRING, words=3.0)
-    assert [c.name for c in conclude(found(behind, ahead)).causes][:1] == ["friction(v)"]
-    behind = judged(0.5, 0.52, DRY, words=3.0)
-    assert [c.name for c in conclude(found(behind, ahead)).causes] == ["spring(x)"]
+    """Where more than white noise is left: of that nats of a likelihood decide."""
+    ahead = judged(0.5, 0.5, SPRING, words=3.0, noise=SLOW)
+    behind = judged(0.5, 0.52, DRY, noise=SLOW)
+    causes = conclude(found(behind, ahead, noise=SLOW)).causes
+    assert [c.name for c in causes][:1] == ["friction(v)"]
+    wordy = judged(0.5, 0.52, DRY, words=3.0, noise=SLOW)
+    assert [c.name for c in conclude(found(wordy, ahead, noise=SLOW)).causes] == ["spring(x)"]
+    white = judged(0.5, 0.52, DRY), judged(0.5, 0.5, SPRING, words=3.0)
+    assert conclude(found(*white)).causes[0].name == "spring(x)"
 
 
 def test_an_output_of_large_errors_does_not_decide_alone() -> None:
@@ -191,6 +204,7 @@ def test_an_output_of_large_errors_does_not_decide_alone() -> None:
             one,
             fit=SimpleNamespace(**vars(one.fit) | {"errors": errors}),
             choosing=seen * both,
+            beyond=seen * both,
             measuring=seen * both,
         )
 
@@ -201,14 +215,17 @@ def test_an_output_of_large_errors_does_not_decide_alone() -> None:
 
 def test_the_plainer_of_two_that_explain_alike_leads() -> None:
     slow = replace(SPRING, memory=Memory.LAG, constants=(3.0,))
-    fits = judged(0.5, 0.5, slow, DRY), judged(0.6, 0.6, DRY), judged(0.595, 0.595, slow)
-    assert conclude(found(*fits)).causes[0].terms == (DRY, slow)
+    sizes = ((0.5, slow, DRY), (0.6, DRY), (0.595, slow))
+    fits = [judged(size, size, *terms, noise=SLOW) for size, *terms in sizes]
+    assert conclude(found(*fits, noise=SLOW)).causes[0].terms == (DRY, slow)
 
 
 def test_what_is_not_strong_on_what_is_left_out_is_no_cause() -> None:
     """Two nats in two hundred samples: seven to one."""
-    assert conclude(found(judged(0.9, 0.99, DRY))).verdict == "unexplained"
-    assert conclude(found(judged(0.9, 0.975, DRY))).verdict == "cause"
+    weak, strong = (found(judged(0.5, size, DRY)) for size in (0.99, 0.6))
+    assert conclude(weak).verdict == "unexplained"
+    assert conclude(weak).causes[0].comparison.evidence < 3.0
+    assert conclude(strong).verdict == "cause"
 
 
 def test_a_gain_and_a_lag_of_one_sensor_are_two_causes() -> None:

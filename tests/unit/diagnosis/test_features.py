@@ -33,7 +33,7 @@ class _Fitted:
 
     def __post_init__(self):
         noise = np.random.default_rng(0).standard_normal((4000, 1))
-        self.choosing = self.size * noise
+        self.beyond = self.size * noise
         self.fit = SimpleNamespace(errors=(noise,), misfit=1.0)
 
 
@@ -46,14 +46,15 @@ def _cause(judged, score, gain):
     return SimpleNamespace(
         law=lead.law, signal=lead.signal, parts=judged.terms, judged=judged,
         comparison=_gained(gain), score=score, members={lead.cause}, probability=0.4,
+        is_effect=False,
     )  # fmt: skip
 
 
-def _features(*others, more=()):
+def _features(*others, more=(), temper=0.0):
     """Return the features of a first cause by two terms, which gains 100, beside others."""
     best = _Fitted((_FADING, _DRY), 2.0)
     compared = [Ranked(best, _gained(100.0), 80.0), *others]
-    found = SimpleNamespace(compared=lambda: compared)
+    found = SimpleNamespace(compared=lambda: compared, temper=temper)
     return features_of(found, [_cause(best, 80.0, 100.0), *more])
 
 
@@ -66,6 +67,9 @@ def test_errors_are_compared_with_those_fitted_and_shares_are_added():
 
 def test_the_margin_is_to_the_best_fit_that_is_not_worse_and_lacks_the_causes():
     assert _features()["margin"] == pytest.approx(0.8)  # to no term at all
+    losing = Ranked(_Fitted((_DRY,), 1.0), _gained(1.0), -30.0)
+    assert _features(losing)["margin"] == pytest.approx(0.8), "no term scores higher than that"
+    assert _features(temper=20.0)["margin"] == pytest.approx(0.5), "what chance may give"
     worse = Ranked(_Fitted((_LINEAR,), 1.0), _gained(90.0, worse=True), 79.0)
     with_it = Ranked(_Fitted((_FADING, _LINEAR), 1.0), _gained(90.0), 75.0)
     other = Ranked(_Fitted((_DRY,), 1.0), _gained(70.0), 50.0)
@@ -75,12 +79,13 @@ def test_the_margin_is_to_the_best_fit_that_is_not_worse_and_lacks_the_causes():
 
 
 def test_a_wide_margin_is_trusted_and_a_rise_on_what_was_not_seen_is_not():
-    plain = {"margin": 0.0, "ratio": 0.0, "share": 0.5}
+    plain = {"margin": 0.0, "ratio": 0.0, "share": 0.5, "named": 0.0}
     assert confidence(plain | {"margin": 0.9}) > 0.9
     assert confidence(plain) > confidence(plain | {"ratio": 2.0})
+    assert confidence(plain) < confidence(plain | {"named": 1.0})
     assert confidence(plain) > confidence(plain | {"share": 0.2})
     odds = WEIGHTS.confidence
-    at = {"constant": 1.0, "margin": 0.5, "ratio": 0.3, "share": 0.7}
+    at = {"constant": 1.0, "margin": 0.5, "ratio": 0.3, "share": 0.7, "named": 1.0}
     expected = 1.0 / (1.0 + np.exp(-sum(odds[n] * v for n, v in at.items())))
     del at["constant"]
     assert confidence(at) == pytest.approx(expected)

@@ -406,4 +406,5 @@ def test_a_part_of_a_record_is_of_its_samples() -> None:
 
 def test_an_output_that_is_a_state_is_seen() -> None:
     assert mass().measured_states == {0: 0}
+    assert mass().integrals == {"x"}, "of the velocity"
     assert mass().nominal_states == pytest.approx([0.1, 1.0])

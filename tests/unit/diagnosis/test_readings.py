@@ -174,11 +174,6 @@ def test_units_are_those_of_the_quantity(model: LawModel) -> None:
             "shift first 0.25 s later",
         ),
         (
-            Reading(ReadingKind.START, (), shift=1.0),
-            "the run has other start states than the model",
-            "set the start states of the model",
-        ),
-        (
             Reading(ReadingKind.CLOCK, ("time",), 1e-3, unit="in ms"),
             "time is in ms",
             "multiply time by 0.001, or write its unit in the header",

@@ -85,8 +85,16 @@ def test_a_start_is_read_off_an_output_that_is_the_state() -> None:
     assert prior.mean == pytest.approx([record.outputs[1, 0], 0.0])
     moving = start_prior(replace(problem, values={"v_start": 0.7}), record)
     assert moving.mean == pytest.approx([record.outputs[1, 0], 0.7])
-    first = record.outputs[:6, 0]
-    assert prior.deviation == pytest.approx([max(2.0 * np.nanstd(first), 0.002), 0.1])
+    assert prior.deviation == pytest.approx([0.1, 0.1])
+
+
+def test_a_run_that_begins_elsewhere_begins_where_the_record_says() -> None:
+    """Of a mass that moves already; one at rest is not given more freedom than it needs."""
+    moving, resting = (made(drawn(start=np.array([0.1, v]))) for v in (4.0, 0.0))
+    assert moving.problem.begins_anywhere
+    assert not resting.problem.begins_anywhere
+    assert moving.base.point.starts[0] == pytest.approx([0.1, 4.0], abs=0.05)
+    assert moving.problem.parameters(moving.base.point.q)[:3] == pytest.approx(TRUTH, rel=0.05)
 
 
 def test_how_inputs_go_between_samples_is_what_fits_better() -> None:
@@ -208,7 +216,6 @@ def test_a_law_depends_on_its_signals() -> None:
 @pytest.mark.parametrize(
     ("reading", "size"),
     [
-        (Reading(ReadingKind.START, ()), 1.0),
         (Reading(ReadingKind.CLOCK, ("time",), 60.0), 1.0),
         (Reading(ReadingKind.UNIT, ("position",), 1000.0), 1000.0),
     ],

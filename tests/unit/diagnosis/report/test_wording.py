@@ -8,11 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.remainder import Remainder
 from orchestration.diagnosis.report import wording
 from orchestration.reporting import in_shell
-from tests.support.oscillator import diagnosis_read_as, oscillator_record, with_group
+from tests.support.oscillator import (
+    diagnosis_without_terms,
+    oscillator_record,
+    with_group,
+)
 
 
 def test_headline_gives_each_cause_its_percent_and_the_rest(dry):
@@ -91,7 +94,7 @@ def test_a_run_that_starts_elsewhere_is_to_be_started_there():
     whole = oscillator_record(1, noise=1e-5)
     signals = {name: values[200:] for name, values in whole.signals.items()}
     record = replace(whole, time=whole.time[:-200], signals=signals)
-    moving = diagnosis_read_as(record, Reading(ReadingKind.START, (), shift=1.0))
+    moving = diagnosis_without_terms(record)
     assert (moving.verdict, moving.causes) == ("recalibrate", ())
     assert wording.headline(moving) == "the laws hold with other values of the start states"
     with in_shell():
