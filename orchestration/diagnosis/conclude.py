@@ -52,23 +52,23 @@ class Conclusion:
 def conclude(found: Found) -> Conclusion:
     """Draw the conclusion from all fits of a search."""
     ranked = [entry for entry in found.compared() if not entry.comparison.is_worse]
-    best: dict[object, Ranked] = {}
+    best: dict[frozenset[object], Ranked] = {}
     for entry in _near_the_likeliest(ranked, found):
         best.setdefault(frozenset(part.source[:3] for part in entry.judged.parts), entry)
-    top = _minimal(sorted(best.values(), key=lambda entry: -entry.score))[:_SETS]
+    sets = sorted(best.items(), key=lambda item: -item[1].score)
+    top = _minimal(sets)[:_SETS]
     *shares, nothing = _shares(top, found.temper)
     group = _group(_calibrated(_causes(top, shares, found), found))
     return Conclusion(_verdict(group, found), group, nothing, found.base)
 
 
-def _minimal(ranked: Sequence[Ranked]) -> list[Ranked]:
-    """Return the sets, the best first, that contain no better one."""
-    kept: list[tuple[Ranked, frozenset[object]]] = []
-    for entry in ranked:
-        sources = frozenset(part.source[:3] for part in entry.judged.parts)
-        if not any(better < sources for _, better in kept):
-            kept.append((entry, sources))
-    return [entry for entry, _ in kept]
+def _minimal(sets: Sequence[tuple[frozenset[object], Ranked]]) -> list[Ranked]:
+    """Return the sets that contain no better one; they come by their sources, the best first."""
+    kept: dict[frozenset[object], Ranked] = {}
+    for sources, entry in sets:
+        if not any(better < sources for better in kept):
+            kept[sources] = entry
+    return list(kept.values())
 
 
 def _shares(top: Sequence[Ranked], temper: float) -> list[float]:
@@ -204,9 +204,7 @@ def _verdict(group: Sequence[Cause], found: Found) -> str:
     reached = sum(cause.probability for cause in group)
     if reached < WEIGHTS.group or rises(group[0].judged, found.base):
         return "unexplained"
-    if group[0].probability < WEIGHTS.sure:
-        return "ambiguous"
-    return "cause"
+    return "cause" if group[0].probability >= WEIGHTS.sure else "ambiguous"
 
 
 def _near_the_likeliest(ranked: Sequence[Ranked], found: Found) -> list[Ranked]:
@@ -224,14 +222,14 @@ def _near_the_likeliest(ranked: Sequence[Ranked], found: Found) -> list[Ranked]:
     lowest, most = likeliest.judged, likeliest.comparison.left_out
     noise = np.maximum(np.sqrt(np.nanmean(lowest.beyond**2, axis=0)), _LEAST)
     removed, _ = shortfall(found.base, lowest, noise)
-    errors = WEIGHTS.behind * (2.0 - found.structure)
+    deviations = WEIGHTS.behind * (2.0 - found.structure)
     of_words = WEIGHTS.share_of_words * found.structure
 
     def is_near(entry: Ranked) -> bool:
         behind, error = shortfall(entry.judged, lowest, noise)
         plainer = max(lowest.words - entry.judged.words, 0.0)
         worth = (WEIGHTS.share_behind + of_words * plainer) * most
-        is_behind = behind > max(errors * error, WEIGHTS.share_behind * removed)
+        is_behind = behind > max(deviations * error, WEIGHTS.share_behind * removed)
         return not is_behind or bool(plainer and most - entry.comparison.left_out <= worth)
 
     return [entry for entry in ranked if is_near(entry)]

@@ -282,13 +282,9 @@ def weights_of(errors: Sequence[Array]) -> list[Array]:
     and so is the share s of independent samples that of all outputs, or it would give up one that
     is slow because the model fails there.
     """
-    parts = independent_weights(errors)
-    counts = [np.isfinite(e).sum(axis=0) for e in errors]
-    variance = _variance(errors)
-    shares = [np.nan_to_num(w * variance) for w in parts]
-    effective = sum(float(s @ n) for s, n in zip(shares, counts, strict=True))
-    share = effective / max(float(np.sum(counts)), 1.0)
-    return [np.asarray(share / variance) for _ in errors]
+    count = max(int(np.isfinite(np.concatenate(errors)).sum()), 1)
+    share = float(np.sum(_independent(errors))) / count
+    return [share / _variance(errors)] * len(errors)
 
 
 def independent_weights(errors: Sequence[Array]) -> list[Array]:
@@ -296,13 +292,14 @@ def independent_weights(errors: Sequence[Array]) -> list[Array]:
 
     By these the likelihood is that of so many independent samples.
     """
-    variance = _variance(errors)
-    weights = []
-    for e in errors:
-        counts = np.maximum(np.isfinite(e).sum(axis=0), 1)
-        effective = np.array([effective_samples(column) for column in e.T])
-        weights.append(effective / counts / variance)
-    return weights
+    counts = [np.maximum(np.isfinite(e).sum(axis=0), 1) for e in errors]
+    pairs = zip(_independent(errors), counts, strict=True)
+    return [n_eff / n / _variance(errors) for n_eff, n in pairs]
+
+
+def _independent(errors: Sequence[Array]) -> list[Array]:
+    """Return the effective samples (ny,) of each record."""
+    return [np.array([effective_samples(column) for column in e.T]) for e in errors]
 
 
 def _variance(errors: Sequence[Array]) -> Array:

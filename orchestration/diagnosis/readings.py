@@ -44,14 +44,11 @@ class _Kind(NamedTuple):
     fault, correction : str
     is_fitted : bool
         Whether its shift is estimated.
-    models : tuple of str
-        Of the file as it was read, and by the reading.
     """
 
     fault: str
     correction: str
     is_fitted: bool = False
-    models: tuple[str, str] = ("model, file as read", "model, file corrected")
 
 
 @unique

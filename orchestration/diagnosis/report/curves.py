@@ -83,13 +83,13 @@ def simulations(diagnosis: Diagnosis, course: OutputCourse) -> list[tuple[str, A
     """Return the simulated courses of an output that a chart shows: label, values and colour."""
     before, after = "without terms", "with terms"
     if diagnosis.reading is not None:
-        before, after = diagnosis.reading.kind.value.models
+        before, after = "model, file as read", "model, file corrected"
     elif not diagnosis.is_named:
         before = "model, parameters fitted"
     result = []
     if np.isfinite(course.before).any():
         result.append((before, course.before, pictures.MODEL))
-    if diagnosis.is_named or diagnosis.reading is not None:
+    if diagnosis.is_named:
         result.append((after, course.after, pictures.FITTED))
     return result
 

@@ -77,7 +77,7 @@ def files(diagnosis: Diagnosis) -> str:
 def alias_lines(diagnosis: Diagnosis) -> list[str]:
     """Return a sentence for each cause that other laws are in other words."""
     return [
-        f"Counted with {cause_text(diagnosis, cause)}, which they act like on this record:"
+        f"Laws that act like {cause_text(diagnosis, cause)} on this record, and count with it:"
         f" {', '.join(cause.aliases)}."
         for cause in diagnosis.causes
         if cause.aliases
