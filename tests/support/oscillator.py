@@ -68,7 +68,7 @@ def diagnosis_with(record: Record, *sets: Sequence[Term]) -> Diagnosis:
 
     A search over all terms takes longer than a test may.
     """
-    found = _unsearched(record)
+    found = unsearched(record)
     subject = found.subject
     weights = weights_of(subject.base.errors)
     for terms in sets:
@@ -84,16 +84,16 @@ def diagnosis_with(record: Record, *sets: Sequence[Term]) -> Diagnosis:
 
 def diagnosis_without_terms(record: Record) -> Diagnosis:
     """Return the diagnosis of an oscillator by its model as it is alone."""
-    found = _unsearched(record)
+    found = unsearched(record)
     return Diagnosis(declared_model_of(Oscillator), (record,), (), found, conclude(found))
 
 
-def _unsearched(record: Record) -> Found:
-    """Return the fit of the model without terms."""
+def unsearched(record: Record, *, interpolate: bool = False) -> Found:
+    """Return the fit of the model without terms; the force of a record is held between samples."""
     inputs = record.signals["force"][:, None]
     outputs = record.signals["position"][:, None]
     given = KernelRecord(record.time, inputs, outputs, (False,), record.source.stem)
-    subject = subject_of(LawModel(Oscillator), [given], interpolate=False)
+    subject = subject_of(LawModel(Oscillator), [given], interpolate=interpolate)
     assert subject is not None
     base = subject.judge(subject.base)
     assert base is not None
@@ -108,7 +108,7 @@ def misread(record: Record, **factors: float) -> Record:
 
 def diagnosis_read_as(record: Record, reading: Reading) -> Diagnosis:
     """Return the diagnosis of an oscillator in which this reading of the file alone is fitted."""
-    found = _unsearched(record)
+    found = unsearched(record)
     problem, left_out = divided_as_read(found.subject, reading)
     base = fit_base(problem)
     assert base is not None

@@ -15,7 +15,7 @@ from orchestration.diagnosis.misreadings import _HOPELESS, _hope, misreadings, r
 from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.report import summary, terminal, wording
 from orchestration.records import Record
-from tests.support.oscillator import CUBE, DRY, diagnosis_with, oscillator_record
+from tests.support.oscillator import CUBE, DRY, diagnosis_with, oscillator_record, unsearched
 
 RIGHT = oscillator_record(1)
 
@@ -68,6 +68,16 @@ def test_the_model_is_that_of_the_corrected_file(flipped: Diagnosis) -> None:
     assert "force has the opposite sign" in flipped.component.remark
     assert flipped.error(flipped.final) < 0.02
     assert flipped.error(flipped.found.base) > 0.5
+
+
+def test_inputs_of_a_file_that_was_misread_go_between_samples_as_fits_best() -> None:
+    """Of a force of the other sign the model as it is tells neither way from the other."""
+    found = unsearched(columns(force=-RIGHT.signals["force"]), interpolate=True)
+    best, *_ = misreadings(found.subject, found.base)
+    assert str(best.reading) == "reading_sign(force)"
+    assert best.problem.records[0].smooth == (False,)
+    assert best.left_out[0].record.smooth == (False,)
+    assert best.base.misfit < 0.01
 
 
 def test_the_fault_and_its_correction_are_said(flipped: Diagnosis) -> None:

@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from scipy.stats import multivariate_normal
 
 from orchestration.diagnosis import prediction
-from orchestration.diagnosis.fitting import StartPrior, independent_weights
+from orchestration.diagnosis.fitting import StartPrior, effective_samples, independent_weights
 from orchestration.diagnosis.prediction import Prediction, predict
 from orchestration.diagnosis.subject import subject_of
 from tests.support.diagnosed_mass import START, exact, mass, pushed
@@ -102,6 +103,17 @@ def test_errors_beyond_uncertainty_are_as_likely_as_those_of_the_whole_covarianc
     density = multivariate_normal(np.zeros(e.size), variance * covariance).logpdf(e)
     of_mean_square = -0.5 * e.size * np.log(2.0 * np.pi * np.e * np.mean(got[known] ** 2))
     assert of_mean_square == pytest.approx(density, rel=1e-9)
+
+
+def test_more_than_noise_is_no_uncertainty_of_parameters() -> None:
+    """Of slow residuals the noise is larger by as much as fewer samples are independent."""
+    subject, record = fitted_mass()
+    slow = lfilter([1.0], [1.0, -0.9], np.random.default_rng(4).standard_normal((160, 1)), axis=0)
+    fitted = replace(subject.base, errors=(slow,))
+    made = predict(fitted, record, START, subject.problem.starts[0], 0)
+    share = effective_samples(slow[:, 0]) / 160.0
+    assert share < 0.3
+    assert made.noise == pytest.approx(np.sqrt(np.mean(slow**2)) / share)
 
 
 def test_without_uncertainty_errors_are_those_of_the_run() -> None:
