@@ -19,8 +19,9 @@ from orchestration.diagnosis.fitting import Fit, Problem, StartPrior, nominal_po
 from orchestration.diagnosis.screening import Screen
 from orchestration.diagnosis.search import search
 from orchestration.diagnosis.subject import subject_of
-from orchestration.diagnosis.terms import NamedTerm
+from orchestration.diagnosis.terms import NamedTerm, Released
 from orchestration.fmu import find_model
+from orchestration.identify.fitting import Scale
 from tests.support.diagnosed_tank import START, drawn, tank
 
 SPREAD = np.array([0.5, 0.3])
@@ -125,9 +126,13 @@ NAMED = NamedTerm("drained", "height", Shape.LINEAR, effect="swirl", family="swi
 ELSEWHERE = Term("inlet", "inflow", Shape.CUBE)
 
 
+SCALE = Scale(False, 1.0)
+PLAIN = SimpleNamespace(errors=(WHITE,), terms=(), misfit=1.0, distance=0.0, freedom=0)
+BASE = Judged(PLAIN, SEEN, SEEN, SEEN, 0.0)
+
+
 def concluded(*fits: Judged):
-    base = SimpleNamespace(errors=(WHITE,), terms=(), misfit=1.0, distance=0.0, freedom=0)
-    return conclude(Found(None, Judged(base, SEEN, SEEN, SEEN, 0.0), list(fits)))
+    return conclude(Found(None, BASE, list(fits)))
 
 
 def test_a_law_that_acts_like_an_effect_is_one_cause_with_it() -> None:
@@ -149,6 +154,23 @@ def test_a_law_over_the_signal_of_an_effect_is_one_cause_with_it() -> None:
     law = Term("drained", "height", Shape.ROOT)
     conclusion = concluded(judged(other, law), judged(0.5 * SEEN, NAMED))
     assert [c.name for c in conclusion.causes] == ["swirl"]
+
+
+def test_an_effect_is_as_far_ahead_as_the_law_that_is_one_cause_with_it() -> None:
+    """The law has a better shape; without its score the effect would be behind itself."""
+    law = Term("drained", "height", Shape.ROOT)
+    better, worse = judged(0.4 * SEEN, law), judged(0.42 * SEEN, NAMED)
+    (cause,) = concluded(better, worse).causes
+    assert cause.name == "swirl"
+    assert cause.score == max(
+        entry.score for entry in Found(None, BASE, [better, worse]).compared()
+    )
+
+
+def test_an_effect_is_instant_without_a_time_constant() -> None:
+    size, time = Released("size", "m", SCALE, 0.0, 1.0), Released("time", "s", SCALE, 0.0, 1.0)
+    assert replace(NAMED, released=(size,)).is_instant
+    assert not replace(NAMED, released=(size, time)).is_instant
 
 
 def test_effects_of_random_numbers_or_discrete_states_are_none_of_a_free_run() -> None:

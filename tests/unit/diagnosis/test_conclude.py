@@ -11,8 +11,9 @@ from scipy.signal import lfilter
 
 from fmus.kit.arrays import Array
 from orchestration.diagnosis import Found, Memory, Shape, Term
-from orchestration.diagnosis.comparison import Judged
+from orchestration.diagnosis.comparison import Judged, shortfall
 from orchestration.diagnosis.conclude import conclude
+from orchestration.diagnosis.fitting import effective_samples
 from orchestration.diagnosis.terms import SensorTerm
 from tests.support.dry_mass import dry, nothing, outside, small_search
 
@@ -99,6 +100,14 @@ def test_causes_that_explain_alike_are_ambiguous() -> None:
     assert sum(c.probability for c in conclusion.causes) >= 0.9
 
 
+def test_a_set_that_contains_a_better_one_shares_no_probability() -> None:
+    """Else friction would have a part of that of the spring, of which it is a companion."""
+    more = [judged(0.499, 0.499, SPRING, Term("friction", n, Shape.DRY)) for n in ("v", "x")]
+    (cause,) = conclude(found(judged(0.5, 0.5, SPRING), *more)).causes
+    assert cause.terms == (SPRING,)
+    assert cause.score == pytest.approx(conclude(found(judged(0.5, 0.5, SPRING))).causes[0].score)
+
+
 def test_more_than_three_that_explain_alike_are_no_explanation() -> None:
     names = ["x", "v", "force", "time", "friction"]
     fits = [judged(0.5, 0.5, Term("spring", name, Shape.CUBE)) for name in names]
@@ -127,6 +136,37 @@ def test_a_fit_behind_the_lowest_is_no_rival() -> None:
     both = found(judged(0.5, 0.5, DRY), rival)
     assert both.compared()[0].judged is rival
     assert [c.name for c in conclude(both).causes] == ["friction(v)"]
+
+
+@pytest.mark.parametrize(("noise", "near"), [(WHITE, True), (SLOW, False)])
+def test_chance_may_put_a_fit_behind_by_more_where_white_noise_is_left(noise, near) -> None:
+    """By one and a half errors of the difference: two are allowed there, else hardly one."""
+    ahead = judged(0.5, 0.5, DRY, noise=noise)
+    for size in np.linspace(0.5, 0.7, 100):
+        rival = judged(0.45, size * RNG.permutation(SEEN) / SEEN, SPRING, noise=noise)
+        behind, error = shortfall(rival, ahead, 0.5 * np.ones(1))
+        if 1.4 < behind / error < 1.8:
+            break
+    names = {c.name for c in conclude(found(ahead, rival, noise=noise)).causes}
+    assert ("spring(x)" in names) == near
+
+
+def test_a_curve_has_to_pay_for_its_columns_before_it_leads() -> None:
+    """Alone it gains more than the spring, by less than what its columns cost."""
+    fits = judged(0.5, 0.5, SPRING, DRY), judged(0.6, 0.6, SPRING), judged(0.597, 0.597, CURVE)
+    assert conclude(found(*fits)).causes[0].terms == (SPRING, DRY)
+
+
+def test_scores_are_worth_less_where_more_than_white_noise_is_left() -> None:
+    """By a twentieth of the gain, of the share of samples that are not independent."""
+    white, slow = (
+        found(judged(0.5, 0.5, DRY, noise=noise), noise=noise) for noise in (WHITE, SLOW)
+    )
+    assert white.structure == 0.0
+    assert white.temper == 3.0
+    share = 1.0 - effective_samples(SLOW[:, 0]) / len(SLOW)
+    assert slow.structure == pytest.approx(share)
+    assert slow.temper == pytest.approx(3.0 + 0.05 * share * slow.compared()[0].comparison.gain)
 
 
 def test_a_fit_that_gains_little_in_all_is_no_measure_of_the_lowest() -> None:
