@@ -19,6 +19,7 @@ from orchestration.diagnosis.fitting import (
     fit,
     fit_base,
     fit_start,
+    independent_weights,
     mean_squares,
     nominal_point,
     weights_of,
@@ -173,6 +174,18 @@ def test_weights_pool_the_variance_of_all_records() -> None:
     variance = 5.0 / (1.0 - 0.8**2)
     expected = (1.0 - 0.8) / (1.0 + 0.8) / variance
     assert [w[0] for w in weights_of(coloured)] == pytest.approx([expected] * 2, rel=0.25)
+
+
+def test_no_output_is_given_up_that_a_wrong_model_follows_slowly() -> None:
+    """Of errors as large, those that are slow weigh as much in a search as those that are white."""
+    rng = np.random.default_rng(2)
+    white = rng.standard_normal(4000)
+    slow = lfilter([1.0], [1.0, -0.99], rng.standard_normal(4000))
+    both = np.column_stack([e / np.sqrt(np.mean(e**2)) for e in (white, slow)])
+    (search,), (independent,) = weights_of([both]), independent_weights([both])
+    assert search[0] == pytest.approx(search[1], rel=0.01)
+    assert search[0] == pytest.approx(independent.mean(), rel=0.01), "of as many samples in all"
+    assert independent[1] < 0.05 * independent[0]
 
 
 def test_the_start_of_a_record_is_a_least_square_with_its_prior() -> None:

@@ -458,3 +458,16 @@ def test_the_response_to_a_fault_of_a_sensor_is_the_fault() -> None:
     (record,) = found.problem.records
     column = screen._columns.columns[:, screen.ends[drift]]
     assert column / column[-1] == pytest.approx(record.time / record.time[-1], abs=1e-9)
+
+
+def test_changes_of_an_integral_are_proposed_as_a_lag_of_what_it_integrates() -> None:
+    """Of the position none are, which the velocity makes; of the velocity some."""
+    screen, _ = screened()
+    fading = {c.term.signal for c in screen.candidates if c.term.memory is Memory.FADING}
+    lags = {c.term.signal for c in screen.candidates if c.term.memory is Memory.LAG}
+    assert "v" in fading & lags
+    assert "x" not in {
+        c.term.signal
+        for c in screen.candidates
+        if c.term.memory is Memory.FADING and not isinstance(c.term, SensorTerm)
+    }
