@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from fmus.kit.arrays import Array
 from orchestration.diagnosis import Found, Memory, Shape, Term
 from orchestration.diagnosis.comparison import Judged, shortfall
-from orchestration.diagnosis.conclude import conclude
+from orchestration.diagnosis.conclude import _minimal, conclude
 from orchestration.diagnosis.fitting import effective_samples
 from orchestration.diagnosis.terms import SensorTerm
 from tests.support.dry_mass import dry, nothing, outside, small_search
@@ -101,11 +101,11 @@ def test_causes_that_explain_alike_are_ambiguous() -> None:
 
 
 def test_a_set_that_contains_a_better_one_shares_no_probability() -> None:
-    """Else friction would have a part of that of the spring, of which it is a companion."""
-    more = [judged(0.499, 0.499, SPRING, Term("friction", n, Shape.DRY)) for n in ("v", "x")]
-    (cause,) = conclude(found(judged(0.5, 0.5, SPRING), *more)).causes
-    assert cause.terms == (SPRING,)
-    assert cause.score == pytest.approx(conclude(found(judged(0.5, 0.5, SPRING))).causes[0].score)
+    """What stands in it beside the better one would have a part of that."""
+    one, other, third = (frozenset(names) for names in ("a", "ab", "bc"))
+    kept = _minimal([(one, "first"), (other, "second"), (third, "third")])
+    assert kept == ["first", "third"]
+    assert _minimal([(other, "first"), (one, "second")]) == ["first", "second"]
 
 
 def test_more_than_three_that_explain_alike_are_no_explanation() -> None:
