@@ -4,9 +4,6 @@ Processor time and not the clock's, so that other work on the machine fails no t
 machine is slower or shares its cores, in proportion. It covers the whole test: fixtures count with
 the test that needs them first, and children count once they have ended. What the next run of the
 suite finds in a cache, modules and compiled libraries, is charged to no test.
-
-The same work takes up to a half more processor time from one run to the next, on cores whose caches
-are shared: a test fails above that, and is listed where it is above the limit alone.
 """
 
 from __future__ import annotations
@@ -24,8 +21,6 @@ from fmus.kit.build import toolchain
 
 LIMIT = 2.0  # s, on a machine that runs `_reference_loop` in `_REFERENCE` s
 _REFERENCE = 0.0135
-_SCATTER = 1.5  # of the processor time of the same test
-_LISTED = "over_limit"  # property of a report
 
 
 class _Uncharged:
@@ -127,21 +122,10 @@ class ProcessorTimeLimit:
         is_judged = self._passed and item.get_closest_marker("slow") is None
         taken = self._end - self._begin
         is_over = report.when == "teardown" and is_judged and taken > self._limit
-        if not is_over or taken < (allowed := self._limit * _slowness()):
-            return report
-        text = (
-            f"{item.nodeid} took {taken:.1f} s of processor time, fixtures included;"
-            f" a fast test has {self._limit:g} s: make it quicker, or mark it slow"
-        )
-        report.user_properties.append((_LISTED, text))
-        if taken > _SCATTER * allowed:
+        if is_over and taken > self._limit * _slowness():
             report.outcome = "failed"
-            report.longrepr = text
+            report.longrepr = (
+                f"{item.nodeid} took {taken:.1f} s of processor time, fixtures included;"
+                f" a fast test has {self._limit:g} s: make it quicker, or mark it slow"
+            )
         return report
-
-    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
-        """List tests above the limit that did not fail by it."""
-        for report in terminalreporter.getreports(""):
-            for name, text in report.user_properties:
-                if name == _LISTED:
-                    terminalreporter.write_line(text)

@@ -1,28 +1,34 @@
-"""Looking up what ``ppy thesis`` finds."""
+"""Claims and errata of a part of the thesis, by name or number."""
 
-from demonstrations.thesis import chapters
+from functools import cache
+from types import ModuleType
+
 from demonstrations.thesis.claim import Claim, Erratum
 
 
-def claims(number: int) -> list[Claim]:
+@cache
+def _entries(part: ModuleType) -> tuple[Claim | Erratum, ...]:
+    return tuple(part.entries())
+
+
+def claims(part: ModuleType, number: int) -> list[Claim]:
     """Claims of a row of the errata."""
-    found = [c for group in chapters.claims().values() for c in group if c.erratum == number]
-    assert found, f"no claim belongs to row {number}"
-    return found
+    of_row = [c for c in _entries(part) if isinstance(c, Claim) and c.erratum == number]
+    assert of_row, f"no claim belongs to row {number}"
+    return of_row
 
 
-def claim(what: str, where: str = "") -> Claim:
+def claim(part: ModuleType, what: str, where: str = "") -> Claim:
     """The one claim about a quantity."""
-    (found,) = [
+    (one,) = [
         c
-        for group in chapters.claims().values()
-        for c in group
-        if c.what == what and c.where.startswith(where)
+        for c in _entries(part)
+        if isinstance(c, Claim) and c.what == what and c.where.startswith(where)
     ]
-    return found
+    return one
 
 
-def row(number: int) -> Erratum:
+def row(part: ModuleType, number: int) -> Erratum:
     """A row of the errata."""
-    (found,) = [e for e in chapters.errata() if e.number == number]
-    return found
+    (one,) = [e for e in _entries(part) if isinstance(e, Erratum) and e.number == number]
+    return one

@@ -39,7 +39,7 @@ def bilinear(b0, b1, a, period=0.1):
 def test_table_3_1_by_another_route(number):
     theta, entries = TABLE[number - 1]
     for name, value, entry in zip(("R1", "R2", "C"), bilinear(*theta), entries, strict=True):
-        found = claim(name, f"table 3-1, set {number}")
+        found = claim(actuator, name, f"table 3-1, set {number}")
         assert found.reproduced == pytest.approx(value, rel=1e-9)
         assert float(found.published) == entry
         assert found.holds
@@ -50,16 +50,16 @@ def test_means_and_deviations_of_table_3_1():
     for name, column in zip(
         ("b0", "b1", "a", "R1", "R2", "C"), zip(*rows, strict=True), strict=True
     ):
-        assert claim(f"mean of {name}").reproduced == pytest.approx(
+        assert claim(actuator, f"mean of {name}").reproduced == pytest.approx(
             statistics.mean(column), rel=1e-9
         )
-        assert claim(f"standard deviation of {name}").reproduced == pytest.approx(
+        assert claim(actuator, f"standard deviation of {name}").reproduced == pytest.approx(
             statistics.stdev(column), rel=1e-9
         )
     differing = [
         c.what
         for c in (
-            claim(f"{m} of {n}")
+            claim(actuator, f"{m} of {n}")
             for m in ("mean", "standard deviation")
             for n in ("b0", "b1", "a", "R1", "R2", "C")
         )
@@ -71,7 +71,7 @@ def test_means_and_deviations_of_table_3_1():
 def test_row_22_the_deviation_of_c_is_that_of_the_rounded_entries():
     printed, consistent = 0.344, statistics.stdev(bilinear(*theta)[2] for theta, _ in TABLE)
     assert statistics.stdev(entries[2] for _, entries in TABLE) == pytest.approx(printed, abs=5e-4)
-    assert f"{consistent:.3f} F from the listed coefficients" in row(22).holds
+    assert f"{consistent:.3f} F from the listed coefficients" in row(identification, 22).holds
     # no rounding of the coefficients makes up for it
     rng = np.random.default_rng(22)
     theta = np.array([t for t, _ in TABLE])
@@ -90,8 +90,8 @@ def test_row_21_table_3_1_was_sampled_at_10_hz():
         b0, b1, a = *discrete.num[0][0], discrete.den[0][0][1]
         agree.append(np.allclose((b0, b1, a), theta, atol=2e-3))
     assert agree == [False, True]
-    assert claims(21)[0].reproduced == pytest.approx(10.0, rel=0.01)
-    assert "at 10.0 Hz only" in row(21).holds
+    assert claims(identification, 21)[0].reproduced == pytest.approx(10.0, rel=0.01)
+    assert "at 10.0 Hz only" in row(identification, 21).holds
 
 
 def test_row_23_a_is_the_pole():
@@ -101,9 +101,9 @@ def test_row_23_a_is_the_pole():
     assert control.zeros(discrete).real == pytest.approx([-b1 / b0])
     assert (
         f"{control.poles(discrete)[0].real:.4f} and {control.zeros(discrete)[0].real:.4f}"
-        in row(23).holds
+        in row(identification, 23).holds
     )
-    assert [(c.published, c.reproduced) for c in claims(23)] == [("zero", "pole")]
+    assert [(c.published, c.reproduced) for c in claims(identification, 23)] == [("zero", "pole")]
 
 
 def test_row_24_the_first_program_of_a2_has_its_pairs_exchanged():
@@ -119,13 +119,13 @@ def test_row_24_the_first_program_of_a2_has_its_pairs_exchanged():
     at = 1j * np.logspace(-1, 3, 9)
     assert program(at) == pytest.approx(equation_3_7(k2, b2, k1, b1)(at), rel=1e-9)
     assert not np.allclose(program(at), equation_3_7(k1, b1, k2, b2)(at), rtol=0.5)
-    assert [(c.published, c.reproduced) for c in claims(24)] == [("2", "1")]
+    assert [(c.published, c.reproduced) for c in claims(actuator, 24)] == [("2", "1")]
 
 
 def test_row_25_the_state_of_tf2ss_is_no_voltage():
     _, _, c, _ = tf2ss([R1 * R2 * C, R2], [(R1 + R2) * C, 1.0])
-    assert claims(25)[0].reproduced == pytest.approx(float(c[0, 0]), rel=1e-9)
-    assert f"{c[0, 0]:.3f} of it shows in the output" in row(25).holds
+    assert claims(actuator, 25)[0].reproduced == pytest.approx(float(c[0, 0]), rel=1e-9)
+    assert f"{c[0, 0]:.3f} of it shows in the output" in row(actuator, 25).holds
 
 
 def test_row_26_other_models_beat_the_one_called_best():
@@ -140,8 +140,8 @@ def test_row_26_other_models_beat_the_one_called_best():
     assert oe[0] == max(m[0] for m in (arx, armax, oe, ss, bj)) > bj[0]
     assert oe[1] == max(m[1] for m in (arx, armax, oe, ss, bj)) > bj[1]
     assert ss[2] == min(m[2] for m in (arx, armax, oe, ss, bj)) < bj[2] == arx[2]
-    assert [c.reproduced for c in claims(26)] == ["OE", "OE", "SS"]
-    assert "−9.7 against −9.5, which ARX has too" in row(26).holds
+    assert [c.reproduced for c in claims(identification, 26)] == ["OE", "OE", "SS"]
+    assert "−9.7 against −9.5, which ARX has too" in row(identification, 26).holds
 
 
 def test_row_20_noise_of_an_arx_model_is_coloured_to_the_order_of_the_model():
@@ -154,9 +154,9 @@ def test_row_20_noise_of_an_arx_model_is_coloured_to_the_order_of_the_model():
     predictor = np.linalg.solve(toeplitz(lags[:4]), lags[1:5])
     assert predictor[:3] == pytest.approx([1.1, -0.03, -0.135], abs=0.02)
     assert predictor[3] == pytest.approx(0.0, abs=0.02)
-    assert identification.noise_order([1.0], a) == 3 == claims(20)[0].reproduced
+    assert identification.noise_order([1.0], a) == 3 == claims(identification, 20)[0].reproduced
     assert identification.noise_order(a, a) == 0  # as for OE
-    assert "86.8 and 75 %" in row(20).holds
+    assert "86.8 and 75 %" in row(identification, 20).holds
 
 
 def test_row_45_armax_contains_arx():
@@ -174,23 +174,27 @@ def test_row_45_armax_contains_arx():
     arx = np.linalg.lstsq(rows, y[1:])[0]
     armax = minimize(loss, [*arx, 0.0], method="Nelder-Mead").x
     assert loss(armax) <= loss([*arx, 0.0])
-    (found,) = claims(45)
+    (found,) = claims(identification, 45)
     assert found.reproduced == pytest.approx(-9.5 + 2 * 3 / 1000)
     assert found.reproduced < -9.25  # all that rounds to -9.2 is above
-    assert "at most −9.49 with 1000 samples" in row(45).holds
+    assert "at most −9.49 with 1000 samples" in row(identification, 45).holds
 
 
 def test_row_30_alpha_is_another_by_a_factor():
     # fastest strain: all of 1.3 A beside the leakage charges the films
     rate = 100 * 0.068e-3 * 1.3 * R2 / (R1 + R2) / 93.2e-3
-    ratio = claim("how often 5 mm/C holds the alpha of fig. 3-10")
+    ratio = claim(actuator, "how often 5 mm/C holds the alpha of fig. 3-10")
     assert ratio.reproduced == pytest.approx(5 / 0.068, rel=1e-9)
     assert not ratio.holds
-    assert claim("strain rate of the 12-layer actuator").reproduced == pytest.approx(rate, rel=1e-9)
-    assert "it is 74 times the 0.068 mm/C" in row(30).holds
-    assert claim("strain rate of PPy", "table 1-1").reproduced == pytest.approx(rate, rel=1e-9)
-    assert f"{rate:.2f} %/s at most" in row(30).holds
-    assert f"{0.5 / rate:.0f} to {1.0 / rate:.0f} times" in row(30).holds
+    assert claim(actuator, "strain rate of the 12-layer actuator").reproduced == pytest.approx(
+        rate, rel=1e-9
+    )
+    assert "it is 74 times the 0.068 mm/C" in row(actuator, 30).holds
+    assert claim(actuator, "strain rate of PPy", "table 1-1").reproduced == pytest.approx(
+        rate, rel=1e-9
+    )
+    assert f"{rate:.2f} %/s at most" in row(actuator, 30).holds
+    assert f"{0.5 / rate:.0f} to {1.0 / rate:.0f} times" in row(actuator, 30).holds
 
 
 def test_row_8_held_current_by_control():
@@ -198,8 +202,8 @@ def test_row_8_held_current_by_control():
     theta = (*discrete.num[0][0], discrete.den[0][0][1])
     assert circuit.held_coefficients(R1, R2, C, 0.1) == pytest.approx(theta, rel=1e-9)
     found = bilinear(*theta)
-    assert [c.reproduced for c in claims(8)] == pytest.approx(found, rel=1e-9)
-    assert " Ω, ".join(f"{x:.3f}" for x in found[:2]) in row(8).holds
+    assert [c.reproduced for c in claims(identification, 8)] == pytest.approx(found, rel=1e-9)
+    assert " Ω, ".join(f"{x:.3f}" for x in found[:2]) in row(identification, 8).holds
     assert [round(x, 3) for x in found] == [0.412, 2.350, 2.718]
 
 
@@ -223,7 +227,7 @@ def test_what_stays_after_the_loads_is_what_the_dashpot_took():
     time, force = actuator.staircase()
     assert (force.min(), force.max(), time[-1]) == (0.5, 2.75, 600.0)
     impulse = sum(0.25 * (k + 1) * 30.0 for k in range(9))  # above the bias, N s
-    stays = claim("elongation that stays when all is unloaded")
+    stays = claim(actuator, "elongation that stays when all is unloaded")
     assert stays.reproduced == pytest.approx(1e3 * impulse / 1.7e6, rel=1e-6)
     assert stays.holds
 
@@ -232,7 +236,7 @@ def test_equations_3_6_to_3_9_follow_from_3_5():
     assert [
         c.holds
         for c in (
-            claim(f"{name}")
+            claim(actuator, f"{name}")
             for name in (
                 "electrochemical displacement from current",
                 "mechanical displacement from force",
@@ -252,6 +256,6 @@ def test_equations_3_6_to_3_9_follow_from_3_5():
 def test_table_1_1_is_beside_what_the_model_does():
     """1.3 A for ever leave R2 C i on the films, and begin with R2 / (R1 + R2) of it a second."""
     charge = 1.3 * 2.35 * 2.7
-    assert claim("strain of PPy").reproduced == pytest.approx(100 * 0.068 * charge / 93.2)
-    assert claim("strain of PPy").erratum == 30
+    assert claim(actuator, "strain of PPy").reproduced == pytest.approx(100 * 0.068 * charge / 93.2)
+    assert claim(actuator, "strain of PPy").erratum == 30
     assert actuator.MATERIALS["shape memory alloy"].strain == (5.0, 5.0)

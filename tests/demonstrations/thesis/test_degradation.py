@@ -42,8 +42,8 @@ def test_row_27_the_fit_of_a_perfect_prediction():
     printed = 100 * (1 - np.linalg.norm(v_act - v_fit) / np.linalg.norm(v_fit - v_fit.mean()))
     right = 100 * (1 - np.linalg.norm(wanted - v_fit) / np.linalg.norm(wanted - wanted.mean()))
     assert right == pytest.approx(100.0, abs=1e-6)
-    assert claims(27)[0].reproduced == pytest.approx(printed, abs=1e-4)
-    assert f"is given {printed:.0f} %" in row(27).holds
+    assert claims(degradation, 27)[0].reproduced == pytest.approx(printed, abs=1e-4)
+    assert f"is given {printed:.0f} %" in row(degradation, 27).holds
 
 
 def test_row_28_the_plot_is_a_second_early():
@@ -57,13 +57,16 @@ def test_row_28_the_plot_is_a_second_early():
     assert drawn[1] == pytest.approx(right[2])
     assert (
         f"{drawn[1]:.4f}, which is the factor for 2 s; eq. 4.11 gives {right[1]:.4f}"
-        in row(28).holds
+        in row(forgetting, 28).holds
     )
-    assert (claims(28)[0].published, claims(28)[0].reproduced) == ("1", pytest.approx(2.0))
+    assert (claims(forgetting, 28)[0].published, claims(forgetting, 28)[0].reproduced) == (
+        "1",
+        pytest.approx(2.0),
+    )
 
 
 def test_more_than_five_hours_were_recorded():
-    recorded = claim("continuous operation that was recorded")
+    recorded = claim(degradation, "continuous operation that was recorded")
     assert recorded.reproduced == pytest.approx(1.8485e5 * 0.1 / 3600, rel=1e-12)
     assert recorded.holds
 
@@ -72,10 +75,10 @@ def test_row_11_what_is_left_of_a_sample():
     left = 100.0
     for _ in range(100):
         left *= 0.91
-    assert f"a weight of {left:.3f} % after 10 s" in row(11).holds
-    assert 0.91 ** (claims(11)[0].reproduced / 0.1) == pytest.approx(np.exp(-1))
+    assert f"a weight of {left:.3f} % after 10 s" in row(forgetting, 11).holds
+    assert 0.91 ** (claims(forgetting, 11)[0].reproduced / 0.1) == pytest.approx(np.exp(-1))
     assert forgetting.forgetting_factor(left, 0.1, 10.0) == pytest.approx(0.91, rel=1e-12)
-    assert f"leaves {100 * 0.985**75:.0f} % after 5 s" in row(11).holds
+    assert f"leaves {100 * 0.985**75:.0f} % after 5 s" in row(forgetting, 11).holds
 
 
 def _circuit_voltage(r1, current):
@@ -105,11 +108,14 @@ def test_row_7_the_last_window_knows_all_that_came_before():
         z = abs(complex(control.tf([jump * tau, r2], [tau, 1.0])(0.2j * np.pi)))
         whole = abs(complex(control.tf([R1 * R2 * C, R2], [(R1 + R2) * C, 1.0])(0.2j * np.pi)))
         rise.append(100 * (z / whole - 1))
-    assert f"it shows {rise[0]:.1f} %, a window of its own {rise[1]:.1f} %" in row(7).holds
+    assert (
+        f"it shows {rise[0]:.1f} %, a window of its own {rise[1]:.1f} %"
+        in row(degradation, 7).holds
+    )
 
 
 def test_the_largest_voltage_is_not_that_of_actuator_135():
-    found = claim("largest voltage at 1.3 A and 0.1 Hz")
+    found = claim(degradation, "largest voltage at 1.3 A and 0.1 Hz")
     settled = by_control(square_wave(PERIOD * np.arange(1000), 1.3, 0.1))[-100:]
     assert found.reproduced == pytest.approx(
         np.abs(settled).max(), rel=0.02
@@ -146,7 +152,7 @@ def test_the_forecast_is_the_line_of_numpy():
     time, impedance = degradation._impedance()
     growing = (time >= time[np.argmin(impedance)]) & (time < 4 * 3600)
     slope, height = np.polyfit(time[growing], impedance[growing], 1)
-    found = claim("life to 10 % more impedance, forecast after 4 h")
+    found = claim(degradation, "life to 10 % more impedance, forecast after 4 h")
     assert found.reproduced * 3600 == pytest.approx((1.1 * impedance[0] - height) / slope)
     low, high = degradation.forecast().life.interval
     assert low < float(found.published) * 3600 < high

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from demonstrations.thesis import foot
 from demonstrations.thesis.motor import DcMotor, Maxwell
 from tests.support.thesis_findings import claim, claims, row
 
@@ -63,8 +64,8 @@ def test_row_34_either_yields_under_a_lasting_load():
     stiffness = s * 9100.0 * 1.7e6 / (1.7e6 * s + 9100.0)  # eq. 5.17
     at = np.logspace(-5, 1, 7)
     assert muscle.stiffness(at) == pytest.approx(stiffness(2j * np.pi * at), rel=1e-9)
-    assert stiffness.dcgain() == 0.0 == claims(34)[0].reproduced
-    assert not claims(34)[0].holds
+    assert stiffness.dcgain() == 0.0 == claims(foot, 34)[0].reproduced
+    assert not claims(foot, 34)[0].holds
     for body in (muscle, motor):  # a free integrator: twice the time, twice the way
         assert body.displacement(1.0, 2e6) == pytest.approx(
             2 * body.displacement(1.0, 1e6), rel=1e-3
@@ -72,8 +73,8 @@ def test_row_34_either_yields_under_a_lasting_load():
     # step response of 1/stiffness, the inertia of the rotor being the only other delay
     exact = control.step_response(1 / stiffness, np.linspace(0, 600, 7)).outputs
     assert muscle.displacement(1.0, np.linspace(0, 600, 7)) == pytest.approx(exact, rel=1e-9)
-    assert f"b/k = {1.7e6 / 9100:.0f} s" in row(34).holds
-    assert claim("free integrators of the motor").reproduced == 1.0
+    assert f"b/k = {1.7e6 / 9100:.0f} s" in row(foot, 34).holds
+    assert claim(foot, "free integrators of the motor").reproduced == 1.0
 
 
 @pytest.mark.slow

@@ -47,26 +47,37 @@ def test_row_40_the_flow_pulls_the_slope(figure, frequency):
     x = ALPHA * q + FLOW * TIME[:600]
     free, forced = np.polyfit(q, x, 1)[0], (q @ x) / (q @ q)
     for crossing, slope in (("free", free), ("forced", forced)):
-        found = claim(f"alpha, zero crossing {crossing}", figure)
+        found = claim(charge_displacement, f"alpha, zero crossing {crossing}", figure)
         assert found.reproduced == pytest.approx(slope, abs=4e-4)
         assert not found.holds
-        along = claim(f"alpha, zero crossing {crossing}, steady flow fitted along", figure)
+        along = claim(
+            charge_displacement,
+            f"alpha, zero crossing {crossing}, steady flow fitted along",
+            figure,
+        )
         assert along.reproduced == pytest.approx(ALPHA, abs=4e-4)
         assert along.holds
     assert free < ALPHA < forced
     if frequency == 0.2:
         given = re.search(
-            r"slope of (\S+) mm/C and the one through zero (\S+) mm/C", row(40).holds
+            r"slope of (\S+) mm/C and the one through zero (\S+) mm/C",
+            row(charge_displacement, 40).holds,
         ).groups()
         assert [float(g) for g in given] == pytest.approx([free, forced], abs=4e-4)
-        assert f"{FLOW * 1e3:.2f} µm/s for ever, {FLOW * 5e3:.1f} µm in a cycle" in row(40).holds
-        assert f"whose stroke is {1e3 * ALPHA * np.ptp(q[-50:]):.0f} µm" in row(40).holds
+        assert (
+            f"{FLOW * 1e3:.2f} µm/s for ever, {FLOW * 5e3:.1f} µm in a cycle"
+            in row(charge_displacement, 40).holds
+        )
+        assert (
+            f"whose stroke is {1e3 * ALPHA * np.ptp(q[-50:]):.0f} µm"
+            in row(charge_displacement, 40).holds
+        )
 
 
 @pytest.mark.slow
 def test_the_speed_of_what_is_called_steady():
     assert claim(
-        "speed of the mechanical displacement in its steady state"
+        charge_displacement, "speed of the mechanical displacement in its steady state"
     ).reproduced == pytest.approx(1e3 * FLOW)
 
 
@@ -93,13 +104,13 @@ def test_row_41_a_lag_encloses_what_its_equations_enclose(frequency, where):
     assert found == pytest.approx(
         np.mean(areas), rel=0.05
     )  # the flow is estimated, and there is noise
-    assert float(re.search(rf"(\d\.\d+) mm·C at {where} Hz", row(41).holds)[1]) == pytest.approx(
-        found, abs=6e-4
-    )
+    assert float(
+        re.search(rf"(\d\.\d+) mm·C at {where} Hz", row(charge_displacement, 41).holds)[1]
+    ) == pytest.approx(found, abs=6e-4)
 
 
 def test_row_41_a_line_encloses_nothing():
-    found = claim("whether loops of eq. 3.4 enclose an area")
+    found = claim(charge_displacement, "whether loops of eq. 3.4 enclose an area")
     assert (found.published, found.reproduced) == ("yes", "no")
     low, high = charge_displacement.read(0.1, drift=True).area.interval
     # noise of every sample stands beside a step of the charge: a deviation for a cycle, and six of

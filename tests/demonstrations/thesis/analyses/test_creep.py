@@ -59,13 +59,13 @@ def test_row_38_a_maxwell_model_of_actuator_114_is_that_of_fig_5_7(period):
         ).x * (1e4, 1e6)
         found[name] = k, b
     if period == 40.0:
-        short = float(re.search(r"\((\S+) N·s/m every 40 s\)", row(38).holds)[1])
+        short = float(re.search(r"\((\S+) N·s/m every 40 s\)", row(creep, 38).holds)[1])
         assert short == pytest.approx(found["114"][1], rel=5e-3)
         return
-    assert claim("k of a Maxwell model of actuator 114").reproduced == pytest.approx(
+    assert claim(creep, "k of a Maxwell model of actuator 114").reproduced == pytest.approx(
         found["114"][0], rel=2e-3
     )
-    assert claim("b of a Maxwell model of actuator 114").reproduced == pytest.approx(
+    assert claim(creep, "b of a Maxwell model of actuator 114").reproduced == pytest.approx(
         found["114"][1], rel=2e-3
     )
     # the printed 9100 N/m and 1.7e6 N s/m are those of the one chain and not of the other
@@ -75,18 +75,20 @@ def test_row_38_a_maxwell_model_of_actuator_114_is_that_of_fig_5_7(period):
         )
     k, b = map(
         float,
-        re.search(r"one of the chain of fig. 3-9 (\S+) N/m and (\S+) N", row(38).holds).groups(),
+        re.search(
+            r"one of the chain of fig. 3-9 (\S+) N/m and (\S+) N", row(creep, 38).holds
+        ).groups(),
     )
     assert (k, b) == pytest.approx(found["106"], rel=5e-3)
 
 
 def test_row_38_what_stays_of_actuator_114():
     time, _, dashpot, kelvin = chain(A4, 60.0)
-    stays = claim("elongation that stays of actuator 114")
+    stays = claim(creep, "elongation that stays of actuator 114")
     assert stays.reproduced == pytest.approx(1e3 * dashpot[-1], rel=1e-3)
     assert not stays.holds
     just_after = 1e3 * (dashpot + kelvin)[np.searchsorted(time, 510.0)]
-    assert f"just after the last load it has {just_after:.2f} mm" in row(38).holds
+    assert f"just after the last load it has {just_after:.2f} mm" in row(creep, 38).holds
 
 
 def test_the_experiment_has_the_parameters_of_the_comment():
@@ -128,7 +130,7 @@ def test_row_39_eq_3_3_takes_creep_for_flow():
     time, _, displacement = creep.loads()
     last = (time >= 480 + 29 * 2 / 3 - 1e-9) & (time <= 509)
     read_off = 2.25 / np.polyfit(time[last], displacement[last], 1)[0]
-    found = claim("b1 of the 2.25 N above the bias, 30 s")
+    found = claim(creep, "b1 of the 2.25 N above the bias, 30 s")
     assert found.reproduced == pytest.approx(read_off, rel=1e-9)
     t, _, dashpot, kelvin = chain(FIG_3_9, 60.0)
     seen = (t >= 500) & (t <= 509)
@@ -136,11 +138,11 @@ def test_row_39_eq_3_3_takes_creep_for_flow():
     assert flowing < 0.8 * 1.7e6
     assert read_off == pytest.approx(flowing, rel=0.25)  # 3 um of noise on ten samples
     assert not found.holds
-    assert f"b1 = {read_off:.2e}".replace("e+0", "e") in row(39).holds
+    assert f"b1 = {read_off:.2e}".replace("e+0", "e") in row(creep, 39).holds
 
 
 def test_a_load_that_is_held_gives_what_is_printed():
     for name, printed in zip(("k1", "b1", "k2", "b2"), FIG_3_9, strict=True):
-        assert claim(f"{name} of 2.75 N held for 40 min").reproduced == pytest.approx(
+        assert claim(creep, f"{name} of 2.75 N held for 40 min").reproduced == pytest.approx(
             printed, rel=0.03
         )

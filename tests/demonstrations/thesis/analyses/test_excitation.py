@@ -23,25 +23,27 @@ def test_row_44_no_square_wave_has_order_20():
     assert [order_by_harmonics(n) for n in (20, 28, 100, 1000)] == [10, 14, 10, 10]
     largest, period = excitation.best_square()
     assert largest == order_by_harmonics(period) == 14
-    found = claim("largest order of any square wave")
+    found = claim(excitation, "largest order of any square wave")
     assert found.reproduced == largest
     assert not found.holds
-    assert "makes 10 orders" in row(44).holds
-    assert "to 14 at most, with 28 samples" in row(44).holds
-    assert "(15 by a matrix of 500, with 30)" in row(44).holds
-    assert "40 samples has order 20" in row(44).holds  # half the samples of a period
+    assert "makes 10 orders" in row(excitation, 44).holds
+    assert "to 14 at most, with 28 samples" in row(excitation, 44).holds
+    assert "(15 by a matrix of 500, with 30)" in row(excitation, 44).holds
+    assert "40 samples has order 20" in row(excitation, 44).holds  # half the samples of a period
 
 
 def test_the_orders_of_the_stimuli():
-    current = claim("order of the current, square wave")
+    current = claim(excitation, "order of the current, square wave")
     assert current.reproduced == order_by_harmonics(100)
     assert not current.holds
     # power of steps that are held for 30 s on average falls as 1/f^2 from some 5 mHz on: of the
     # frequencies that 5 s of samples tell apart, 0.2 Hz each, few are above a hundredth
-    force = claim("order of the force, steps")
+    force = claim(excitation, "order of the force, steps")
     assert force.reproduced <= 5
     assert not force.holds
-    assert claim("order of the square waves of table 3-1, for the 3 parameters of eq. 3.10").holds
+    assert claim(
+        excitation, "order of the square waves of table 3-1, for the 3 parameters of eq. 3.10"
+    ).holds
 
 
 def test_loads_that_are_held_for_less_excite_more():

@@ -76,11 +76,13 @@ def test_row_42_the_square_wave_takes_more_than_there_is():
     """
     inner = 0.6 * (1 - np.exp(-5 / (R1 * C)))
     most = (0.6 + inner) / R1 + 0.6 / R2
-    (found,) = claims(42)
+    (found,) = claims(potentiostat, 42)
     assert found.reproduced == pytest.approx(most, rel=1e-4)
     assert not found.holds
-    assert f"takes {most:.1f} A when the voltage turns" in row(42).holds
-    share = float(re.search(r"at its limit for (\d+\.\d) % of the time", row(42).holds)[1])
+    assert f"takes {most:.1f} A when the voltage turns" in row(potentiostat, 42).holds
+    share = float(
+        re.search(r"at its limit for (\d+\.\d) % of the time", row(potentiostat, 42).holds)[1]
+    )
     assert share == pytest.approx(100 * limited_time(160.0, 1.3) / 160.0, abs=0.06)
     _, voltage = limited(160.0, 1.3)
     assert np.mean(np.abs(voltage) < 0.59) > 0.3  # no square wave any more
@@ -117,7 +119,7 @@ def test_recursive_estimates_are_those_of_the_printed_loop():
     assert found.circuit == pytest.approx(expected, rel=1e-6)
     assert found.impedance == pytest.approx([impedance(c) for c in expected], rel=1e-6)
     for name, column in zip(("R1", "R2", "C"), expected.T, strict=True):
-        assert claim(f"{name} by RLS at 15 Hz, median").reproduced == pytest.approx(
+        assert claim(potentiostat, f"{name} by RLS at 15 Hz, median").reproduced == pytest.approx(
             np.median(column), rel=1e-6
         )
 
@@ -133,9 +135,9 @@ def test_batch_estimates_are_those_of_numpy():
     assert found.circuit == pytest.approx(np.array(expected), rel=1e-6)
     assert found.time == pytest.approx(np.arange(30, 161, 10))
     median = np.median([impedance(c) for c in expected])
-    assert claim("impedance at 0.1 Hz by LS at 15 Hz, median").reproduced == pytest.approx(
-        median, rel=1e-6
-    )
+    assert claim(
+        potentiostat, "impedance at 0.1 Hz by LS at 15 Hz, median"
+    ).reproduced == pytest.approx(median, rel=1e-6)
     assert median == pytest.approx(impedance((R1, R2, C)), rel=0.01)
 
 
@@ -146,9 +148,9 @@ def test_a_held_voltage_makes_other_coefficients_than_tustin():
     # q(t) = left q + (1 - left) C v; i = g v - q / (R1 C): v(t) by i(t), i(t-1), v(t-1)
     theta = (-(left + (1 - left) / (R1 * g)), 1 / g, -left / g)
     for name, value in zip(("R1", "R2", "C"), tustin(theta), strict=True):
-        assert claim(f"{name} of table 3-1 from held voltage at 15 Hz").reproduced == pytest.approx(
-            value, rel=1e-6
-        )
+        assert claim(
+            potentiostat, f"{name} of table 3-1 from held voltage at 15 Hz"
+        ).reproduced == pytest.approx(value, rel=1e-6)
 
 
 def test_row_43_the_axes_are_those_of_another_actuator():
@@ -158,7 +160,7 @@ def test_row_43_the_axes_are_those_of_another_actuator():
         for circuit in ((R1, R2, C), (1.32, 2.72, 0.46))
     ]
     assert counts == [0, 2]
-    (found,) = claims(43)
+    (found,) = claims(potentiostat, 43)
     assert (found.published, found.reproduced) == ("3", 0.0)
-    assert "0 of 3 parameters of table 3-1" in row(43).holds
-    assert row(43).holds.endswith("2 of 3")
+    assert "0 of 3 parameters of table 3-1" in row(potentiostat, 43).holds
+    assert row(potentiostat, 43).holds.endswith("2 of 3")
