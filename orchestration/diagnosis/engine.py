@@ -17,12 +17,13 @@ from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.conclude import Conclusion, conclude
 from orchestration.diagnosis.extension import extended_component
-from orchestration.diagnosis.law_model import MOST_TICKS, LawModel, Record
+from orchestration.diagnosis.law_model import MOST_TICKS, LawModel
 from orchestration.diagnosis.misreadings import reading_that_runs
 from orchestration.diagnosis.observer import Observer
 from orchestration.diagnosis.options import Deadline, Options
 from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.remainder import Remainder, remainders
+from orchestration.diagnosis.runs import Record
 from orchestration.diagnosis.search import Found, search
 from orchestration.diagnosis.subject import Subject, predicted, subject_of
 from orchestration.diagnosis.term_names import deviations, estimates, stems

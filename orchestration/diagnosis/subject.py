@@ -21,10 +21,11 @@ from orchestration.diagnosis.fitting import (
     fit_start,
     weights_of,
 )
-from orchestration.diagnosis.law_model import LawModel, Record, Setting
+from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.observer import Observer, Place, growth_of, observer_of
 from orchestration.diagnosis.prediction import Prediction, predict
 from orchestration.diagnosis.readings import Reading, ReadingKind
+from orchestration.diagnosis.runs import Record, Setting
 from orchestration.diagnosis.terms import Shape, Term
 
 _PART = 2.0 / 3.0  # of a single record that is fitted
