@@ -11,7 +11,6 @@ from fmus.kit.titles import capitalised, effect_title, in_words, law_title, with
 from fmus.kit.units import format_prefixed
 from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
 from orchestration.discrepancy.changes import Change
-from orchestration.discrepancy.design import DiscriminatingExperiment
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.note import MIXED_UP, Note, NoteCode
 from orchestration.discrepancy.pipeline import Result
@@ -21,6 +20,7 @@ from orchestration.discrepancy.residuals import (
 )
 from orchestration.discrepancy.selection import ACCEPT, Step
 from orchestration.discrepancy.validation import Outcome
+from orchestration.experiment import DiscriminatingExperiment
 from orchestration.records.runs import base_name, shown_name
 from orchestration.reporting import option
 
