@@ -73,7 +73,7 @@ class ProposedExperiment(Displayable):
 
     def overview(self) -> Iterator[RenderableType]:
         """Yield a description of the stimuli and of the expected evidence."""
-        yield wording.describe_experiment(self.design)
+        yield self.design.sentence
 
     def __repr__(self) -> str:
         kinds = ", ".join(
@@ -295,7 +295,8 @@ class DiagnosisResult(_Result):
     model : type[Component] or None
         The extended model, with fitted values as defaults; None if the diagnosis is inconclusive.
     experiment : ProposedExperiment or None
-        Experiment that discriminates between causes; None unless the verdict is ambiguous.
+        Experiment that discriminates between causes; None unless the verdict is ambiguous, or
+        with the new engine unexplained with several guesses.
     record : Record
         The first of the records.
     records : list of Record

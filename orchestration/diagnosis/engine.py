@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Literal, cast
@@ -16,6 +16,7 @@ from fmus.kit.arrays import Array
 from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.conclude import Conclusion, conclude
+from orchestration.diagnosis.design import Design, design_experiment
 from orchestration.diagnosis.extension import extended_component
 from orchestration.diagnosis.law_model import MOST_TICKS, LawModel, Record
 from orchestration.diagnosis.misreadings import reading_that_runs
@@ -27,6 +28,7 @@ from orchestration.diagnosis.search import Found, search
 from orchestration.diagnosis.subject import Subject, predicted, subject_of
 from orchestration.diagnosis.term_names import deviations, estimates, stems
 from orchestration.diagnosis.terms import Term
+from orchestration.experiment import DiscriminatingExperiment
 from orchestration.fmu import Model
 from orchestration.identify.uncertainty import Estimate, is_significantly_different
 from orchestration.records import Record as MeasuredRecord
@@ -75,6 +77,8 @@ class Diagnosis:
     conclusion : Conclusion
     notes : tuple of (str, str, str)
         Code, subject and sentence of a remark on the data.
+    experiment : DiscriminatingExperiment or None
+        That tells the causes of a group apart, or best guesses.
     """
 
     model: Model
@@ -83,6 +87,7 @@ class Diagnosis:
     found: Found
     conclusion: Conclusion
     notes: tuple[tuple[str, str, str], ...] = ()
+    experiment: DiscriminatingExperiment | None = None
 
     @property
     def subject(self) -> Subject:
@@ -277,7 +282,35 @@ def diagnose(
     more += [*_cut_off(found.subject, fitted), *_predictions(model, found.subject)]
     if not deadline.was_met:
         more.append(_time_note(options))
-    return Diagnosis(model, tuple(records), tuple(holdouts), found, conclusion, (*notes, *more))
+    longest = max(records, key=lambda record: float(np.ptp(record.time)))
+    design = _designed(found, conclusion, longest, model, options)
+    if design.reason:
+        more.append(("no_experiment", "", design.reason))
+    return Diagnosis(
+        model,
+        tuple(records),
+        tuple(holdouts),
+        found,
+        conclusion,
+        (*notes, *more),
+        design.experiment,
+    )
+
+
+def _designed(
+    found: Found, conclusion: Conclusion, record: MeasuredRecord, model: Model, options: Options
+) -> Design:
+    """Design an experiment as long as a record; inputs with a given value keep it."""
+    law_model = found.subject.problem.model
+    inputs, _ = _inputs(record, model, law_model, options.given)
+    names = [variable.name for variable in law_model.inputs]
+    given = {name: (value, value) for name, value in options.given.items() if name in names}
+    rig = replace(options.rig, limits={**options.rig.limits, **given})
+    recorded = dict(zip(names, inputs.T, strict=True))
+    try:
+        return design_experiment(found, conclusion, recorded, record.time, rig)
+    except UserError as error:
+        return Design(reason=f"no experiment could be designed: {error}")
 
 
 def _answer(

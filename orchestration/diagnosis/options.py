@@ -15,6 +15,23 @@ _FAMILIES = "families"  # which terms over all laws and signals are, without any
 
 
 @dataclass(frozen=True)
+class Rig:
+    """Limits of the inputs that a rig can apply.
+
+    Attributes
+    ----------
+    limits : Mapping of str to tuple of float
+        By input, SI; without them those that the model declares, and where it declares none those
+        of the record.
+    highest_frequency : float
+        Hz; no stay at a level is shorter than half its period.
+    """
+
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    highest_frequency: float = float("inf")
+
+
+@dataclass(frozen=True)
 class Options:
     """Options of a diagnosis.
 
@@ -34,6 +51,8 @@ class Options:
         Whether inputs go in straight lines between samples, or are held; estimated by default.
     time : float or None
         Processor time of the search, s; by default without a limit.
+    rig : Rig
+        That makes the experiments which are designed.
     """
 
     hold: Collection[str] = ()
@@ -43,6 +62,7 @@ class Options:
     laws: bool = True
     interpolate: bool | None = None
     time: float | None = None
+    rig: Rig = Rig()
 
     @property
     def recalibrates(self) -> bool:

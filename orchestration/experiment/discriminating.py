@@ -92,6 +92,39 @@ class DiscriminatingExperiment:
         """True if the experiment tells all alternatives apart."""
         return not self.least < ENOUGH
 
+    @property
+    def sentence(self) -> str:
+        """The alternatives that it tells apart, and how surely."""
+        if not self.expected:
+            return "An experiment in which every input moves tells what can be told."
+        if self.probabilities:
+            return " ".join([self._probabilities_sentence(), *self._alike_sentences()])
+        hardest = min(self.expected, key=lambda e: e.bic)
+        pair = f"{hardest.true_model} and {hardest.candidate}"
+        if self.is_worthwhile:
+            return (
+                f"The experiment should tell {pair} apart: BIC would fall by {hardest.bic:.0f} or"
+                " more."
+            )
+        return (
+            f"No experiment within these limits that was looked at tells {pair} apart: BIC would"
+            f" fall by {max(hardest.bic, 0.0):.1f} only."
+        )
+
+    def _probabilities_sentence(self) -> str:
+        reached = [
+            f"{_percent(share)} if it is {name}" for name, share in self.probabilities.items()
+        ]
+        return (
+            "With the experiment the true one of these is expected to have a probability of"
+            f" {', '.join(reached)}."
+        )
+
+    def _alike_sentences(self) -> list[str]:
+        """Return a sentence for each pair that it does not tell apart."""
+        pairs = {frozenset((e.true_model, e.candidate)): e for e in self.expected if e.bic < ENOUGH}
+        return [f"It does not tell {e.true_model} from {e.candidate}." for e in pairs.values()]
+
     def as_json(self) -> dict[str, Any]:
         """Return figures and stimuli."""
         figures = {
@@ -148,10 +181,15 @@ class DiscriminatingExperiment:
             for e in self.expected
         ]
         reached = [
-            f"# If {name} is right, it is expected to reach {100.0 * share:.0f} % among these."
+            f"# If {name} is right, its probability among these should be {_percent(share)}."
             for name, share in self.probabilities.items()
         ]
         return [head, *rows, f"# Above {ENOUGH:g} is very strong evidence.", *reached]
+
+
+def _percent(share: float) -> str:
+    """Return a probability in percent; not 100, which no experiment shows."""
+    return "> 99 %" if share > 0.995 else f"{100.0 * share:.0f} %"
 
 
 def _text(value: str) -> str:

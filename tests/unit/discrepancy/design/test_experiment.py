@@ -20,7 +20,6 @@ from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.design.expected_evidence import at_rest, respond
 from orchestration.discrepancy.design.experiment import design_experiment
 from orchestration.discrepancy.diagnosis import diagnose
-from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.selection.ranking import ALTERNATIVE
 from orchestration.discrepancy.selection.stepwise import Selection
 from orchestration.experiment import ENOUGH
@@ -106,7 +105,7 @@ def test_what_no_experiment_tells_apart_is_said():
     experiment = design_experiment(selection, data, {"current": (0.0, 0.0)}, HIGHEST)
     assert experiment.least < ENOUGH
     assert not experiment.is_worthwhile
-    assert wording.describe_experiment(experiment).startswith(
+    assert experiment.sentence.startswith(
         "No experiment within these limits that was looked at tells"
     )
     assert (

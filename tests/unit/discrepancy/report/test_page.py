@@ -119,7 +119,7 @@ def test_what_follows_from_a_diagnosis_has_its_place(results):
     )
     assert "Voltage correlates with rate of charge: +0.90 at once" in text
     assert "correlates with time" not in text
-    sentence = wording.describe_experiment(experiment)
+    sentence = experiment.sentence
     assert sentence in text
     assert " ".join(experiment.toml("ppy_actuator", sentence).split()) in text
 
