@@ -90,38 +90,35 @@ def predict(
     errors = (record.outputs - course.outputs) / problem.spread
     slopes = np.zeros((*errors.shape, course.slopes.shape[2]))
     slopes[:, record.measured] = course.slopes / problem.spread[record.measured, np.newaxis]
-    free, states = len(fitted.point.q), len(start)
-    slopes[:, :, :free] *= problem.slopes(fitted.point.q)
+    places, states = problem.columns(record.group), len(start)
+    slopes[:, :, : len(places)] *= problem.slopes(fitted.point.q)[places]
     slopes[:, :, slopes.shape[2] - states :] *= prior.deviation
-    information = final_curvature(fitted)
+    inverse = _inverse(final_curvature(fitted))
+    own = problem.coordinates(len(fitted.point.values), record.group)
     weights = np.mean(independent_weights(fitted.errors), axis=0)
     if isinstance(begun_by, int):
-        covariance = _of_one_start(_inverse(information), states, begun_by, slopes.shape[2])
+        first = len(inverse) - states * (len(problem.records) - begun_by)
+        own = np.append(own, np.arange(first, first + states))
+        covariance = inverse[np.ix_(own, own)]
     else:
         count = len(begun_by.time)
         rows = (slopes[:count] * np.sqrt(weights)[:, np.newaxis])[np.isfinite(errors[:count])]
-        covariance = _of_new_start(_inverse(information), rows, states)
+        covariance = _of_new_start(inverse[np.ix_(own, own)], rows, states)
     # where more than noise is left a model errs by more than its parameters
     noise = 1.0 / weights / np.sqrt(mean_squares(np.concatenate(fitted.errors)))
     return Prediction(errors, slopes @ _root(covariance), noise)
 
 
-def _of_one_start(covariance: Array, states: int, record: int, size: int) -> Array:
-    """Return the covariance of parameters, values and the start states of one fitted record."""
-    known = size - states
-    own = np.r_[:known, known + record * states : known + (record + 1) * states]
-    return covariance[np.ix_(own, own)]
-
-
 def _of_new_start(covariance: Array, rows: Array, states: int) -> Array:
     """Return the covariance of parameters, values and start states that samples (n, k) show.
 
-    The start states are in deviations of their prior.
+    Without them that of parameters and values is known; start states are in deviations of their
+    prior.
     """
     known = rows.shape[1] - states
     with np.errstate(over="ignore", invalid="ignore"):
         information = rows.T @ rows
-    information[:known, :known] += _inverse(covariance[:known, :known])
+    information[:known, :known] += _inverse(covariance)
     information[known:, known:] += np.eye(states)
     return _inverse(information)
 
