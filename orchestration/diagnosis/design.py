@@ -244,14 +244,15 @@ def _sampling(problem: Problem) -> float:
 def _after(problem: Problem, time: Array) -> Record:
     """Return a record that is made after those of a problem, without values.
 
-    A change at an instant has been by then.
+    A change at an instant has been by then, and values of the last record's own are as there.
     """
     last = max(float(record.time[-1]) for record in problem.records)
     measured = np.any([record.measured for record in problem.records], axis=0)
     begin = last + _sampling(problem)
     outputs = np.where(measured, 0.0, np.nan) + np.zeros((len(time), 1))
     inputs = np.empty((len(time), len(problem.model.inputs)))
-    return Record(time + begin, inputs, outputs, problem.records[0].smooth, "experiment", begin)
+    newest = problem.records[-1]
+    return replace(newest, time=time + begin, inputs=inputs, outputs=outputs, begin=begin)
 
 
 def _forecast(fitted: Fit, record: Record) -> Forecast:
@@ -261,7 +262,9 @@ def _forecast(fitted: Fit, record: Record) -> Forecast:
     substeps = int(np.ceil(problem.substeps * max(coarser, 1.0)))
     nothing = replace(record, outputs=np.full_like(record.outputs, np.nan))
     prior = start_prior(problem, nothing)
-    return Forecast(replace(fitted, problem=replace(problem, substeps=substeps)), prior)
+    return Forecast(
+        replace(fitted, problem=replace(problem, substeps=substeps)), prior, record.group
+    )
 
 
 def _rehearsal(causes: Sequence[Cause], base: Fit) -> Rehearsal:
@@ -281,9 +284,9 @@ def _rehearsal(causes: Sequence[Cause], base: Fit) -> Rehearsal:
 def _rehearsed(fitted: Fit, effects: Sequence[str]) -> Rehearsal:
     problem = fitted.problem
     model = problem.model
-    fitted_values = problem.parameters(fitted.point.q)
+    fitted_values = problem.parameters(fitted.point.q, problem.records[-1].group)
     values = {}
-    for i in problem.free:
+    for i in problem.searched:
         declared = model.parameters[i]
         values[declared.name] = float(np.clip(fitted_values[i], declared.min, declared.max))
     for term in fitted.terms:

@@ -19,6 +19,7 @@ from orchestration.diagnosis.conclude import Conclusion, conclude
 from orchestration.diagnosis.design import Design, design_experiment
 from orchestration.diagnosis.extension import extended_component
 from orchestration.diagnosis.law_model import MOST_TICKS, LawModel, Record
+from orchestration.diagnosis.local_values import LocalValues
 from orchestration.diagnosis.misreadings import reading_that_runs
 from orchestration.diagnosis.observer import Observer
 from orchestration.diagnosis.options import Deadline, Options
@@ -164,11 +165,10 @@ class Diagnosis:
         fitted = self.final.fit
         problem = fitted.problem
         changes = fitted.point.q - problem.mean
-        names = [problem.model.parameters[i].name for i in problem.free]
-        errors = deviations(fitted)[: len(names)]
+        errors = deviations(fitted)[: len(changes)]
         return tuple(
             name
-            for name, change, error in zip(names, changes, errors, strict=True)
+            for name, change, error in zip(problem.names, changes, errors, strict=True)
             if is_significantly_different(change, error)
         )
 
@@ -255,6 +255,8 @@ def diagnose(
     hold = options.held([p.name for p in law_model.parameters])
     fitted, notes = _cut(records, model, law_model, options.given)
     unseen, more = _cut(holdouts, model, law_model, options.given)
+    unseen = [replace(one, group=len(records)) for one in unseen]
+    local = LocalValues(tuple(map(_label, records)), options.own_of_each(law_model))
     _check_outputs(model, fitted)
     _check_clocks(law_model, [*fitted, *unseen], options.given)
 
@@ -262,7 +264,9 @@ def diagnose(
         own, others = fitted, unseen
         if reading is not None:
             own, others = ([reading.apply(law_model, r) for r in part] for part in (own, others))
-        return subject_of(law_model, own, others, hold, options.given, options.interpolate)
+        return subject_of(
+            law_model, own, others, hold, options.given, options.interpolate, local=local
+        )
 
     progress("fitting the model as it is")
     with warnings.catch_warnings():
@@ -327,7 +331,7 @@ def _answer(
             base = one.judge(one.base)
             found = None if base is None else Found(one, base)
         else:
-            found = search(one, progress, deadline.is_over)
+            found = search(one, progress, deadline.is_over, options.is_candidate)
         return None if found is None else (found, conclude(found))
 
     begun = subject.judge(subject.base)
@@ -496,10 +500,10 @@ def _cut(
 ) -> tuple[list[Record], list[tuple[str, str, str]]]:
     """Return records as the kernel takes them, cut at gaps in time, and notes on them."""
     pieces, notes = [], []
-    for record in records:
+    for group, record in enumerate(records):
         inputs, absent = _inputs(record, model, law_model, given)
         outputs = _outputs(record, law_model)
-        label = " ".join(filter(None, (record.source.stem, record.label)))
+        label = _label(record)
         spans = _spans(record.time)
         for number, (first, last) in enumerate(spans, 1):
             pieces.append(
@@ -510,6 +514,7 @@ def _cut(
                     (False,) * inputs.shape[1],
                     f"{label}.{number}" if len(spans) > 1 else label,
                     float(record.time[0] - record.time[first]),
+                    group=group,
                 )
             )
         for name, value in absent.items():
@@ -519,6 +524,11 @@ def _cut(
             text = f"{record.source.name} has gaps in its time: it is {len(spans)} records"
             notes.append(("gaps", record.label, text))
     return pieces, list(dict.fromkeys(notes))
+
+
+def _label(record: MeasuredRecord) -> str:
+    """Return the name of a record: that of its file, and of the run."""
+    return " ".join(filter(None, (record.source.stem, record.label)))
 
 
 def _cut_off(subject: Subject, records: Sequence[Record]) -> list[tuple[str, str, str]]:

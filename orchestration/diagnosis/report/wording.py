@@ -159,8 +159,13 @@ def _next_of_recalibrate(diagnosis: Diagnosis) -> str:
 
 
 def _settings(diagnosis: Diagnosis, names: Sequence[str]) -> list[str]:
-    """Return fitted values as they are set."""
-    return [f"{name}={diagnosis.parameters[name].value:.4g}" for name in names]
+    """Return fitted values as they are set, with the record that one is of alone."""
+    texts = []
+    for name in names:
+        base, _, record = name.partition("@")
+        of = f" in {record}" if record else ""
+        texts.append(f"{base}={diagnosis.parameters[name].value:.4g}{of}")
+    return texts
 
 
 def _next_of_cause(diagnosis: Diagnosis) -> str:
@@ -190,9 +195,8 @@ def _next_of_start(diagnosis: Diagnosis) -> str:
     # of several records each has its own
     estimates = [(n, diagnosis.parameters[n]) for n in starts if n in diagnosis.parameters]
     other = [n for n, e in estimates if not e.interval[0] <= e.nominal <= e.interval[1]]
-    sets = " ".join(
-        str(option("set", text)) for text in _settings(diagnosis, [*other, *diagnosis.changed])
-    )
+    common = [name for name in diagnosis.changed if "@" not in name]
+    sets = " ".join(str(option("set", text)) for text in _settings(diagnosis, [*other, *common]))
     ways = f"start the model there, with {sets}," if sets else "start the model where the run does"
     return f"{ways} or begin a record at rest; {option('fmu', 'fitted.fmu')} builds it so."
 
