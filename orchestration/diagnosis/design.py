@@ -58,6 +58,11 @@ class Design:
     experiment: DiscriminatingExperiment | None = None
     reason: str = ""
 
+    @property
+    def notes(self) -> list[tuple[str, str, str]]:
+        """The reason as a note of a diagnosis: code, subject and sentence."""
+        return [("no_experiment", "", self.reason)] if self.reason else []
+
 
 @single_threaded
 def design_experiment(

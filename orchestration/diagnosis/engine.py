@@ -286,10 +286,8 @@ def diagnose(
     more += [*_cut_off(found.subject, fitted), *_predictions(model, found.subject)]
     if not deadline.was_met:
         more.append(_time_note(options))
-    longest = max(records, key=lambda record: float(np.ptp(record.time)))
-    design = _designed(found, conclusion, longest, model, options)
-    if design.reason:
-        more.append(("no_experiment", "", design.reason))
+    design = _designed(found, conclusion, records, model, options)
+    more += design.notes
     return Diagnosis(
         model,
         tuple(records),
@@ -302,9 +300,14 @@ def diagnose(
 
 
 def _designed(
-    found: Found, conclusion: Conclusion, record: MeasuredRecord, model: Model, options: Options
+    found: Found,
+    conclusion: Conclusion,
+    records: Sequence[MeasuredRecord],
+    model: Model,
+    options: Options,
 ) -> Design:
-    """Design an experiment as long as a record; inputs with a given value keep it."""
+    """Design an experiment as long as the longest record; inputs with a given value keep it."""
+    record = max(records, key=lambda record: float(np.ptp(record.time)))
     law_model = found.subject.problem.model
     inputs, _ = _inputs(record, model, law_model, options.given)
     names = [variable.name for variable in law_model.inputs]
