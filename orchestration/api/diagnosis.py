@@ -24,7 +24,6 @@ from orchestration.api.results import DiagnosisResult, LawsResult
 from orchestration.api.simulation import as_declared, values_of
 from orchestration.api.term_results import TermDiagnosisResult
 from orchestration.diagnosis import Options as TermOptions
-from orchestration.diagnosis import Rig
 from orchestration.diagnosis import diagnose as diagnose_by_terms
 from orchestration.discrepancy import UnusableRecordError, before_after, pipeline, search_laws
 from orchestration.discrepancy.foreign import WrappedFmu, wrap
@@ -173,7 +172,7 @@ def _run_new_engine(
         laws=options["laws"],
         interpolate=options["interpolate"],
         time=optional_seconds(options["time"]),
-        rig=_rig(subject),
+        excitation=registry.excitation(subject.name),
     )
     diagnosis = diagnose_by_terms(measured, subject, unseen, chosen, options["progress"])
     command = equivalent_command(
@@ -185,12 +184,6 @@ def _run_new_engine(
         options=options,
     )
     return TermDiagnosisResult(diagnosis, command)
-
-
-def _rig(subject: Model) -> Rig:
-    """Return the limits of the rig that its package declares for a component."""
-    excitation = registry.excitation(subject.name)
-    return Rig() if excitation is None else Rig(excitation.ranges, excitation.bandwidth)
 
 
 def _pipeline_options(

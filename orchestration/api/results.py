@@ -33,7 +33,7 @@ from orchestration.discrepancy.report.laws import (
     law_map,
     laws_page,
 )
-from orchestration.experiment import DiscriminatingExperiment
+from orchestration.experiment.design import DiscriminatingExperiment
 from orchestration.identify.uncertainty import Estimate, estimates_frame
 from orchestration.records import Record
 from orchestration.reporting import (

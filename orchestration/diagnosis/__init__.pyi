@@ -10,7 +10,6 @@ from .fitting import weights_of as weights_of
 from .law_model import LawModel as LawModel
 from .law_model import Record as Record
 from .options import Options as Options
-from .options import Rig as Rig
 from .search import Found as Found
 from .signals import scale_of_signal as scale_of_signal
 from .subject import Subject as Subject

@@ -18,16 +18,16 @@ from itertools import combinations, permutations
 import numpy as np
 
 from fmus.kit.arrays import Array, single_threaded
+from fmus.kit.registry import Excitation
 from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.conclude import Conclusion
 from orchestration.diagnosis.fitting import Fit, Problem, independent_weights
 from orchestration.diagnosis.law_model import Record
-from orchestration.diagnosis.options import Rig
 from orchestration.diagnosis.prediction import Forecast
 from orchestration.diagnosis.search import Found
 from orchestration.diagnosis.subject import start_prior
 from orchestration.diagnosis.terms import NamedTerm
-from orchestration.experiment import (
+from orchestration.experiment.design import (
     ENOUGH,
     DiscriminatingExperiment,
     ExpectedEvidence,
@@ -70,7 +70,7 @@ def design_experiment(
     conclusion: Conclusion,
     recorded: Mapping[str, Array],
     time: Array,
-    rig: Rig,
+    rig: Excitation,
 ) -> Design:
     """Design the experiment that tells the causes of a conclusion apart.
 
@@ -84,7 +84,7 @@ def design_experiment(
         Inputs of a record, by name, SI; one that is constant because the user says so stays.
     time : ndarray, shape (n,)
         Of that record, s; the experiment has its sampling and duration.
-    rig : Rig
+    rig : Excitation
 
     Returns
     -------
@@ -101,12 +101,12 @@ def design_experiment(
     if found.subject.observer is not None:  # a free run drifts, and tells nothing beforehand
         return Design()
     model = found.subject.problem.model
-    within = menu.limits_of_inputs(model.inputs, recorded, rig.limits)
+    within = menu.limits_of_inputs(model.inputs, recorded, rig.ranges)
     if all(low == high for low, high in within.values()):
         return Design(reason="no input of the model may move")
     step = float(np.median(np.diff(time)))
     duration = round(float(time[-1] - time[0]) / step) * step
-    shortest = max(2.0 * step, 0.5 / rig.highest_frequency)
+    shortest = max(2.0 * step, 0.5 / rig.bandwidth)
     shapes = menu.menus(model.inputs, within, duration=duration, step=step, shortest=shortest)
     contest = _Contest(causes, found, duration, step)
     chosen = contest.improved(shapes)

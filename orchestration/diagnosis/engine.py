@@ -13,6 +13,7 @@ import numpy as np
 
 from fmus.kit import Component, UserError
 from fmus.kit.arrays import Array
+from fmus.kit.registry import Excitation
 from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.conclude import Conclusion, conclude
@@ -29,7 +30,7 @@ from orchestration.diagnosis.search import Found, search
 from orchestration.diagnosis.subject import Subject, predicted, subject_of
 from orchestration.diagnosis.term_names import deviations, estimates, stems
 from orchestration.diagnosis.terms import Term
-from orchestration.experiment import DiscriminatingExperiment
+from orchestration.experiment.design import DiscriminatingExperiment
 from orchestration.fmu import Model
 from orchestration.identify.uncertainty import Estimate, is_significantly_different
 from orchestration.records import Record as MeasuredRecord
@@ -312,7 +313,8 @@ def _designed(
     inputs, _ = _inputs(record, model, law_model, options.given)
     names = [variable.name for variable in law_model.inputs]
     given = {name: (value, value) for name, value in options.given.items() if name in names}
-    rig = replace(options.rig, limits={**options.rig.limits, **given})
+    rig = options.excitation or Excitation({}, np.inf)
+    rig = replace(rig, ranges={**rig.ranges, **given})
     recorded = dict(zip(names, inputs.T, strict=True))
     try:
         return design_experiment(found, conclusion, recorded, record.time, rig)

@@ -8,29 +8,13 @@ from time import process_time
 
 from fmus.kit import Component, Effect, UserError
 from fmus.kit.errors import suggestion
+from fmus.kit.registry import Excitation
 from orchestration.diagnosis.catalogue import usable_effects
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.terms import NamedTerm, SensorTerm, Term
 from orchestration.reporting import option
 
 _FAMILIES = "families"  # which terms over all laws and signals are, without any name
-
-
-@dataclass(frozen=True)
-class Rig:
-    """Limits of the inputs that a rig can apply.
-
-    Attributes
-    ----------
-    limits : Mapping of str to tuple of float
-        By input, SI; without them those that the model declares, and where it declares none those
-        of the record.
-    highest_frequency : float
-        Hz; no stay at a level is shorter than half its period.
-    """
-
-    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    highest_frequency: float = float("inf")
 
 
 @dataclass(frozen=True)
@@ -55,8 +39,9 @@ class Options:
         Whether inputs go in straight lines between samples, or are held; estimated by default.
     time : float or None
         Processor time of the search, s; by default without a limit.
-    rig : Rig
-        That makes the experiments which are designed.
+    excitation : Excitation or None
+        Limits of an experiment that is designed; without them those that the model declares, and
+        where it declares none those of the record.
     """
 
     hold: Collection[str] = ()
@@ -67,7 +52,7 @@ class Options:
     laws: bool = True
     interpolate: bool | None = None
     time: float | None = None
-    rig: Rig = Rig()
+    excitation: Excitation | None = None
 
     @property
     def recalibrates(self) -> bool:

@@ -39,7 +39,7 @@ from orchestration.discrepancy.extended_model import (
 )
 from orchestration.discrepancy.law_corrections import LawSearch, leaves_something, search_laws
 from orchestration.discrepancy.note import Note, NoteCode
-from orchestration.experiment import DiscriminatingExperiment, menu
+from orchestration.experiment.design import DiscriminatingExperiment, menu
 from orchestration.fmu import Model
 from orchestration.fmu.model import catalogue as known_effects
 from orchestration.fmu.model import families

@@ -1,5 +1,4 @@
 from . import live as live
-from . import menu as menu
 from . import page as page
 from . import preparation as preparation
 from . import reading as reading
@@ -9,10 +8,6 @@ from . import system_model as system_model
 from . import values as values
 from . import waveforms as waveforms
 from . import work_loop as work_loop
-from .discriminating import ENOUGH as ENOUGH
-from .discriminating import DiscriminatingExperiment as DiscriminatingExperiment
-from .discriminating import ExpectedEvidence as ExpectedEvidence
-from .discriminating import Rehearsal as Rehearsal
 from .execution import UnfinishedExperiment as UnfinishedExperiment
 from .execution import run as run
 from .library import shipped as shipped

@@ -18,7 +18,12 @@ from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.search import Found
 from orchestration.diagnosis.subject import Subject, divided_as_read, subject_of
 from orchestration.diagnosis.terms import Shape, Term
-from orchestration.experiment import DiscriminatingExperiment, ExpectedEvidence, Rehearsal, menu
+from orchestration.experiment.design import (
+    DiscriminatingExperiment,
+    ExpectedEvidence,
+    Rehearsal,
+    menu,
+)
 from orchestration.fmu.model import declared_model_of
 from orchestration.records import Record
 from tests.support.oscillator_model import Oscillator

@@ -27,7 +27,7 @@ from orchestration.discrepancy.design.expected_evidence import (
 )
 from orchestration.discrepancy.parallel import parallel_map
 from orchestration.discrepancy.selection import Selection
-from orchestration.experiment import (
+from orchestration.experiment.design import (
     DiscriminatingExperiment,
     ExpectedEvidence,
     Rehearsal,

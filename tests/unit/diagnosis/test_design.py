@@ -15,12 +15,12 @@ from scipy.signal import lfilter
 
 from fmus.kit import Component, Input, Output, Parameter, State, UserError
 from fmus.kit.arrays import Array
+from fmus.kit.registry import Excitation
 from orchestration.diagnosis import (
     LawModel,
     Memory,
     Options,
     Record,
-    Rig,
     Shape,
     Term,
     diagnose,
@@ -30,7 +30,7 @@ from orchestration.diagnosis.conclude import Conclusion
 from orchestration.diagnosis.design import Design, design_experiment
 from orchestration.diagnosis.fitting import Fit, Point, Problem, StartPrior
 from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.experiment import menu
+from orchestration.experiment.design import menu
 from orchestration.fmu.model import declared_model
 from orchestration.records import Record as MeasuredRecord
 from tests.support.ambiguous import DULL, HIDDEN, measured
@@ -41,7 +41,7 @@ LAG = 0.1  # s
 STEP, DURATION = 0.05, 100.0
 TIME = STEP * np.arange(2001)
 SLOW = np.sin(0.1 * TIME[:400])
-RIG = Rig({"u": (-1.0, 1.0)})
+RIG = Excitation({"u": (-1.0, 1.0)}, np.inf)
 TEMPER = 3.0
 
 
@@ -90,7 +90,7 @@ def fitted(term: Term, coefficient: float, gain: float, hold: Collection[str]) -
 
 
 def designed(
-    *fits: Fit, verdict: str = "ambiguous", rig: Rig = RIG, recorded: Array = SLOW
+    *fits: Fit, verdict: str = "ambiguous", rig: Excitation = RIG, recorded: Array = SLOW
 ) -> Design:
     causes = []
     for fit in fits:
@@ -160,7 +160,7 @@ def test_what_a_refit_would_take_up_is_no_evidence() -> None:
 
 def test_a_stimulus_keeps_to_the_rig() -> None:
     held = ("gain", "lag")
-    rig = Rig({"u": (-0.5, 4.0)}, highest_frequency=1.0)
+    rig = Excitation({"u": (-0.5, 4.0)}, 1.0)
     fits = fitted(LAGGED, 0.5, 1.0, held), fitted(DIRECT, 0.5, 1.0, held)
     stimulus = designed(*fits, rig=rig).experiment.stimuli["u"]
     values = stimulus.values(TIME)
@@ -174,10 +174,10 @@ def test_where_nothing_is_to_be_told_apart_nothing_is_designed() -> None:
     fits = fitted(LAGGED, 0.5, 1.0, held), fitted(DIRECT, 0.5, 1.0, held)
     assert designed(*fits, verdict="cause") == Design()
     assert designed(fits[0]) == Design()
-    still = designed(*fits, rig=Rig({"u": (1.0, 1.0)}))
+    still = designed(*fits, rig=Excitation({"u": (1.0, 1.0)}, 1.0))
     assert still == Design(reason="no input of the model may move")
     with pytest.raises(UserError, match="limits of w: there is no such input; there are u"):
-        designed(*fits, rig=Rig({"w": (0.0, 1.0)}))
+        designed(*fits, rig=Excitation({"w": (0.0, 1.0)}, 1.0))
 
 
 @pytest.mark.slow
@@ -185,7 +185,8 @@ def test_what_a_dull_record_leaves_ambiguous_the_experiment_names() -> None:
     """The emulated rig, which shares no code with the models, makes the experiment."""
     actuator = declared_model("ppy_actuator")
     options = Options(
-        effects=list(HIDDEN), rig=Rig({"current": (-1.3, 1.3), "force": (0.0, 3.0)}, 30.0)
+        effects=list(HIDDEN),
+        excitation=Excitation({"current": (-1.3, 1.3), "force": (0.0, 3.0)}, 30.0),
     )
     dull = as_record(measured("diffusion", DULL_TIME, DULL), "dull.csv")
     first = diagnose([dull], actuator, options=options)

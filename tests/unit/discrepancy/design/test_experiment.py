@@ -22,7 +22,7 @@ from orchestration.discrepancy.design.experiment import design_experiment
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.selection.ranking import ALTERNATIVE
 from orchestration.discrepancy.selection.stepwise import Selection
-from orchestration.experiment import ENOUGH
+from orchestration.experiment.design import ENOUGH
 from orchestration.experiment.execution import run
 from orchestration.experiment.reading import read
 from tests.support.ambiguous import HIDDEN, TIME, ambiguous, fitted, measured

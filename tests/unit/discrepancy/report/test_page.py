@@ -28,8 +28,8 @@ from orchestration.discrepancy.report.figures import COLOURS
 from orchestration.discrepancy.report.page import diagnosis_page
 from orchestration.discrepancy.report.wording import EXTENDED, REFITTED
 from orchestration.discrepancy.residuals.correlation import CrossCorrelation
-from orchestration.experiment import DiscriminatingExperiment, ExpectedEvidence, Rehearsal
-from orchestration.experiment.menu import Stimulus
+from orchestration.experiment.design import DiscriminatingExperiment, ExpectedEvidence, Rehearsal
+from orchestration.experiment.design.menu import Stimulus
 from orchestration.fmu.model import find_model
 from orchestration.identify.comparison import read_for
 from orchestration.reporting.html import elements

@@ -23,8 +23,8 @@ from orchestration.discrepancy.residuals.excess_variance import ExcessVariance
 from orchestration.discrepancy.residuals.lines import SpectralLine
 from orchestration.discrepancy.residuals.outliers import LevelShift
 from orchestration.discrepancy.validation.prediction import predict
-from orchestration.experiment import DiscriminatingExperiment, ExpectedEvidence, Rehearsal
-from orchestration.experiment.menu import Stimulus
+from orchestration.experiment.design import DiscriminatingExperiment, ExpectedEvidence, Rehearsal
+from orchestration.experiment.design.menu import Stimulus
 from orchestration.fmu.model import find_model
 from tests.support.command import works
 from tests.support.diagnosis import rig_record

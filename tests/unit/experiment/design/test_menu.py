@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fmus.ppy_actuator.model import PpyActuator
-from orchestration.experiment.menu import Stimulus, limits_of_inputs, shapes_between
+from orchestration.experiment.design.menu import Stimulus, limits_of_inputs, shapes_between
 from tests.support.ambiguous import ambiguous
 
 

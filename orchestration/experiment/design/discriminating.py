@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from orchestration.experiment.menu import Stimulus
+from orchestration.experiment.design.menu import Stimulus
 
 # Fall of BIC from which on evidence is very strong (Kass and Raftery: Bayes factors, J. Am. Stat.
 # Assoc. 90, 1995), and below which an experiment is not worth its time.

@@ -8,7 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orchestration.experiment import DiscriminatingExperiment, ExpectedEvidence, Rehearsal, menu
+from orchestration.experiment.design import (
+    DiscriminatingExperiment,
+    ExpectedEvidence,
+    Rehearsal,
+    menu,
+)
 from orchestration.experiment.execution import run
 from orchestration.experiment.reading import read
 
