@@ -214,10 +214,13 @@ def _columns(problem: Problem, point: Point, runs: Sequence[Run]) -> tuple[Array
     targets, blocks = [], []
     for r, (outputs, by_all) in enumerate(runs):
         measured = problem.records[r].measured
-        block = np.zeros((*outputs.shape, p + nx * len(runs)))
-        block[:, measured, :p] = by_all[:, :, :p] * slopes
-        starts = by_all[:, :, p:] * problem.starts[r].deviation
-        block[:, measured, p + r * nx : p + (r + 1) * nx] = starts
+        places = problem.columns(problem.records[r].group)
+        of_measured = np.zeros((*by_all.shape[:2], p + nx * len(runs)))
+        of_measured[:, :, places] = by_all[:, :, : len(places)] * slopes[places]
+        starts = by_all[:, :, len(places) :] * problem.starts[r].deviation
+        of_measured[:, :, p + r * nx : p + (r + 1) * nx] = starts
+        block = np.zeros((*outputs.shape, of_measured.shape[2]))
+        block[:, measured] = of_measured
         blocks.append((block * root[:, None]).reshape(-1, block.shape[2]))
         targets.append(((problem.records[r].outputs - outputs) * root).ravel())
     return np.concatenate(targets), np.concatenate(blocks)

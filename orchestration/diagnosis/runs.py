@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fmus.kit.arrays import Array, Mask
+from fmus.kit.arrays import Array, Indices, Mask
 from fmus.kit.record import Rhythm, Ticks, ticks_of
 from orchestration.diagnosis.terms import Term
 
@@ -32,6 +32,8 @@ class Record:
     gain : ndarray, shape (n, nx, ny), or None
         Of an observer, by which measured less predicted outputs correct the states after each
         sample; None for a free run.
+    group : int
+        Number of the group of records with the same local values; see `LocalValues`.
     """
 
     time: Array
@@ -41,6 +43,7 @@ class Record:
     label: str = ""
     begin: float = 0.0
     gain: Array | None = None
+    group: int = 0
     _ticks: dict[tuple[Rhythm, ...], Ticks] = field(default_factory=dict, init=False, repr=False)
 
     def ticks(self, rhythms: tuple[Rhythm, ...]) -> Ticks:
@@ -171,7 +174,7 @@ class Setting:
     """
 
     parameters: Array
-    free: Array
+    free: Indices
     terms: tuple[Term, ...] = ()
     values: Array = field(default_factory=lambda: np.zeros(0))
     substeps: int = 1

@@ -158,10 +158,12 @@ def estimates(fitted: Fit, terms: Mapping[str, Term]) -> dict[str, Estimate]:
     problem = fitted.problem
     deviation = deviations(fitted)
     result = {}
-    for k, (i, scale) in enumerate(zip(problem.free, problem.scales, strict=True)):
+    # values of one parameter together
+    for k in sorted(range(len(problem.free)), key=lambda k: problem.free[k]):
+        i, scale = problem.free[k], problem.scales[k]
         declared = problem.model.parameters[i]
         ends = _ends(fitted.point.q[k], deviation[k], problem.deviation[k])
-        result[declared.name] = Estimate(
+        result[problem.names[k]] = Estimate(
             scale.value(fitted.point.q[k]),
             float(problem.nominal[i]),
             (scale.value(ends[0]), scale.value(ends[1])),

@@ -144,7 +144,7 @@ def signal_samples(fitted: Fit, signal: str) -> Array:
     model = problem.model
     parts = []
     for record, course in zip(problem.records, _courses(fitted), strict=True):
-        setting = problem.setting(fitted.point, fitted.terms)
+        setting = problem.setting(fitted.point, fitted.terms, record.group)
         laws = model.linearise(record, setting, course).laws
         own = course.states[:, : len(model.states)]
         signals = np.column_stack([record.inputs, own, laws, record.time])

@@ -22,6 +22,7 @@ from orchestration.diagnosis.fitting import (
     nominal_point,
     weights_of,
 )
+from orchestration.diagnosis.local_values import LocalValues
 from orchestration.diagnosis.runs import Setting
 from orchestration.diagnosis.screening import Screen, alike
 from orchestration.diagnosis.terms import DelayTerm, SensorTerm
@@ -166,6 +167,34 @@ def test_what_a_parameter_does_is_left_with_nothing() -> None:
     assert left["x", Shape.LINEAR] < 0.02
     assert left["v", Shape.LINEAR] < 0.02
     assert left["x", Shape.CUBE] > 0.04
+
+
+@pytest.mark.parametrize("local", [True, False])
+def test_what_a_local_value_does_is_left_with_nothing(local: bool) -> None:
+    """The spring of the second record is a hundredth stiffer than that of a fit to both.
+
+    The fit has another mass in the second, by which the courses differ.
+    """
+    of_each = LocalValues(("a", "b"), ("mass", "stiffness") if local else ("mass",))
+    plain = [replace(pushed(200, smooth=True), group=group) for group in (0, 1)]
+    records = []
+    for record, values in zip(plain, ((M, K, D), (1.5 * M, 1.01 * K, D)), strict=True):
+
+        def rates(x: Array, u: float, t: float, v: tuple[float, ...] = values) -> list[float]:
+            return [x[1], (u - v[1] * x[0] - v[2] * x[1]) / v[0]]
+
+        records.append(replace(record, outputs=integrated(record, rates, START, 1e-7)[:, :1]))
+    problem = replace(problem_of(records), local=of_each)
+    point = nominal_point(problem)
+    q = point.q + np.eye(len(point.q))[problem.names.index("mass@b")] * np.log(1.5)
+    errors = tuple(np.ones((200, 1)) for _ in records)
+    found = Fit(problem, (), replace(point, q=q), errors, 0.0, np.zeros((9, 9)))
+    along = courses_of(found, problem.records, found.point.starts)
+    assert along is not None
+    assert np.abs(along.errors[0]).max() < 1e-3
+    columns = Screen(along, is_candidate=lambda term: isinstance(term, SensorTerm))._columns
+    left = np.linalg.norm(columns.remaining) / np.linalg.norm(columns.target)
+    assert (left < 0.1) == local
 
 
 def test_a_small_term_is_solved_for() -> None:
@@ -459,6 +488,21 @@ def test_faults_of_the_sensor_of_a_measured_output_are_proposed() -> None:
     assert {c.term.law for c in faults} == {"position"}
     plain = [c.prior for c in faults if c.term.shape in (Shape.CONSTANT, Shape.LINEAR)]
     assert plain == pytest.approx([WEIGHTS.misread] * len(plain)), "as likely as a misread file"
+
+
+def test_what_may_be_no_cause_is_not_proposed() -> None:
+    _, found = screened()
+    along = courses_of(found, found.problem.records, found.point.starts)
+    assert along is not None
+    restricted = Screen(along, is_candidate=lambda term: isinstance(term, SensorTerm))
+    assert restricted.candidates
+    assert all(isinstance(one.term, SensorTerm) for one in restricted.candidates)
+    whole = Screen(along)
+    (place,) = [
+        i for i, one in enumerate(whole.candidates) if one.term == restricted.candidates[0].term
+    ]
+    assert restricted.gains([(0,)]) == pytest.approx(whole.gains([(place,)]))
+    assert not Screen(along, is_candidate=lambda term: False).candidates
 
 
 def test_the_response_to_a_fault_of_a_sensor_is_the_fault() -> None:
