@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,6 +20,7 @@ from orchestration.diagnosis.fitting import (
     fit_base,
     fit_start,
     joined_by,
+    mean_squares,
     weights_of,
 )
 from orchestration.diagnosis.law_model import LawModel
@@ -43,6 +44,7 @@ _SHORTEST = _MOST // 2  # of one of many, to which it is cut at most
 _JUMP = 0.01  # standard deviations, from which on an input jumps that stands still at most samples
 _DECAY = 1.0  # e-folds over a record, by which each mode decays of a model that forgets errors
 _ROUNDS = 3  # of observers and fits by turns
+_NOTHING = 1e-12  # mean square of errors, in squared spreads
 _UNSEEN = 0.002  # of the spread, by which a run over fewer samples may differ
 
 
@@ -78,6 +80,9 @@ class Subject:
         Of the file, if it means other values than those that were read.
     observer : Observer or None
         By which all errors are those of predictions; None if they are those of free runs.
+    otherwise : callable
+        Returns the subject whose inputs go the other way between samples, if that may be; else
+        None.
     """
 
     problem: Problem
@@ -85,6 +90,7 @@ class Subject:
     base: Fit
     reading: Reading | None = None
     observer: Observer | None = None
+    otherwise: Callable[[], Subject | None] = lambda: None
 
     def judge(self, fitted: Fit) -> Judged | None:
         """Run a fit over what is left out.
@@ -210,9 +216,9 @@ def words_of(model: LawModel, part: Reading | Term) -> float:
 
 
 def depends(model: LawModel, term: Term) -> bool:
-    """Return whether a law depends on the signal of a term already, or is that signal."""
+    """Return whether a law depends on the signals of a term already, or is one of them."""
     own = {"", term.law} | set(model.perturbed.computed_from(term.law))
-    return term.signal in own
+    return term.signal in own and term.factor in own
 
 
 def _beginning(record: Record) -> int:
@@ -327,7 +333,7 @@ def subject_of(
         Nominal values of parameters, SI.
     interpolate : bool, optional
         Whether inputs go in straight lines between samples, or are held; by default what fits
-        clearly better.
+        clearly better. With what the model lacks it may be seen that they go otherwise.
     local : LocalValues, optional
         Values that the records do not share.
 
@@ -339,10 +345,10 @@ def subject_of(
     # of what is fitted alone, or a fit would depend on what is left out
     fitted = records if held_out else [r.part(0, int(_PART * len(r.time))) for r in records]
     spread = _spread(fitted)
-    best = None
     ways = [False] if interpolate is None else [interpolate]
     if interpolate is None and len(model.inputs) and len(model.states):
         ways = [False, True]
+    subjects = []
     for smooth in ways:
         inputs = (smooth,) * len(model.inputs)
         parts = _divided(
@@ -351,9 +357,18 @@ def subject_of(
             [replace(r, smooth=inputs) for r in held_out],
         )
         one = _fitted(*parts)
-        if one is not None and (best is None or _gain(one.base, best.base) > WEIGHTS.least):
-            best = one
-    return None if best is None else _begun(_as_fitted(best, records, held_out))
+        if one is not None:
+            subjects.append(one)
+    if len(subjects) > 1 and likelihood_gain(subjects[1].base, subjects[0].base) > WEIGHTS.least:
+        subjects.reverse()
+
+    def begun(one: Subject) -> Subject:
+        return _begun(_as_fitted(one, records, held_out))
+
+    if len(subjects) < 2:
+        return begun(subjects[0]) if subjects else None
+    first, second = subjects
+    return replace(begun(first), otherwise=lambda: begun(second))
 
 
 def _fitted(problem: Problem, left_out: tuple[LeftOut, ...]) -> Subject | None:
@@ -516,10 +531,17 @@ def divided_as_read(subject: Subject, reading: Reading) -> tuple[Problem, tuple[
     return changed, left_out
 
 
-def _gain(one: Fit, other: Fit) -> float:
-    """Return the gain in log likelihood of a fit over another that leaves like errors, nats."""
-    samples = sum(effective_samples(column) for errors in other.errors for column in errors.T)
-    return samples * float(np.log(other.misfit / one.misfit))
+def likelihood_gain(one: Fit, other: Fit) -> float:
+    """Return the gain in log likelihood of a fit over another, nats.
+
+    That of each output counts: one in which a law is missing hides no other. It has as many
+    samples as are independent in the fit that leaves less structure there.
+    """
+    ours, theirs = (mean_squares(np.concatenate(f.errors)) for f in (one, other))
+    counts = [[[effective_samples(c) for c in e.T] for e in f.errors] for f in (one, other)]
+    samples = np.max(np.sum(counts, axis=1), axis=0)
+    shares = np.log(np.maximum(theirs, _NOTHING) / np.maximum(ours, _NOTHING))
+    return float(0.5 * np.nansum(samples * shares))
 
 
 def _divided(
