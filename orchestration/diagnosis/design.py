@@ -11,9 +11,9 @@ shape with which the true cause is expected to become most probable.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, permutations
+from itertools import combinations, permutations, zip_longest
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.conclude import Conclusion
 from orchestration.diagnosis.fitting import Fit, Problem, independent_weights
 from orchestration.diagnosis.law_model import Record
+from orchestration.diagnosis.options import Deadline
 from orchestration.diagnosis.prediction import Forecast
 from orchestration.diagnosis.search import Found
 from orchestration.diagnosis.subject import start_prior
@@ -40,6 +41,7 @@ Experiment = dict[str, menu.Stimulus]
 _MOST = 2400  # samples of a simulated run: four in the shortest stay of a menu
 _ROUNDS = 2  # of exchanging the shape of every input
 _MOST_TRIALS = 60
+_SECONDS = 1.0  # of processor time, after which stiff models are tried no more
 _ABOUT = 0.02  # relative fall of the loss that is none: what is tried first is broader
 _CERTAIN = 1e-9  # expected loss, nats, below which experiments are equally good
 
@@ -104,8 +106,8 @@ def design_experiment(
     within = menu.limits_of_inputs(model.inputs, recorded, rig.ranges)
     if all(low == high for low, high in within.values()):
         return Design(reason="no input of the model may move")
-    step = float(np.median(np.diff(time)))
-    duration = round(float(time[-1] - time[0]) / step) * step
+    step = float(f"{np.median(np.diff(time)):.9g}")
+    duration = float(f"{round(float(time[-1] - time[0]) / step) * step:.9g}")
     shortest = max(2.0 * step, 0.5 / rig.bandwidth)
     shapes = menu.menus(model.inputs, within, duration=duration, step=step, shortest=shortest)
     contest = _Contest(causes, found, duration, step)
@@ -156,6 +158,7 @@ class _Contest:
         self._widths = np.sqrt(weights * samples / len(self._time))
         self._forecasts = [_forecast(cause.judged.fit, self._record) for cause in causes]
         self._tried: dict[str, Array | None] = {}
+        self._deadline = Deadline(_SECONDS)
 
     def improved(self, shapes: Mapping[str, Sequence[menu.Stimulus]]) -> Experiment:
         """Return the broadest experiment with the shape of one input after the other exchanged.
@@ -169,12 +172,11 @@ class _Contest:
         least = self._loss(chosen)
         for _ in range(_ROUNDS):
             before = chosen
-            for name, others in shapes.items():
-                for shape in others:
-                    trial = {**chosen, name: shape}
-                    loss = self._loss(trial)
-                    if loss < (1.0 - _ABOUT) * least:
-                        chosen, least = trial, loss
+            for name, shape in _by_turns(shapes):
+                trial = {**chosen, name: shape}
+                loss = self._loss(trial)
+                if loss < (1.0 - _ABOUT) * least:
+                    chosen, least = trial, loss
             if chosen == before:
                 break
         return chosen
@@ -186,7 +188,7 @@ class _Contest:
         """
         key = repr(chosen)
         if key not in self._tried:
-            if len(self._tried) >= _MOST_TRIALS:
+            if len(self._tried) >= _MOST_TRIALS or self._deadline.is_over():
                 return None
             self._tried[key] = self._evidence(chosen)
         return self._tried[key]
@@ -227,6 +229,16 @@ class _Contest:
             far = _beyond(rows[i] - rows[j], np.hstack([columns[i], columns[j]]))
             evidence[i, j] = evidence[j, i] = far
         return evidence
+
+
+def _by_turns(
+    shapes: Mapping[str, Sequence[menu.Stimulus]],
+) -> Iterator[tuple[str, menu.Stimulus]]:
+    """Yield each input with each of its shapes, the broadest shapes of all inputs first."""
+    for same_rank in zip_longest(*shapes.values()):
+        for name, shape in zip(shapes, same_rank, strict=True):
+            if shape is not None:
+                yield name, shape
 
 
 def _beyond(difference: Array, directions: Array) -> float:
