@@ -67,6 +67,8 @@ class Record:
     gain : ndarray, shape (n, nx, ny), or None
         Of an observer, by which measured less predicted outputs correct the states after each
         sample; None for a free run.
+    denoised : tuple of str
+        Inputs, and ``time``, that are read without their noise.
     """
 
     time: Array
@@ -76,6 +78,7 @@ class Record:
     label: str = ""
     begin: float = 0.0
     gain: Array | None = None
+    denoised: tuple[str, ...] = ()
     _ticks: dict[tuple[Rhythm, ...], Ticks] = field(default_factory=dict, init=False, repr=False)
 
     def ticks(self, rhythms: tuple[Rhythm, ...]) -> Ticks:
