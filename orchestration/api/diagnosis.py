@@ -38,9 +38,7 @@ from orchestration.reporting import option
 _LINEARISATIONS = 4  # of an FMU at most
 # options that the new engine does not take, and why
 _OF_OLD_ENGINE = {
-    "each": "it fits one value of a parameter to all records",
     "compare": "it does not diagnose changes; diagnose each record by itself",
-    "no_laws": "it searches laws and effects together, unless there is no effect either",
 }
 
 
@@ -149,10 +147,8 @@ def refuse_useless_options(subject: Model, options: DiagnoseKeywords) -> None:
 
 def _refuse_options_of_old_engine(options: Mapping[str, object]) -> None:
     """Raise an error for an option that the new engine does not take."""
-    has_effects = options["effects"] is None or bool(options["effects"])
-    given = {**options, "no_laws": not options["laws"] and has_effects}
     for name, reason in _OF_OLD_ENGINE.items():
-        if given[name]:
+        if options[name]:
             raise UserError(
                 f"{option(name)}: the new engine does not take it, as {reason}; leave it out, or"
                 f" use {option('engine', 'old')}"
@@ -170,11 +166,13 @@ def _run_new_engine(
     chosen = TermOptions(
         hold=options["hold"],
         fit=options["fit"],
+        each=options["each"],
         given=numeric(values_of(subject, options["settings"])),
         effects=options["effects"],
         laws=options["laws"],
         interpolate=options["interpolate"],
         time=optional_seconds(options["time"]),
+        excitation=registry.excitation(subject.name),
     )
     diagnosis = diagnose_by_terms(measured, subject, unseen, chosen, options["progress"])
     command = equivalent_command(

@@ -21,8 +21,8 @@ from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.effects import effect_name, unstack
 from fmus.kit.symbolic import ComponentAlong, EffectForcing, Forcing, Points
 from orchestration.diagnosis.courses import Courses
-from orchestration.diagnosis.law_model import Course, Linearisation, Record
 from orchestration.diagnosis.responses import Drives, Stepped, steps_along
+from orchestration.diagnosis.runs import Linearisation
 from orchestration.diagnosis.terms import NamedTerm, Released, Shape
 from orchestration.fmu.model import catalogue
 from orchestration.identify.fitting import Scale, scale_of
@@ -112,17 +112,18 @@ def _by_runs(along: Courses) -> Callable[[str, _Settings], Array]:
 
     Without other effects of the catalogue, or each pair of them would be compiled.
     """
-    model, setting = along.model, along.setting
+    model, setting = along.model, along.setting(along.pieces[0])
     pairs = [(t, own) for t, own in setting.by_term() if not isinstance(t, NamedTerm)]
     terms = tuple(t for t, _ in pairs)
     values = np.concatenate([np.zeros(0), *(own for _, own in pairs)])
-    plain = replace(setting, free=setting.free[:0], terms=terms, values=values)
+    bare = replace(setting, free=setting.free[:0], terms=terms, values=values)
+    settings = [replace(bare, parameters=along.setting(r).parameters) for r in along.pieces]
     starts = [course.states[0][: len(model.states)] for course in along.courses]
-    bases = [model.run(r, plain, x) for r, x in zip(along.pieces, starts, strict=True)]
+    bases = [model.run(*one) for one in zip(along.pieces, settings, starts, strict=True)]
+    parts = list(zip(along.pieces, settings, starts, bases, strict=True))
 
-    def response(
-        record: Record, start: Array, base: Course | None, term: NamedTerm, strength: float
-    ) -> Array:
+    def response(piece: int, term: NamedTerm, strength: float) -> Array:
+        record, plain, start, base = parts[piece]
         own = term.values(strength)
         changed = replace(plain, terms=(*terms, term), values=np.append(values, own))
         run = model.run(record, changed, start, sensitive=not strength)
@@ -141,8 +142,8 @@ def _by_runs(along: Courses) -> Callable[[str, _Settings], Array]:
         for one in settings:
             term = _term(name, effect, one, 1.0, along.step)
             strength = one[declared[0].name]
-            parts = zip(along.pieces, starts, bases, strict=True)
-            columns.append(np.concatenate([response(*part, term, strength) for part in parts]))
+            each = [response(piece, term, strength) for piece in range(len(parts))]
+            columns.append(np.concatenate(each))
         return np.dstack(columns)[:, along.measured]
 
     return responses_to
@@ -198,10 +199,10 @@ def _term(
 def _components(along: Courses) -> list[ComponentAlong]:
     """Return the component along each course, with inputs as the run takes them."""
     model = along.model
-    pairs = zip(model.parameters, along.setting.parameters, strict=True)
-    values = {p.name: float(v) for p, v in pairs}
     components = []
     for piece, course in zip(along.pieces, along.courses, strict=True):
+        pairs = zip(model.parameters, along.setting(piece).parameters, strict=True)
+        values = {p.name: float(v) for p, v in pairs}
         states = course.states.T[: len(model.states)]
         none = np.zeros((0, len(piece.time)))
         begin = Points(piece.time[np.newaxis], piece.inputs.T, states, none)

@@ -10,7 +10,8 @@ import numpy as np
 
 from fmus.kit.arrays import Array, Mask
 from orchestration.diagnosis.fitting import Fit
-from orchestration.diagnosis.law_model import Course, LawModel, Linearisation, Record, Setting
+from orchestration.diagnosis.law_model import LawModel
+from orchestration.diagnosis.runs import Course, Linearisation, Record, Setting
 
 _PLACES = 20  # of the function of a signal, by which the actions of two laws differ
 _DIFFERENT = 1e-3  # share of squares that no such function explains
@@ -62,10 +63,10 @@ class Courses:
         """Shortest of the usual steps of the pieces, s."""
         return min(float(np.median(np.diff(t))) for t in self.times)
 
-    @cached_property
-    def setting(self) -> Setting:
-        """Of the courses."""
-        return self.fitted.problem.setting(self.fitted.point, self.fitted.terms)
+    def setting(self, piece: Record) -> Setting:
+        """Return the setting of the run over a piece."""
+        fitted = self.fitted
+        return fitted.problem.setting(fitted.point, fitted.terms, piece.group)
 
     @cached_property
     def inputs(self) -> Array:
@@ -98,16 +99,16 @@ def courses_of(fitted: Fit, pieces: Sequence[Record], starts: Sequence[Array]) -
     None if it runs away in one of them.
     """
     problem = fitted.problem
-    model = problem.model
-    setting = problem.setting(fitted.point, fitted.terms)
-    runs = [model.run(piece, setting, x) for piece, x in zip(pieces, starts, strict=True)]
+    settings = [problem.setting(fitted.point, fitted.terms, piece.group) for piece in pieces]
+    each = list(zip(pieces, settings, starts, strict=True))
+    runs = [problem.model.run(piece, setting, x) for piece, setting, x in each]
     courses = tuple(course for course in runs if course is not None)
     if len(courses) < len(runs):
         return None
-    both = list(zip(pieces, courses, strict=True))
-    errors = [(piece.outputs - course.outputs) / problem.spread for piece, course in both]
+    both = list(zip(pieces, settings, courses, strict=True))
+    errors = [(piece.outputs - course.outputs) / problem.spread for piece, _, course in both]
     measured: Mask = np.asarray(np.isfinite(np.concatenate(errors)).any(axis=0))
-    parts = [model.linearise(piece, setting, course) for piece, course in both]
+    parts = [problem.model.linearise(*one) for one in both]
     return Courses(
         fitted,
         tuple(pieces),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Literal, cast
@@ -13,20 +13,25 @@ import numpy as np
 
 from fmus.kit import Component, UserError
 from fmus.kit.arrays import Array
+from fmus.kit.registry import Excitation
 from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.conclude import Conclusion, conclude
+from orchestration.diagnosis.design import Design, design_experiment
 from orchestration.diagnosis.extension import extended_component
-from orchestration.diagnosis.law_model import MOST_TICKS, LawModel, Record
+from orchestration.diagnosis.law_model import MOST_TICKS, LawModel
+from orchestration.diagnosis.local_values import LocalValues
 from orchestration.diagnosis.misreadings import reading_that_runs
 from orchestration.diagnosis.observer import Observer
 from orchestration.diagnosis.options import Deadline, Options
 from orchestration.diagnosis.readings import TIME, Reading
 from orchestration.diagnosis.remainder import Remainder, remainders
+from orchestration.diagnosis.runs import Record
 from orchestration.diagnosis.search import Found, search
 from orchestration.diagnosis.subject import Subject, predicted, subject_of
 from orchestration.diagnosis.term_names import deviations, estimates, stems
 from orchestration.diagnosis.terms import Term
+from orchestration.experiment.design import DiscriminatingExperiment
 from orchestration.fmu import Model
 from orchestration.identify.uncertainty import Estimate, is_significantly_different
 from orchestration.records import Record as MeasuredRecord
@@ -75,6 +80,8 @@ class Diagnosis:
     conclusion : Conclusion
     notes : tuple of (str, str, str)
         Code, subject and sentence of a remark on the data.
+    experiment : DiscriminatingExperiment or None
+        That tells the causes of a group apart, or best guesses.
     """
 
     model: Model
@@ -83,6 +90,7 @@ class Diagnosis:
     found: Found
     conclusion: Conclusion
     notes: tuple[tuple[str, str, str], ...] = ()
+    experiment: DiscriminatingExperiment | None = None
 
     @property
     def subject(self) -> Subject:
@@ -159,11 +167,10 @@ class Diagnosis:
         fitted = self.final.fit
         problem = fitted.problem
         changes = fitted.point.q - problem.mean
-        names = [problem.model.parameters[i].name for i in problem.free]
-        errors = deviations(fitted)[: len(names)]
+        errors = deviations(fitted)[: len(changes)]
         return tuple(
             name
-            for name, change, error in zip(names, changes, errors, strict=True)
+            for name, change, error in zip(problem.names, changes, errors, strict=True)
             if is_significantly_different(change, error)
         )
 
@@ -250,6 +257,8 @@ def diagnose(
     hold = options.held([p.name for p in law_model.parameters])
     fitted, notes = _cut(records, model, law_model, options.given)
     unseen, more = _cut(holdouts, model, law_model, options.given)
+    unseen = [replace(one, group=len(records)) for one in unseen]
+    local = LocalValues(tuple(map(_label, records)), options.own_of_each(law_model))
     _check_outputs(model, fitted)
     _check_clocks(law_model, [*fitted, *unseen], options.given)
 
@@ -257,7 +266,9 @@ def diagnose(
         own, others = fitted, unseen
         if reading is not None:
             own, others = ([reading.apply(law_model, r) for r in part] for part in (own, others))
-        return subject_of(law_model, own, others, hold, options.given, options.interpolate)
+        return subject_of(
+            law_model, own, others, hold, options.given, options.interpolate, local=local
+        )
 
     progress("fitting the model as it is")
     with warnings.catch_warnings():
@@ -278,7 +289,39 @@ def diagnose(
     more += _denoised(found.subject)
     if not deadline.was_met:
         more.append(_time_note(options))
-    return Diagnosis(model, tuple(records), tuple(holdouts), found, conclusion, (*notes, *more))
+    design = _designed(found, conclusion, records, model, options)
+    more += design.notes
+    return Diagnosis(
+        model,
+        tuple(records),
+        tuple(holdouts),
+        found,
+        conclusion,
+        (*notes, *more),
+        design.experiment,
+    )
+
+
+def _designed(
+    found: Found,
+    conclusion: Conclusion,
+    records: Sequence[MeasuredRecord],
+    model: Model,
+    options: Options,
+) -> Design:
+    """Design an experiment as long as the longest record; inputs with a given value keep it."""
+    record = max(records, key=lambda record: float(np.ptp(record.time)))
+    law_model = found.subject.problem.model
+    inputs, _ = _inputs(record, model, law_model, options.given)
+    names = [variable.name for variable in law_model.inputs]
+    given = {name: (value, value) for name, value in options.given.items() if name in names}
+    rig = options.excitation or Excitation({}, np.inf)
+    rig = replace(rig, ranges={**rig.ranges, **given})
+    recorded = dict(zip(names, inputs.T, strict=True))
+    try:
+        return design_experiment(found, conclusion, recorded, record.time, rig)
+    except UserError as error:
+        return Design(reason=f"no experiment could be designed: {error}")
 
 
 def _answer(
@@ -295,7 +338,7 @@ def _answer(
             base = one.judge(one.base)
             found = None if base is None else Found(one, base)
         else:
-            found = search(one, progress, deadline.is_over)
+            found = search(one, progress, deadline.is_over, options.is_candidate)
         return None if found is None else (found, conclude(found))
 
     begun = subject.judge(subject.base)
@@ -464,10 +507,10 @@ def _cut(
 ) -> tuple[list[Record], list[tuple[str, str, str]]]:
     """Return records as the kernel takes them, cut at gaps in time, and notes on them."""
     pieces, notes = [], []
-    for record in records:
+    for group, record in enumerate(records):
         inputs, absent = _inputs(record, model, law_model, given)
         outputs = _outputs(record, law_model)
-        label = " ".join(filter(None, (record.source.stem, record.label)))
+        label = _label(record)
         spans = _spans(record.time)
         for number, (first, last) in enumerate(spans, 1):
             pieces.append(
@@ -478,6 +521,7 @@ def _cut(
                     (False,) * inputs.shape[1],
                     f"{label}.{number}" if len(spans) > 1 else label,
                     float(record.time[0] - record.time[first]),
+                    group=group,
                 )
             )
         for name, value in absent.items():
@@ -487,6 +531,11 @@ def _cut(
             text = f"{record.source.name} has gaps in its time: it is {len(spans)} records"
             notes.append(("gaps", record.label, text))
     return pieces, list(dict.fromkeys(notes))
+
+
+def _label(record: MeasuredRecord) -> str:
+    """Return the name of a record: that of its file, and of the run."""
+    return " ".join(filter(None, (record.source.stem, record.label)))
 
 
 def _cut_off(subject: Subject, records: Sequence[Record]) -> list[tuple[str, str, str]]:

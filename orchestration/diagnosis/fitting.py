@@ -15,8 +15,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from fmus.kit.arrays import Array, Mask
-from orchestration.diagnosis.law_model import Course, LawModel, Record, Setting
+from fmus.kit.arrays import Array, Indices, Mask
+from orchestration.diagnosis.law_model import LawModel
+from orchestration.diagnosis.local_values import COMMON, Copy, LocalValues, columns
+from orchestration.diagnosis.runs import Course, Record, Setting
 from orchestration.diagnosis.terms import Shape, Term
 from orchestration.identify.fitting import Scale, scale_of
 
@@ -93,6 +95,8 @@ class Problem:
     begins_anywhere : bool
         Whether a run of a model with inputs begins where its record says, and not near the start
         states that are declared.
+    local : LocalValues
+        Values that the records do not share.
     """
 
     model: LawModel
@@ -103,6 +107,7 @@ class Problem:
     values: Mapping[str, float] | None = None
     substeps: int = 1
     begins_anywhere: bool = False
+    local: LocalValues = COMMON
 
     @cached_property
     def nominal(self) -> Array:
@@ -111,7 +116,7 @@ class Problem:
         return np.array([float(given.get(p.name, p.start)) for p in self.model.parameters])
 
     @cached_property
-    def free(self) -> Array:
+    def searched(self) -> Indices:
         """Positions of the parameters that are searched; clocks keep their instants."""
         starts = set(self.model.start_positions)
         held = self.hold | self.model.clock_parameters
@@ -123,6 +128,37 @@ class Problem:
             ],
             dtype=int,
         )
+
+    @cached_property
+    def _copies(self) -> list[Copy]:
+        return self.local.of_parameters([self.model.parameters[i].name for i in self.searched])
+
+    @cached_property
+    def free(self) -> Indices:
+        """Positions of the parameters of all searched coordinates, local values behind common."""
+        further = [self.searched[position] for position, _ in self._copies]
+        return np.append(self.searched, np.array(further, dtype=int))
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Names of the searched coordinates; see `LocalValues.name`."""
+        groups = [0] * len(self.searched) + [group for _, group in self._copies]
+        declared = [self.model.parameters[i].name for i in self.free]
+        return [self.local.name(*pair) for pair in zip(declared, groups, strict=True)]
+
+    def columns(self, group: int) -> Indices:
+        """Return which searched coordinates a group of records has, in the order of `searched`."""
+        return columns(len(self.searched), self._copies, group)
+
+    def value_columns(self, count: int, group: int) -> Indices:
+        """Return which of so many values of terms a group of records has."""
+        copies = self.local.of_terms()
+        return columns(count - len(copies), copies, group)
+
+    def coordinates(self, values: int, group: int) -> Indices:
+        """Return which coordinates and, behind all, which values of terms a group has."""
+        behind = len(self.free) + self.value_columns(values, group)
+        return np.append(self.columns(group), behind)
 
     @cached_property
     def scales(self) -> list[Scale]:
@@ -159,11 +195,12 @@ class Problem:
             high.append(scale.position(p.max))
         return np.array(low), np.array(high)
 
-    def parameters(self, q: Array) -> Array:
-        """Return all parameters (np,), SI, at searched coordinates of the free ones."""
+    def parameters(self, q: Array, group: int = 0) -> Array:
+        """Return all parameters (np,) of a group of records, SI, at searched coordinates."""
         all_of_them = self.nominal.copy()
         with np.errstate(over="ignore"):  # the end of an interval may lie beyond every number
-            all_of_them[self.free] = np.where(self._logarithmic, np.exp(q), q * self._sizes)
+            values = np.where(self._logarithmic, np.exp(q), q * self._sizes)
+        all_of_them[self.searched] = values[self.columns(group)]
         return all_of_them
 
     def slopes(self, q: Array) -> Array:
@@ -175,12 +212,14 @@ class Problem:
         self, record: Record, point: Point, terms: Sequence[Term], start: Array, sensitive: bool
     ) -> Course | None:
         """Run over a record at a point."""
-        return self.model.run(record, self.setting(point, terms), start, sensitive=sensitive)
+        setting = self.setting(point, terms, record.group)
+        return self.model.run(record, setting, start, sensitive=sensitive)
 
-    def setting(self, point: Point, terms: Sequence[Term]) -> Setting:
-        """Return a point as the model takes it."""
-        all_of_them = self.parameters(point.q)
-        return Setting(all_of_them, self.free, tuple(terms), point.values, self.substeps)
+    def setting(self, point: Point, terms: Sequence[Term], group: int = 0) -> Setting:
+        """Return a point as the model takes it over a group of records."""
+        all_of_them = self.parameters(point.q, group)
+        values = point.values[self.value_columns(len(point.values), group)]
+        return Setting(all_of_them, self.searched, tuple(terms), values, self.substeps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,9 +229,9 @@ class Point:
     Attributes
     ----------
     q : ndarray, shape (p,)
-        Searched coordinates of the free parameters.
+        Searched coordinates of the free parameters, local values behind common ones.
     values : ndarray, shape (k,)
-        Of the terms: coefficients, and logarithms of constants and widths.
+        Of the terms: coefficients, and logarithms of constants and widths, local ones behind.
     starts : tuple of ndarray, shape (nx,)
         Start states of each record, SI.
     """
@@ -228,8 +267,13 @@ class Fit:
 
     @property
     def freedom(self) -> int:
-        """Degrees of freedom that the terms add."""
-        return sum(term.freedom for term in self.terms)
+        """Degrees of freedom that the terms add, and values that differ in a later record."""
+        return sum(term.freedom for term in self.terms) + self.problem.local.released
+
+    @property
+    def explanations(self) -> int:
+        """Number of terms, and of values that differ in a later record."""
+        return len(self.terms) + self.problem.local.released
 
     @property
     def misfit(self) -> float:
@@ -252,6 +296,17 @@ class Fit:
                 return self.point.values[at : at + width]
             at += width
         raise KeyError(str(term))
+
+
+def joined_by(fitted: Fit, record: Record) -> Fit:
+    """Return a fit with local values, as their prior has them, of a record in no group so far."""
+    problem, point = fitted.problem, fitted.point
+    if not problem.local.each or record.group < len(problem.local.groups):
+        return fitted
+    local = replace(problem.local, groups=(*problem.local.groups, record.label))
+    joined = replace(problem, local=local)
+    q = np.append(point.q, joined.mean[len(point.q) :])
+    return replace(fitted, problem=joined, point=replace(point, q=q))
 
 
 def located(fitted: Fit) -> Fit:
@@ -319,6 +374,10 @@ class _Search:
             mean += [0.0] * term.coefficients + list(term.start)
             own = [_CONSTANT] * len(term.constants) + [_WIDTH] * term.shape.has_width
             deviation += [_COEFFICIENT] * term.coefficients + own
+        further = [position for position, _ in problem.local.of_terms()]
+        mean += [mean[i] for i in further]
+        deviation += [deviation[i] for i in further]
+        self.values = len(mean)
         self.mean = np.array([*problem.mean, *mean])
         self.deviation = np.array([*problem.deviation, *deviation])
         self.size = len(self.mean)
@@ -350,7 +409,8 @@ class _Search:
                 return None
             errors.append((record.outputs - course.outputs) / problem.spread)
             rows, e = self._weighed(course, errors[r], slopes, r)
-            at = np.r_[: self.size, self.size + r * nx : self.size + (r + 1) * nx]
+            own = np.arange(self.size + r * nx, self.size + (r + 1) * nx)
+            at = np.append(problem.coordinates(self.values, record.group), own)
             with np.errstate(over="ignore", invalid="ignore"):
                 curvature[np.ix_(at, at)] += rows.T @ rows
                 gradient[at] += rows.T @ e
@@ -365,11 +425,12 @@ class _Search:
         return cost, curvature, gradient, tuple(errors)
 
     def _weighed(self, course: Course, error: Array, slopes: Array, r: int) -> tuple[Array, Array]:
-        """Return weighed derivatives by the searched coordinates, and errors, without gaps."""
+        """Return weighed derivatives by a record's coordinates, and errors, without gaps."""
         problem = self.problem
         measured = problem.records[r].measured
         root = np.sqrt(self.weights[r])[measured]
-        terms = np.ones(self.size - len(slopes))
+        slopes = slopes[problem.columns(problem.records[r].group)]
+        terms = np.ones(course.slopes.shape[2] - len(slopes) - len(problem.model.states))
         factors = np.concatenate([slopes, terms, problem.starts[r].deviation])
         rows = course.slopes * ((root / problem.spread[measured])[:, np.newaxis] * factors)
         e = error[:, measured]
@@ -530,43 +591,70 @@ def fit_base(problem: Problem, q: Array | None = None) -> Fit | None:
 
 
 def fit_start(
-    problem: Problem, setting: Setting, record: Record, prior: StartPrior, weight: Array
-) -> Array | None:
-    """Fit the start states of a record alone; None if the model runs away.
+    problem: Problem,
+    point: Point,
+    terms: Sequence[Term],
+    record: Record,
+    prior: StartPrior,
+    weight: Array,
+    *,
+    local: int = 0,
+) -> tuple[Point, Array] | None:
+    """Fit the start states of a record alone, and local values; None if the model runs away.
 
     Parameters
     ----------
     problem : Problem
-    setting : Setting
-        Parameters and terms, which stay.
+    point : Point
+        All other values, which stay.
+    terms : sequence of Term
     record : Record
     prior : StartPrior
     weight : ndarray, shape (ny,)
         Of squared errors in spreads.
+    local : int
+        Number of the last coordinates of the point that are fitted with the start states.
+
+    Returns
+    -------
+    point : Point
+        With the local values.
+    start : ndarray, shape (nx,)
     """
-    model = problem.model
-    nx = len(model.states)
-    if not nx:
-        return prior.mean
+    common, nx = len(point.q) - local, len(prior.mean)
+    if not nx + local:
+        return point, prior.mean
     root = np.sqrt(weight)
+    mean = np.append(problem.mean[common:], prior.mean)
+    deviation = np.append(problem.deviation[common:], prior.deviation)
+    places = problem.columns(record.group)
+    own = np.array([np.flatnonzero(places == common + i)[0] for i in range(local)], dtype=int)
+
+    def at(z: Array) -> tuple[Point, Array]:
+        place = mean + z * deviation
+        q = np.append(point.q[:common], place[:local])
+        return replace(point, q=np.clip(q, *problem.bounds)), place[local:]
 
     def evaluate(z: Array) -> Evaluated | None:
-        start = prior.mean + z * prior.deviation
-        course = model.run(record, setting, start, sensitive=True)
+        here, start = at(z)
+        setting = replace(problem.setting(here, terms, record.group), free=problem.searched[own])
+        course = problem.model.run(record, setting, start, sensitive=True)
         if course is None:
             return None
         e = ((record.outputs - course.outputs) / problem.spread * root)[:, record.measured].ravel()
-        rows = course.slopes[:, :, course.slopes.shape[2] - nx :] * prior.deviation
-        rows = (rows * (root / problem.spread)[record.measured, None]).reshape(-1, nx)
+        searched = np.r_[:local, course.slopes.shape[2] - nx : course.slopes.shape[2]]
+        factors = np.append(problem.slopes(here.q)[common:], np.ones(nx)) * deviation
+        rows = course.slopes[:, :, searched] * factors
+        rows = (rows * (root / problem.spread)[record.measured, None]).reshape(-1, len(factors))
         present = np.isfinite(e)
         e, rows = e[present], rows[present]
-        return 0.5 * float(e @ e + z @ z), rows.T @ rows + np.eye(nx), rows.T @ e - z, (e,)
+        return 0.5 * float(e @ e + z @ z), rows.T @ rows + np.eye(len(z)), rows.T @ e - z, (e,)
 
-    at_mean = evaluate(np.zeros(nx))
+    at_mean = evaluate(np.zeros(local + nx))
     if at_mean is None:
         return None
-    found, _ = _downhill(evaluate, np.add, (np.zeros(nx), at_mean), _START_STEPS, FLAT)
-    return prior.mean + found * prior.deviation
+    found, _ = _downhill(evaluate, np.add, (np.zeros(local + nx), at_mean), _START_STEPS, FLAT)
+    return at(found)
 
 
 def final_curvature(fitted: Fit) -> Array:

@@ -19,9 +19,9 @@ import numpy as np
 
 from fmus.kit.arrays import Array, Mask
 from orchestration.diagnosis.fitting import Point, Problem, StartPrior, mean_squares
-from orchestration.diagnosis.law_model import Course, Linearisation, Record
 from orchestration.diagnosis.remainder import noise_of
 from orchestration.diagnosis.responses import steps_along
+from orchestration.diagnosis.runs import Course, Linearisation, Record
 from orchestration.diagnosis.terms import Term
 
 _SHARES = 10.0 ** np.arange(-5.0, 1.1, 0.5)  # of the rates, that disturbances are tried to be
@@ -122,10 +122,10 @@ class Place:
 
     def runs(self, gains: Sequence[Array | None]) -> list[Course] | None:
         """Run with gains (n, nx, ny) of each record; None if one leaves its bounds."""
-        setting = self.problem.setting(self.point, self.terms)
         runs = []
         for record, gain, start in zip(self.records, gains, self.starts, strict=True):
-            run = self.problem.model.run(replace(record, gain=gain), setting, start.mean)
+            own = replace(record, gain=gain)
+            run = self.problem.run(own, self.point, self.terms, start.mean, False)
             if run is None:
                 return None
             runs.append(run)
@@ -158,7 +158,7 @@ class Place:
         model = self.problem.model
         nominal = model.nominal_states
         none = np.empty(0)
-        setting = self.problem.setting(self.point, self.terms)
+        setting = self.problem.setting(self.point, self.terms, record.group)
         part = model.linearise(record, setting, Course(none, none, np.ascontiguousarray(states)))
         transitions, pushes = _steps(part, record, self._laws)
         own = slice(0, len(nominal))

@@ -8,7 +8,10 @@ from time import process_time
 
 from fmus.kit import Component, Effect, UserError
 from fmus.kit.errors import suggestion
+from fmus.kit.registry import Excitation
 from orchestration.diagnosis.catalogue import usable_effects
+from orchestration.diagnosis.law_model import LawModel
+from orchestration.diagnosis.terms import NamedTerm, SensorTerm, Term
 from orchestration.reporting import option
 
 _FAMILIES = "families"  # which terms over all laws and signals are, without any name
@@ -24,25 +27,32 @@ class Options:
         Parameters that keep their values.
     fit : collection of str
         Parameters that are fitted, all others being held; empty for all.
+    each : collection of str
+        Parameters with a value of their own in every record.
     given : Mapping of str to float
         Nominal values of parameters, and values of inputs that are constant, SI.
     effects : sequence of str or None
         Names or ids of the effects of the catalogue that may be causes; by default all.
     laws : bool
-        Whether terms of the laws may be causes; with effects they always are.
+        Whether terms of the laws may be causes, beside effects and faults of sensors and files.
     interpolate : bool or None
         Whether inputs go in straight lines between samples, or are held; estimated by default.
     time : float or None
         Processor time of the search, s; by default without a limit.
+    excitation : Excitation or None
+        Limits of an experiment that is designed; without them those that the model declares, and
+        where it declares none those of the record.
     """
 
     hold: Collection[str] = ()
     fit: Collection[str] = ()
+    each: Collection[str] = ()
     given: Mapping[str, float] = field(default_factory=dict)
     effects: Sequence[str] | None = None
     laws: bool = True
     interpolate: bool | None = None
     time: float | None = None
+    excitation: Excitation | None = None
 
     @property
     def recalibrates(self) -> bool:
@@ -62,7 +72,7 @@ class Options:
         UserError
             If one is unknown, or both held and fitted.
         """
-        for name, values in (("hold", self.hold), ("fit", self.fit)):
+        for name, values in (("hold", self.hold), ("fit", self.fit), ("each", self.each)):
             unknown = next((value for value in values if value not in parameters), None)
             if unknown is not None:
                 raise UserError(
@@ -74,6 +84,29 @@ class Options:
             raise UserError(f"{option('fit', [both])}: {both} is held by {option('hold', [both])}")
         others = [name for name in parameters if self.fit and name not in self.fit]
         return frozenset([*self.hold, *others])
+
+    def own_of_each(self, model: LawModel) -> tuple[str, ...]:
+        """Return the parameters with a value of their own in every record, but for start states.
+
+        Raises
+        ------
+        UserError
+            If one is unknown, or not fitted.
+        """
+        held = self.held([p.name for p in model.parameters]) | model.clock_parameters
+        real = {p.name for p in model.parameters if p.type == "real"}
+        for name in self.each:
+            if name not in real or name in held:
+                raise UserError(
+                    f"{option('each', [name])}: {name} is not fitted, so it cannot differ from"
+                    " record to record"
+                )
+        starts = {model.parameters[i].name for i in model.start_positions}
+        return tuple(name for name in dict.fromkeys(self.each) if name not in starts)
+
+    def is_candidate(self, term: Term) -> bool:
+        """Return whether a term may be a cause."""
+        return self.laws or isinstance(term, NamedTerm | SensorTerm)
 
     def effects_of(self, cls: type[Component]) -> dict[str, type[Effect]]:
         """Return the effects of a component's catalogue that may be causes, by name.

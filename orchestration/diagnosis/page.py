@@ -57,6 +57,7 @@ def diagnosis_page(diagnosis: Diagnosis, command: str = "") -> Page:
     )
     if diagnosis.causes:
         _add_causes(page, diagnosis)
+    _add_experiment(page, diagnosis)
     page.heading("The model beside the record")
     for course in curves.output_courses(diagnosis):
         _add_course(page, diagnosis, course)
@@ -93,6 +94,19 @@ def _add_causes(page: Page, diagnosis: Diagnosis) -> None:
         colour = pictures.FITTED if rung.parts else pictures.MODEL
         bars.append(Bar(capitalised(model), colour, length, error))
     page.parts.append(elements.bar_chart("Error on unseen samples, part by part", bars))
+
+
+def _add_experiment(page: Page, diagnosis: Diagnosis) -> None:
+    """Add the experiment that tells the causes apart, if there is one."""
+    experiment = diagnosis.experiment
+    if experiment is None:
+        return
+    page.subheading("An experiment that would tell more")
+    page.text(
+        f"{experiment.sentence} Save it as experiment.toml, and ppy run experiment.toml rehearses"
+        " it."
+    )
+    page.code([experiment.toml(diagnosis.model.name, experiment.sentence)])
 
 
 def _add_course(page: Page, diagnosis: Diagnosis, course: curves.OutputCourse) -> None:

@@ -18,9 +18,10 @@ from scipy.ndimage import median_filter, uniform_filter1d
 
 from fmus.kit.arrays import Array, Mask
 from orchestration.diagnosis.fitting import effective_samples
-from orchestration.diagnosis.law_model import LawModel, Record
+from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.readings import TIME
 from orchestration.diagnosis.remainder import noise_of
+from orchestration.diagnosis.runs import Record
 
 _APART = 4.0  # standard deviations of the noise between levels: normal samples have no such gap
 _STILL = 1.5  # of the noise, up to which an input is at its levels

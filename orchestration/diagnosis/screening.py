@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,11 +19,20 @@ from fmus.kit.arrays import Array, Mask
 from orchestration.diagnosis.catalogue import named_terms
 from orchestration.diagnosis.comparison import words
 from orchestration.diagnosis.courses import Courses
+from orchestration.diagnosis.delays import earlier
 from orchestration.diagnosis.fitting import effective_samples, weights_of
-from orchestration.diagnosis.law_model import LawModel, Linearisation
+from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.responses import Drives, Projection, Response, respond
+from orchestration.diagnosis.runs import Linearisation
 from orchestration.diagnosis.signals import Seen, distinct, seen
-from orchestration.diagnosis.terms import Memory, NamedTerm, SensorTerm, Shape, Term
+from orchestration.diagnosis.terms import (
+    DelayTerm,
+    Memory,
+    NamedTerm,
+    SensorTerm,
+    Shape,
+    Term,
+)
 
 _PLAIN = (
     Shape.LINEAR,
@@ -49,6 +58,7 @@ _FACTORS = {
 _OF_ITSELF = (Shape.MODULUS, Shape.ODD_SQUARE, Shape.CUBE, Shape.DRY)  # of a rate, as a signal
 _DRIFTS = (Shape.LINEAR, Shape.ROOT, Shape.SQUARE)  # of a sensor, over the time
 _PRODUCT = (Shape.LINEAR, Shape.SQUARE, Shape.CURVE)  # of a term in proportion to an input
+_DELAYS, _LATEST = 6, 16.0  # of an output; the longest is so small a part of the record
 _PLACES = 24  # instants of a record at which a law may have changed
 _WIDTHS = {
     Shape.DRY: (0.05, 0.4),
@@ -101,9 +111,22 @@ class Screen:
     candidates : list of Candidate
     effective : ndarray, shape (m,)
         Effective samples of each measured output, of what is left to explain.
+
+    Parameters
+    ----------
+    along : Courses
+    named : bool
+        Whether effects of the catalogue are candidates.
+    is_candidate : callable
+        Returns whether a term may be one at all.
     """
 
-    def __init__(self, along: Courses, named: bool = False):
+    def __init__(
+        self,
+        along: Courses,
+        named: bool = False,
+        is_candidate: Callable[[Term], bool] = lambda term: True,
+    ):
         self._along = along
         classes = alike(along.model, along.parts)
         shapes = _Shapes(along.model)
@@ -116,6 +139,7 @@ class Screen:
             effects = named_terms(along)
             none = np.zeros(0)
             self.candidates += [Candidate(one.term, one.response, none, 0.0) for one in effects]
+        self.candidates = [one for one in self.candidates if is_candidate(one.term)]
         self.ends = np.cumsum([0, *(c.term.coefficients for c in self.candidates)])
         self._columns, measured = self._projected()
         outputs = len(along.spread)
@@ -148,7 +172,7 @@ class Screen:
             others.append(free)
         target, free = (np.concatenate(parts).swapaxes(0, 1) for parts in (targets, others))
         absent = ~np.isfinite(target).ravel()
-        whole = columns.reshape(len(columns), -1)
+        whole = columns.reshape(len(columns), len(absent))
         whole[:, absent] = 0.0
         whole[~np.isfinite(whole).all(axis=1)] = 0.0  # they run away
         free = np.where(absent[:, np.newaxis], 0.0, free.reshape(len(absent), -1))
@@ -156,7 +180,8 @@ class Screen:
 
     def _drives(self) -> Drives:
         """Return the drives of terms without a name."""
-        values, amounts = _Rows(), _Rows()
+        samples = len(self._along.laws)
+        values, amounts = _Rows(samples), _Rows(samples)
         laws = self._along.model.laws
         rows = []
         for candidate in self.candidates:
@@ -166,7 +191,7 @@ class Screen:
             amount = amounts.place(candidate.amount)
             count = candidate.term.coefficients
             rows += [(law, row, amount) for row in range(first, first + count)]
-        return Drives(values.stacked, amounts.stacked, np.array(rows).T)
+        return Drives(values.stacked, amounts.stacked, np.array(rows, dtype=int).reshape(-1, 3).T)
 
     def _rows(
         self,
@@ -206,14 +231,17 @@ class Screen:
         Parameters, values of the terms, and the start states of every piece.
         """
         fitted, model = self._along.fitted, self._along.model
-        free = response.to_coordinates.copy()
-        slopes = fitted.problem.slopes(fitted.point.q)
+        problem, values = fitted.problem, len(fitted.point.values)
+        slopes = problem.slopes(fitted.point.q)
+        free = np.zeros((*response.to_coordinates.shape[:2], len(slopes) + values))
+        places = problem.coordinates(values, self._along.pieces[piece].group)
+        free[:, :, places] = response.to_coordinates
         free[:, :, : len(slopes)] *= slopes
         states = len(model.states)
         start = np.zeros((*free.shape[:2], states * len(self._along.pieces)))
         own = slice(states * piece, states * (piece + 1))
         start[:, :, own] = response.to_start[:, :, :states] * _START * model.nominal_states
-        widths = np.append(fitted.problem.deviation, np.ones(len(fitted.point.values)))
+        widths = np.append(problem.deviation, np.ones(values))
         return np.dstack([free * widths, start])
 
     def _coefficients(self, places: Array) -> Array:
@@ -420,7 +448,8 @@ def _owner(model: LawModel, classes: Sequence[str], signal: str) -> tuple[str, b
 class _Rows:
     """Arrays over n samples as rows, each array once."""
 
-    def __init__(self) -> None:
+    def __init__(self, samples: int) -> None:
+        self._samples = samples
         self._arrays: list[Array] = []
         self._first: dict[int, int] = {}
         self._count = 0
@@ -437,7 +466,7 @@ class _Rows:
     @property
     def stacked(self) -> Array:
         """All rows (r, n)."""
-        return np.concatenate(self._arrays)
+        return np.concatenate([np.zeros((0, self._samples)), *self._arrays])
 
 
 class _Shapes:
@@ -485,7 +514,7 @@ def _candidates(
 
 
 def _of_sensors(along: Courses, shapes: _Shapes) -> Iterator[Candidate]:
-    """Yield faults of the sensors of measured outputs: an offset, a gain, a drift and a lag."""
+    """Yield faults of the sensors of measured outputs: offset, gain, drift, lag and delay."""
     model = along.model
     for j in np.flatnonzero(along.measured).tolist():
         output = model.outputs[j].name
@@ -507,6 +536,20 @@ def _of_sensors(along: Courses, shapes: _Shapes) -> Iterator[Candidate]:
                     output, view.signal, shape, view.memory, view.constants, "", size, view.scale
                 )
                 yield shapes.candidate(term, view, amount, True)
+        yield from _delays(along, output, size)
+
+
+def _delays(along: Courses, output: str, size: float) -> Iterator[Candidate]:
+    """Yield delays of an output."""
+    model, values = along.model, along.values[output]
+    ends = np.cumsum([len(time) for time in along.times])[:-1]
+    parts = list(zip(np.split(values, ends), along.times, strict=True))
+    for delay in np.geomspace(along.step, along.length / _LATEST, _DELAYS).tolist():
+        late = np.concatenate([earlier(part, time, delay)[0] for part, time in parts])
+        term = DelayTerm(output, output, Shape.LINEAR, size=delay)
+        amount = np.full(len(values), size)
+        column = ((late - values) / size)[:, np.newaxis]
+        yield Candidate(term, column, amount, words(model, term, True))
 
 
 def _of_itself(shapes: _Shapes, law: str, values: Array, amount: Array) -> Iterator[Candidate]:

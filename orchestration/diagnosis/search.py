@@ -34,9 +34,9 @@ from orchestration.diagnosis.fitting import (
     nominal_point,
     weights_of,
 )
-from orchestration.diagnosis.law_model import Record
 from orchestration.diagnosis.misreadings import misreadings
 from orchestration.diagnosis.readings import Reading
+from orchestration.diagnosis.runs import Record
 from orchestration.diagnosis.screening import (
     Screen,
     at_other_instants,
@@ -165,6 +165,7 @@ def search(
     subject: Subject,
     progress: Callable[[str], None] = lambda text: None,
     is_over: Callable[[], bool] = lambda: False,
+    is_candidate: Callable[[Term], bool] = lambda term: True,
 ) -> Found | None:
     """Fit what the record proposes; None if the base cannot be judged.
 
@@ -175,11 +176,14 @@ def search(
         Called with a few words about each step.
     is_over : callable
         Returns whether to leave out what has not been begun yet.
+    is_candidate : callable
+        Returns whether a term may be a cause.
     """
     base = subject.judge(subject.base)
     if base is None:
         return None
-    rounds = _Rounds(Found(subject, base), progress, is_over)
+    ways = progress, is_over, is_candidate
+    rounds = _Rounds(Found(subject, base), *ways)
     rounds.propose(subject.base, _PIECES if subject.problem.model.states else (1,), _QUOTAS)
     for one in rounds.found.best(_BEST)[:_BEST]:
         if len(one.terms) < _MOST_TERMS:
@@ -189,12 +193,15 @@ def search(
     rounds.owners()
     rounds.polish()
     rounds.subsets()
-    _read_otherwise(rounds.found, progress, is_over)
+    _read_otherwise(rounds.found, *ways)
     return rounds.found
 
 
 def _read_otherwise(
-    found: Found, progress: Callable[[str], None], is_over: Callable[[], bool]
+    found: Found,
+    progress: Callable[[str], None],
+    is_over: Callable[[], bool],
+    is_candidate: Callable[[Term], bool],
 ) -> None:
     """Add fits of the file in other readings, without terms and with a few."""
     if is_over():
@@ -204,7 +211,7 @@ def _read_otherwise(
         base = subject.judge(subject.base)
         if base is None:
             continue
-        rounds = _Rounds(Found(subject, base), progress, is_over)
+        rounds = _Rounds(Found(subject, base), progress, is_over, is_candidate)
         rounds.propose(subject.base, tuple(_OF_READING), _OF_READING)
         rounds.subsets()
         rounds.polish()
@@ -220,10 +227,12 @@ class _Rounds:
         found: Found,
         progress: Callable[[str], None],
         is_over: Callable[[], bool] = lambda: False,
+        is_candidate: Callable[[Term], bool] = lambda term: True,
     ):
         self.found = found
         self._progress = progress
         self._is_over = is_over
+        self._is_candidate = is_candidate
         self._tried: set[frozenset[Term]] = set()
         self._terms: list[Term] = []
         self._weights = weights_of(found.subject.base.errors)
@@ -252,13 +261,19 @@ class _Rounds:
                 )
 
     def _screen(self, fitted: Fit, count: int) -> Screen | None:
-        """Return the responses along the free run, or along pieces whose starts are estimated."""
+        """Return the responses along the free run, or along pieces whose starts are estimated.
+
+        None if the model runs away, or nothing may be a cause.
+        """
         if count == 1:
             along = courses_of(fitted, fitted.problem.records, fitted.point.starts)
         else:
             pieces, starts = _pieces(fitted, count)
             along = courses_of(fitted, pieces, starts) if pieces else None
-        return None if along is None else Screen(along, named=count == 1)
+        if along is None:
+            return None
+        screen = Screen(along, count == 1, self._is_candidate)
+        return screen if screen.candidates else None
 
     def _from_screen(
         self, screen: Screen, chosen: tuple[int, ...], fitted: Fit
@@ -427,12 +442,11 @@ def _pieces(fitted: Fit, count: int) -> tuple[list[Record], list[Array]]:
     model = problem.model
     if fitted.terms:
         return [], []
-    setting = problem.setting(fitted.point, ())
     nominal = model.nominal_states
     weight = np.full(len(problem.spread), _PIECE_WEIGHT)
     pieces, starts = [], []
     for record, start in zip(problem.records, fitted.point.starts, strict=True):
-        course = model.run(record, setting, start)
+        course = problem.run(record, fitted.point, (), start, False)
         if course is None:
             return [], []
         wide = np.clip(course.states.std(axis=0), nominal, 30.0 * nominal)
@@ -447,9 +461,9 @@ def _pieces(fitted: Fit, count: int) -> tuple[list[Record], list[Array]]:
                     mean[i] = record.outputs[first, j]
             if first == 0:
                 mean, deviation = start.copy(), np.maximum(0.02 * nominal, 1e-9)
-            own = fit_start(problem, setting, piece, StartPrior(mean, deviation), weight)
+            own = fit_start(problem, fitted.point, (), piece, StartPrior(mean, deviation), weight)
             if own is None:
                 return [], []
             pieces.append(piece)
-            starts.append(own)
+            starts.append(own[1])
     return pieces, starts

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fmus.kit.arrays import Array, Indices, single_threaded
+from fmus.kit.arrays import Array, Indices, Mask, single_threaded
 from orchestration.diagnosis.comparison import WEIGHTS, Judged, common_of, compare, words
 from orchestration.diagnosis.fitting import (
     Fit,
@@ -19,17 +19,21 @@ from orchestration.diagnosis.fitting import (
     fit,
     fit_base,
     fit_start,
+    joined_by,
     weights_of,
 )
-from orchestration.diagnosis.law_model import LawModel, Record, Setting
+from orchestration.diagnosis.law_model import LawModel
+from orchestration.diagnosis.local_values import COMMON, LocalValues
 from orchestration.diagnosis.observer import Observer, Place, growth_of, observer_of
 from orchestration.diagnosis.prediction import Prediction, predict
 from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.recording import evenly, with_quiet_inputs
+from orchestration.diagnosis.runs import Record, Setting
 from orchestration.diagnosis.terms import Shape, Term
 
 _PART = 2.0 / 3.0  # of a single record that is fitted
 _BEGINNING = 6  # a held-out record gives its start states in the first part of so many
+_STRETCHES = 10  # of it, each of which gives local values in its first part: a start alone is short
 _BLOCKS = 8  # of what is left out, by turns for the choice and for the figure
 _FIRST = 6  # samples that show where a state starts
 _DECLARED = 0.1  # deviation of a start state that is declared, in its nominal value
@@ -95,6 +99,7 @@ class Subject:
             predicted = self._prediction(fitted, one)
             if predicted is None:
                 return None
+            predicted.errors[self._begins(one)[one.first :]] = np.nan
             blocks = np.array_split(np.arange(len(predicted.errors)), _BLOCKS)
             by_turns = np.concatenate(blocks[::2])
             choosing.append(predicted.errors[by_turns])
@@ -143,29 +148,43 @@ class Subject:
         A change at an instant is one of the fitted record: another was made before it or after it,
         as its beginning says.
         """
-        nearest = None
-        least = np.inf
-        for variant in _before_and_after(fitted) if one.of is None else [fitted]:
-            whole = self._whole(variant, one)
-            if whole is None:
-                continue
-            size = float(np.nansum(whole.errors[: one.first] ** 2))
-            if size < least:
-                nearest, least = whole, size
-        return nearest and nearest.part(one.first)
-
-    def _whole(self, fitted: Fit, one: LeftOut) -> Prediction | None:
-        """Return the prediction of a record that is left out, from its start."""
-        problem = self.problem
         if one.of is not None:
-            start = fitted.point.starts[one.of]
-            return predict(fitted, one.record, start, problem.starts[one.of], one.of)
-        beginning = one.record.part(0, _beginning(one.record))
+            start, prior = fitted.point.starts[one.of], self.problem.starts[one.of]
+            whole = predict(fitted, one.record, start, prior, one.of)
+            return whole and whole.part(one.first)
+        begins = self._begins(one)
+        tried = [self._begun(variant, one.record, begins) for variant in _before_and_after(fitted)]
+        known = [whole for whole in tried if whole is not None]
+        if not known:
+            return None
+        nearest = min(known, key=lambda whole: float(np.nansum(whole.errors[begins] ** 2)))
+        return nearest.part(one.first)
+
+    def _begins(self, one: LeftOut) -> Mask:
+        """Return the samples (n,) by which start and local values are known of what is left out."""
+        count = len(one.record.time)
+        known = np.zeros(count, dtype=bool)
+        if one.of is None:
+            known[: _beginning(one.record)] = True
+        if one.of is None and self.problem.local.each:
+            for stretch in np.array_split(np.arange(count), _STRETCHES):
+                known[stretch[: len(stretch) // _BEGINNING]] = True
+        return known
+
+    def _begun(self, fitted: Fit, record: Record, begins: Mask) -> Prediction | None:
+        """Return the prediction of a record whose start some samples (n,) give."""
+        joined = joined_by(fitted, record)
+        problem, point = joined.problem, joined.point
+        last = int(np.flatnonzero(begins)[-1]) + 1
+        outputs = np.where(begins[:, np.newaxis], record.outputs, np.nan)
+        beginning = replace(record, outputs=outputs).part(0, last)
         prior = start_prior(problem, beginning)
-        setting = problem.setting(fitted.point, fitted.terms)
-        weight = np.full(len(problem.spread), _WELL / len(beginning.time))
-        begun = fit_start(problem, setting, beginning, prior, weight)
-        return None if begun is None else predict(fitted, one.record, begun, prior, beginning)
+        weight = np.full(len(problem.spread), _WELL / int(begins.sum()))
+        local = len(point.q) - len(fitted.point.q)
+        begun = fit_start(problem, point, fitted.terms, beginning, prior, weight, local=local)
+        if begun is None:
+            return None
+        return predict(replace(joined, point=begun[0]), record, begun[1], prior, beginning)
 
 
 def _before_and_after(fitted: Fit) -> list[Fit]:
@@ -231,7 +250,7 @@ def thinned(problem: Problem, record: Record, q: Array, most: int = _MOST) -> Re
     if record.gain is not None:  # of the steps between its samples
         return record
     model = problem.model
-    setting = _setting(problem, q)
+    setting = _setting(problem, q, record)
     start = start_prior(problem, record).mean
     whole = model.run(record, setting, start)
     step = int(np.ceil(len(record.time) / most))
@@ -247,9 +266,9 @@ def thinned(problem: Problem, record: Record, q: Array, most: int = _MOST) -> Re
     return record
 
 
-def _setting(problem: Problem, q: Array) -> Setting:
-    """Return the model without terms at searched coordinates of its parameters."""
-    return problem.setting(Point(q, np.zeros(0), ()), ())
+def _setting(problem: Problem, q: Array, record: Record) -> Setting:
+    """Return the model without terms at searched coordinates of its parameters, over a record."""
+    return problem.setting(Point(q, np.zeros(0), ()), (), record.group)
 
 
 def _kept(record: Record, step: int) -> Indices:
@@ -292,6 +311,8 @@ def subject_of(
     hold: Collection[str] = (),
     values: Mapping[str, float] | None = None,
     interpolate: bool | None = None,
+    *,
+    local: LocalValues = COMMON,
 ) -> Subject | None:
     """Divide records into fitted samples and others, and fit the model without terms.
 
@@ -308,6 +329,8 @@ def subject_of(
     interpolate : bool, optional
         Whether inputs go in straight lines between samples, or are held; by default what fits
         clearly better.
+    local : LocalValues, optional
+        Values that the records do not share.
 
     Returns
     -------
@@ -316,7 +339,7 @@ def subject_of(
     """
     # of what is fitted alone, or a fit would depend on what is left out
     fitted = records if held_out else [r.part(0, int(_PART * len(r.time))) for r in records]
-    problem = Problem(model, (), _spread(fitted), (), frozenset(hold), values)
+    problem = Problem(model, (), _spread(fitted), (), frozenset(hold), values, local=local)
     ways = [False] if interpolate is None else [interpolate]
     if interpolate is None and len(model.inputs) and len(model.states):
         ways = [False, True]
@@ -337,8 +360,10 @@ def _denoised(recorded: _Recorded) -> Subject:
     best = replace(recorded, subject=subject)
     bare, q = replace(subject.problem, records=(), starts=()), subject.base.point.q
     for clean in (evenly, with_quiet_inputs):
-        read = [[clean(bare.model, r) for r in part] for part in (best.records, best.held_out)]
-        one = None if read[0] == best.records else _as_recorded(bare, *read, q)
+        own, others = (
+            [clean(bare.model, r) for r in part] for part in (best.records, best.held_out)
+        )
+        one = None if own == best.records else _as_recorded(bare, own, others, q)
         if one is not None and _gain(one, best) > WEIGHTS.least:
             best = one
     return best.subject
@@ -556,9 +581,9 @@ def _divided(
 def _substeps(problem: Problem, records: Sequence[Record], q: Array) -> int:
     """Return steps between two samples for the fastest rate of the model at `q`."""
     model = problem.model
-    setting = _setting(problem, q)
     counts = [1]
     for record in records:
+        setting = _setting(problem, q, record)
         for substeps in (1, 8, 60):
             course = model.run(
                 record, replace(setting, substeps=substeps), start_prior(problem, record).mean

@@ -10,7 +10,7 @@ from fmus.kit.arrays import Array
 from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.fitting import Fit
-from orchestration.diagnosis.law_model import Course
+from orchestration.diagnosis.runs import Course
 from orchestration.diagnosis.terms import Memory, NamedTerm, Term
 from orchestration.reporting import pictures
 
@@ -144,7 +144,7 @@ def signal_samples(fitted: Fit, signal: str) -> Array:
     model = problem.model
     parts = []
     for record, course in zip(problem.records, _courses(fitted), strict=True):
-        setting = problem.setting(fitted.point, fitted.terms)
+        setting = problem.setting(fitted.point, fitted.terms, record.group)
         laws = model.linearise(record, setting, course).laws
         own = course.states[:, : len(model.states)]
         signals = np.column_stack([record.inputs, own, laws, record.time])

@@ -159,8 +159,13 @@ def _next_of_recalibrate(diagnosis: Diagnosis) -> str:
 
 
 def _settings(diagnosis: Diagnosis, names: Sequence[str]) -> list[str]:
-    """Return fitted values as they are set."""
-    return [f"{name}={diagnosis.parameters[name].value:.4g}" for name in names]
+    """Return fitted values as they are set, with the record that one is of alone."""
+    texts = []
+    for name in names:
+        base, _, record = name.partition("@")
+        of = f" in {record}" if record else ""
+        texts.append(f"{base}={diagnosis.parameters[name].value:.4g}{of}")
+    return texts
 
 
 def _next_of_cause(diagnosis: Diagnosis) -> str:
@@ -190,16 +195,16 @@ def _next_of_start(diagnosis: Diagnosis) -> str:
     # of several records each has its own
     estimates = [(n, diagnosis.parameters[n]) for n in starts if n in diagnosis.parameters]
     other = [n for n, e in estimates if not e.interval[0] <= e.nominal <= e.interval[1]]
-    sets = " ".join(
-        str(option("set", text)) for text in _settings(diagnosis, [*other, *diagnosis.changed])
-    )
+    common = [name for name in diagnosis.changed if "@" not in name]
+    sets = " ".join(str(option("set", text)) for text in _settings(diagnosis, [*other, *common]))
     ways = f"start the model there, with {sets}," if sets else "start the model where the run does"
     return f"{ways} or begin a record at rest; {option('fmu', 'fitted.fmu')} builds it so."
 
 
 def _next_of_ambiguous(diagnosis: Diagnosis) -> str:
     """Return the experiment that would tell the causes of a group apart."""
-    return f"{_experiment(diagnosis)}, and diagnose both records together."
+    told = f" {diagnosis.experiment.sentence}" if diagnosis.experiment else ""
+    return f"{_experiment(diagnosis)}, and diagnose both records together.{told}"
 
 
 def _next_of_unexplained(diagnosis: Diagnosis) -> str:
@@ -210,7 +215,8 @@ def _next_of_unexplained(diagnosis: Diagnosis) -> str:
         f"look where measured minus simulated of {output} is largest, and for an input that was not"
         " recorded"
     )
-    return f"{look}; {_experiment(diagnosis)}." if diagnosis.causes else f"{look}."
+    told = f" {diagnosis.experiment.sentence}" if diagnosis.experiment else ""
+    return f"{look}; {_experiment(diagnosis)}.{told}" if diagnosis.causes else f"{look}."
 
 
 _NEXT: dict[str, Callable[[Diagnosis], str]] = {
@@ -224,6 +230,10 @@ _NEXT: dict[str, Callable[[Diagnosis], str]] = {
 
 def _experiment(diagnosis: Diagnosis) -> str:
     """Return the record that would tell the causes of a group apart."""
+    if diagnosis.experiment is not None:
+        return f"make the experiment that {option('experiment', 'next.toml')} writes"
+    if any(code == "no_experiment" for code, _, _ in diagnosis.notes):
+        return "record another signal as well, on which the causes act in another way"
     terms = [t for cause in diagnosis.causes for t in cause.parts[:1] if isinstance(t, Term)]
     signals = list(dict.fromkeys(t.signal or "the operating point" for t in terms))
     if len(signals) > 1:

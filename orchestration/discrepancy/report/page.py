@@ -157,6 +157,6 @@ def _add_experiment(page: Page, result: Result) -> None:
     if not result.experiment:
         return
     page.subheading("An experiment that would tell more")
-    sentence = wording.describe_experiment(result.experiment)
+    sentence = result.experiment.sentence
     page.text(f"{sentence} Save it as experiment.toml, and ppy run experiment.toml rehearses it.")
     page.code([result.experiment.toml(result.model.name, sentence)])

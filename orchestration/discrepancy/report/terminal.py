@@ -47,7 +47,7 @@ def overview(result: Result) -> Group:
             parts += [law_terminal.corrections(law_report), Text()]
     parts.append(_parameters(diagnosis))
     if result.experiment:
-        parts.append(Text(wording.describe_experiment(result.experiment)))
+        parts.append(Text(result.experiment.sentence))
     return Group(*parts)
 
 

@@ -20,8 +20,7 @@ def test_the_result_in_python_has_the_attributes_of_any_diagnosis():
     assert "cause friction(velocity): oscillator, oscillator_1.csv" in repr(result)
 
 
-@pytest.mark.parametrize("option", [{"laws": False}, {"each": ["R1"]}])
-def test_options_of_the_old_engine_are_refused(option):
-    (name,) = option
-    with pytest.raises(UserError, match=rf"{name}.*: the new engine does not take it"):
-        ppy.diagnose(oscillator_record(1, samples=50), "ppy_actuator", engine="new", **option)
+def test_options_of_the_old_engine_are_refused():
+    record, later = (oscillator_record(seed, samples=50) for seed in (1, 2))
+    with pytest.raises(UserError, match=r"compare.*: the new engine does not take it"):
+        ppy.diagnose(record, "ppy_actuator", engine="new", compare=later)

@@ -273,8 +273,6 @@ def test_the_new_engine_goes_end_to_end(tmp_path):
 
 def test_options_of_one_engine_are_refused_by_the_other(tmp_path):
     words = _rubbing(tmp_path)
-    message = fails(*words, "--no-laws", cwd=tmp_path)
-    assert "--no-laws: the new engine does not take it, as it searches laws and effects" in message
     text = works(*words, "--no-laws", "--effects", "none", cwd=tmp_path)
     assert "parameters" in text
     assert "causes" not in text

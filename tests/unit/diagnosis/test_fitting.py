@@ -24,6 +24,7 @@ from orchestration.diagnosis.fitting import (
     nominal_point,
     weights_of,
 )
+from orchestration.diagnosis.local_values import LocalValues
 from tests.support.diagnosed_mass import START, D, K, M, exact, mass, problem_of, pushed
 
 OFFSET = Term("spring", "", Shape.CONSTANT, size=2.0)
@@ -79,6 +80,70 @@ def test_a_fit_is_that_of_scipy(gaps: int) -> None:
     # in logarithms of parameters and deviations of the starts, as the oracle searches
     assert found.curvature == pytest.approx(expected.jac.T @ expected.jac, rel=0.02, abs=0.02)
     assert [int(np.isnan(e).sum()) for e in found.errors] == [gaps, gaps]
+
+
+def local_by_scipy(problem: Problem, weights: list[Array]) -> OptimizeResult:
+    """Minimise the same residuals with a stiffness and an offset of each of two records."""
+
+    def residuals(theta: Array) -> Array:
+        m, *stiffness, d, first, second = theta[:6]
+        parts = [np.array([m, *stiffness, d]) / np.log(10.0), np.array([first, second]) / 10.0]
+        for r, record in enumerate(problem.records):
+            start = START + theta[6 + 2 * r : 8 + 2 * r] * np.array([0.01, 0.1])
+            values = M * np.exp(m), K * np.exp(stiffness[r]), D * np.exp(d)
+            push = record.inputs[:, 0] - 2.0 * (first, second)[r]
+            error = record.outputs[:, 0] - exact(record, values, start, push)[:, 0]
+            parts += [error * np.sqrt(weights[r][0]) / problem.spread[0]]
+            parts += [theta[6 + 2 * r : 8 + 2 * r]]
+        return np.concatenate(parts)
+
+    return least_squares(residuals, np.zeros(10), xtol=1e-12, ftol=1e-12)
+
+
+@pytest.mark.parametrize("way", ["each", "later"])
+def test_a_fit_with_local_values_is_that_of_scipy(way: str) -> None:
+    """A stiffness and an offset of the spring that two records do not share."""
+    plain = drawn(0.01, 1.2)
+    records = tuple(replace(record, group=r) for r, record in enumerate(plain.records))
+    named = {way: ("stiffness",)}
+    local = LocalValues(("a", "b"), later_values=(0,), **named)
+    problem = replace(plain, records=records, local=local)
+    weights = [np.array([30.0]), np.array([12.0])]
+    begin = nominal_point(problem, (OFFSET,))
+    begin = replace(begin, values=np.append(begin.values, begin.values))
+    found = fit(problem, (OFFSET,), [begin], weights, 60)
+    assert found is not None
+    expected = local_by_scipy(problem, weights)
+    assert found.cost == pytest.approx(expected.cost, rel=1e-4)
+    deviation = np.sqrt(np.diag(np.linalg.inv(expected.jac.T @ expected.jac)))
+    # mass, stiffness, damping, then the other stiffness
+    order = [0, 1, 3, 2, 4, 5]
+    own = np.append(found.point.q - problem.mean, found.point.values)
+    off = (own - expected.x[order]) / deviation[order]
+    assert off == pytest.approx(np.zeros(6), abs=0.02)
+    whole = [*order, *range(6, 10)]
+    curvature = (expected.jac.T @ expected.jac)[np.ix_(whole, whole)]
+    assert found.curvature == pytest.approx(curvature, rel=0.02, abs=0.02)
+    assert problem.names == ["mass", "stiffness@a", "damping", "stiffness@b"]
+    for group in (0, 1):
+        stiffness = K * np.exp(expected.x[1 + group])
+        assert problem.parameters(found.point.q, group)[1] == pytest.approx(stiffness, rel=1e-3)
+
+
+def test_local_values_of_a_record_are_fitted_with_its_start() -> None:
+    """The common values are those of the truth, by which the record was made."""
+    records = [replace(record, group=r) for r, record in enumerate(drawn(1e-4).records)]
+    local = LocalValues(("a", "b"), each=("stiffness",))
+    problem = replace(problem_of(records), local=local)
+    q = problem.mean + np.log(np.array([TRUTH[0] / M, 1.0, TRUTH[2] / D, 1.0]))
+    begin = replace(nominal_point(problem), q=q)
+    prior = StartPrior(START, np.array([0.05, 0.3]))
+    begun = fit_start(problem, begin, (), records[1], prior, np.array([1e6]), local=1)
+    assert begun is not None
+    point, start = begun
+    assert problem.parameters(point.q, 1)[1] == pytest.approx(TRUTH[1], rel=2e-3)
+    assert problem.parameters(point.q, 0)[1] == pytest.approx(K)
+    assert start == pytest.approx(STARTS[1], abs=2e-3)
 
 
 def test_the_truth_is_found_in_little_noise() -> None:
@@ -193,9 +258,9 @@ def test_the_start_of_a_record_is_a_least_square_with_its_prior() -> None:
     problem = drawn(0.02, gaps=20)
     record = problem.records[0]
     prior = StartPrior(START, np.array([0.05, 0.3]))
-    setting = problem.setting(nominal_point(problem), ())
     weight = np.array([4.0])
-    found = fit_start(problem, setting, record, prior, weight)
+    found = fit_start(problem, nominal_point(problem), (), record, prior, weight)
+    assert found is not None
     held = exact(record, (M, K, D), START, record.inputs[:, 0])[:, 0]
     still = np.zeros(len(record.time))
     columns = [exact(record, (M, K, D), np.eye(2)[i], still)[:, 0] for i in range(2)]
@@ -206,7 +271,7 @@ def test_the_start_of_a_record_is_a_least_square_with_its_prior() -> None:
     rows, e = rows[present], e[present]
     z = np.linalg.solve(rows.T @ rows + np.eye(2), rows.T @ e)
     assert np.abs(z).max() > 0.1
-    assert found == pytest.approx(START + z * prior.deviation, rel=1e-4)
+    assert found[1] == pytest.approx(START + z * prior.deviation, rel=1e-4)
 
 
 def test_distance_is_in_deviations_of_the_prior() -> None:

@@ -7,8 +7,9 @@ from time import process_time
 import pytest
 
 from fmus.kit import UserError
-from orchestration.diagnosis import Options
+from orchestration.diagnosis import LawModel, Options, Shape, Term
 from orchestration.diagnosis.options import Deadline
+from orchestration.diagnosis.terms import NamedTerm, SensorTerm
 from orchestration.fmu.model import declared_model
 from tests.support.oscillator_model import Oscillator
 
@@ -50,6 +51,31 @@ def test_effects_are_those_that_are_named_by_name_or_id():
     assert len(every) > 10
     assert Options(effects=["families"]).effects_of(cls) == every
     assert Options(effects=[]).effects_of(Oscillator) == {}
+
+
+def test_each_names_parameters_that_are_fitted_and_start_states_are_anyway():
+    model = LawModel(Oscillator)
+    chosen = Options(each=["damping", "velocity_start", "damping"])
+    assert chosen.own_of_each(model) == ("damping",)
+    for options, message in (
+        (Options(each=["damp"]), "each.*no parameter named 'damp'; there are mass"),
+        (Options(each=["mass"], hold=["mass"]), "each.*mass is not fitted, so it cannot differ"),
+        (Options(each=["mass"], fit=["damping"]), "each.*mass is not fitted"),
+    ):
+        with pytest.raises(UserError, match=message):
+            options.own_of_each(model)
+
+
+def test_without_laws_only_effects_and_sensors_are_candidates():
+    law = Term("friction", "velocity", Shape.DRY)
+    effect = NamedTerm("friction", "velocity", Shape.LINEAR, effect="dry")
+    sensor = SensorTerm("position", "", Shape.CONSTANT)
+    assert [Options(laws=False).is_candidate(term) for term in (law, effect, sensor)] == [
+        False,
+        True,
+        True,
+    ]
+    assert Options().is_candidate(law)
 
 
 def test_parameters_alone_are_fitted_without_effects_and_laws():

@@ -17,6 +17,8 @@ from tests.support.oscillator import (
     diagnosis_with,
     misread,
     oscillator_record,
+    telling_apart,
+    with_group,
 )
 
 
@@ -47,6 +49,15 @@ def test_the_page_of_a_cause(dry):
         assert text in html
     assert html.count('class="chart"') == 2
     assert "<script" not in html
+
+
+def test_the_page_of_a_group_has_the_experiment_that_tells_it_apart(dry):
+    experiment = telling_apart("friction(velocity)", "friction(elongation)")
+    group = replace(with_group(dry, "ambiguous", 0.6, 0.35), experiment=experiment)
+    html = make_page(group).html()
+    assert "An experiment that would tell more" in html
+    assert "[inputs.force]" in html
+    assert "An experiment that would tell more" not in make_page(dry).html()
 
 
 def test_the_page_of_a_model_that_is_right_shows_no_terms(dry):

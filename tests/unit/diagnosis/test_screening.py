@@ -22,9 +22,10 @@ from orchestration.diagnosis.fitting import (
     nominal_point,
     weights_of,
 )
-from orchestration.diagnosis.law_model import Setting
+from orchestration.diagnosis.local_values import LocalValues
+from orchestration.diagnosis.runs import Setting
 from orchestration.diagnosis.screening import Screen, alike
-from orchestration.diagnosis.terms import SensorTerm
+from orchestration.diagnosis.terms import DelayTerm, SensorTerm
 from tests.support.diagnosed_mass import (
     FREE,
     START,
@@ -89,7 +90,8 @@ def test_columns_are_responses_of_free_runs_to_small_coefficients() -> None:
     chosen: dict[object, int] = {}
     for i, candidate in enumerate(screen.candidates):
         term = candidate.term
-        chosen[term.shape, term.memory, bool(term.factor)] = i
+        if not isinstance(term, DelayTerm):
+            chosen[term.shape, term.memory, bool(term.factor)] = i
     assert len(chosen) > 12
     for i in chosen.values():
         term = screen.candidates[i].term
@@ -98,6 +100,20 @@ def test_columns_are_responses_of_free_runs_to_small_coefficients() -> None:
             column = screen._columns.columns[:, screen.ends[i] + j] / weight(found)
             error = np.linalg.norm(column - difference) / np.linalg.norm(difference)
             assert error < 0.06, (str(term), j, error)
+
+
+def test_the_column_of_a_delay_is_what_the_delay_does() -> None:
+    """At a value of 1 it is so late as its size."""
+    screen, found = screened()
+    late = [i for i, c in enumerate(screen.candidates) if isinstance(c.term, DelayTerm)]
+    assert len({screen.candidates[i].term.size for i in late}) == len(late) > 3
+    time = found.problem.records[0].time
+    course = mass().run(found.problem.records[0], Setting(nominal(), FREE), START)
+    assert course is not None
+    for i in late:
+        shown = np.interp(time - screen.candidates[i].term.size, time, course.outputs[:, 0])
+        column = screen._columns.columns[:, screen.ends[i]] / weight(found)
+        assert column == pytest.approx(shown - course.outputs[:, 0], abs=1e-9)
 
 
 def nuisances(found: Fit) -> Array:
@@ -151,6 +167,34 @@ def test_what_a_parameter_does_is_left_with_nothing() -> None:
     assert left["x", Shape.LINEAR] < 0.02
     assert left["v", Shape.LINEAR] < 0.02
     assert left["x", Shape.CUBE] > 0.04
+
+
+@pytest.mark.parametrize("local", [True, False])
+def test_what_a_local_value_does_is_left_with_nothing(local: bool) -> None:
+    """The spring of the second record is a hundredth stiffer than that of a fit to both.
+
+    The fit has another mass in the second, by which the courses differ.
+    """
+    of_each = LocalValues(("a", "b"), ("mass", "stiffness") if local else ("mass",))
+    plain = [replace(pushed(200, smooth=True), group=group) for group in (0, 1)]
+    records = []
+    for record, values in zip(plain, ((M, K, D), (1.5 * M, 1.01 * K, D)), strict=True):
+
+        def rates(x: Array, u: float, t: float, v: tuple[float, ...] = values) -> list[float]:
+            return [x[1], (u - v[1] * x[0] - v[2] * x[1]) / v[0]]
+
+        records.append(replace(record, outputs=integrated(record, rates, START, 1e-7)[:, :1]))
+    problem = replace(problem_of(records), local=of_each)
+    point = nominal_point(problem)
+    q = point.q + np.eye(len(point.q))[problem.names.index("mass@b")] * np.log(1.5)
+    errors = tuple(np.ones((200, 1)) for _ in records)
+    found = Fit(problem, (), replace(point, q=q), errors, 0.0, np.zeros((9, 9)))
+    along = courses_of(found, problem.records, found.point.starts)
+    assert along is not None
+    assert np.abs(along.errors[0]).max() < 1e-3
+    columns = Screen(along, is_candidate=lambda term: isinstance(term, SensorTerm))._columns
+    left = np.linalg.norm(columns.remaining) / np.linalg.norm(columns.target)
+    assert (left < 0.1) == local
 
 
 def test_a_small_term_is_solved_for() -> None:
@@ -439,10 +483,26 @@ def test_faults_of_the_sensor_of_a_measured_output_are_proposed() -> None:
     screen, _ = screened()
     faults = [c for c in screen.candidates if isinstance(c.term, SensorTerm)]
     names = {f"sensor_{fault}(position)" for fault in ("offset", "gain", "drift", "lag")}
+    names.add("transport_delay(position)")
     assert {c.term.name for c in faults} == names
     assert {c.term.law for c in faults} == {"position"}
     plain = [c.prior for c in faults if c.term.shape in (Shape.CONSTANT, Shape.LINEAR)]
     assert plain == pytest.approx([WEIGHTS.misread] * len(plain)), "as likely as a misread file"
+
+
+def test_what_may_be_no_cause_is_not_proposed() -> None:
+    _, found = screened()
+    along = courses_of(found, found.problem.records, found.point.starts)
+    assert along is not None
+    restricted = Screen(along, is_candidate=lambda term: isinstance(term, SensorTerm))
+    assert restricted.candidates
+    assert all(isinstance(one.term, SensorTerm) for one in restricted.candidates)
+    whole = Screen(along)
+    (place,) = [
+        i for i, one in enumerate(whole.candidates) if one.term == restricted.candidates[0].term
+    ]
+    assert restricted.gains([(0,)]) == pytest.approx(whole.gains([(place,)]))
+    assert not Screen(along, is_candidate=lambda term: False).candidates
 
 
 def test_the_response_to_a_fault_of_a_sensor_is_the_fault() -> None:

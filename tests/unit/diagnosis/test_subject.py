@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from orchestration.diagnosis import Record, Shape, Term, subject_of
+from orchestration.diagnosis.local_values import COMMON, LocalValues
 from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.subject import Subject, depends, divided_as_read, start_prior, thinned
 from tests.support.diagnosed_mass import START, D, K, M, exact, integrated, mass, problem_of, pushed
@@ -75,6 +76,24 @@ def test_a_held_out_record_starts_by_its_own_first_samples() -> None:
     moved = made(drawn(), held_out=[wrong])
     errors = moved.judge(moved.base)
     assert errors.measuring == pytest.approx(judged.measuring + 7.0 / subject.problem.spread)
+
+
+@pytest.mark.parametrize("local", [True, False])
+def test_a_held_out_record_gives_its_local_values_by_a_sixth_of_every_tenth(local: bool) -> None:
+    """Another stiffness there: errors are those of the noise only if it is its own."""
+    other = replace(drawn(240, seed=4), group=1)
+    states = exact(other, (TRUTH[0], 31.0, TRUTH[2]), START, other.inputs[:, 0])
+    noise = 0.005 * np.random.default_rng(4).standard_normal((240, 1))
+    other = replace(other, outputs=states[:, :1] + noise)
+    of_each = LocalValues(("first",), each=("stiffness",)) if local else COMMON
+    subject = made(drawn(), held_out=[other], local=of_each)
+    judged = subject.judge(subject.base)
+    errors = np.concatenate([judged.choosing, judged.measuring])
+    told = int(np.isnan(errors).sum())
+    assert told == (8 * (24 // 6) if local else 0), "of the last 200 samples"
+    size = judged.left_out * subject.problem.spread[0]
+    assert (size < 0.008) == local
+    assert np.nanmean(judged.beyond**2) <= np.nanmean(judged.choosing**2) * 1.05
 
 
 def test_a_start_is_read_off_an_output_that_is_the_state() -> None:
