@@ -8,8 +8,8 @@ from .fitting import fit as fit
 from .fitting import nominal_point as nominal_point
 from .fitting import weights_of as weights_of
 from .law_model import LawModel as LawModel
-from .law_model import Record as Record
 from .options import Options as Options
+from .runs import Record as Record
 from .search import Found as Found
 from .signals import scale_of_signal as scale_of_signal
 from .subject import Subject as Subject

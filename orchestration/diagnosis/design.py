@@ -22,9 +22,9 @@ from fmus.kit.registry import Excitation
 from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.conclude import Conclusion
 from orchestration.diagnosis.fitting import Fit, Problem, independent_weights
-from orchestration.diagnosis.law_model import Record
 from orchestration.diagnosis.options import Deadline
 from orchestration.diagnosis.prediction import Forecast
+from orchestration.diagnosis.runs import Record
 from orchestration.diagnosis.search import Found
 from orchestration.diagnosis.subject import start_prior
 from orchestration.diagnosis.terms import NamedTerm

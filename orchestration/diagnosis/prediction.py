@@ -14,7 +14,7 @@ from orchestration.diagnosis.fitting import (
     independent_weights,
     mean_squares,
 )
-from orchestration.diagnosis.law_model import Course, Record
+from orchestration.diagnosis.runs import Course, Record
 
 
 @dataclass(frozen=True, eq=False)

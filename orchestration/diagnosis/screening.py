@@ -19,11 +19,20 @@ from fmus.kit.arrays import Array, Mask
 from orchestration.diagnosis.catalogue import named_terms
 from orchestration.diagnosis.comparison import words
 from orchestration.diagnosis.courses import Courses
+from orchestration.diagnosis.delays import earlier
 from orchestration.diagnosis.fitting import effective_samples, weights_of
-from orchestration.diagnosis.law_model import LawModel, Linearisation
+from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.responses import Drives, Projection, Response, respond
+from orchestration.diagnosis.runs import Linearisation
 from orchestration.diagnosis.signals import Seen, distinct, seen
-from orchestration.diagnosis.terms import Memory, NamedTerm, SensorTerm, Shape, Term
+from orchestration.diagnosis.terms import (
+    DelayTerm,
+    Memory,
+    NamedTerm,
+    SensorTerm,
+    Shape,
+    Term,
+)
 
 _PLAIN = (
     Shape.LINEAR,
@@ -49,6 +58,7 @@ _FACTORS = {
 _OF_ITSELF = (Shape.MODULUS, Shape.ODD_SQUARE, Shape.CUBE, Shape.DRY)  # of a rate, as a signal
 _DRIFTS = (Shape.LINEAR, Shape.ROOT, Shape.SQUARE)  # of a sensor, over the time
 _PRODUCT = (Shape.LINEAR, Shape.SQUARE, Shape.CURVE)  # of a term in proportion to an input
+_DELAYS, _LATEST = 6, 16.0  # of an output; the longest is so small a part of the record
 _PLACES = 24  # instants of a record at which a law may have changed
 _WIDTHS = {
     Shape.DRY: (0.05, 0.4),
@@ -504,7 +514,7 @@ def _candidates(
 
 
 def _of_sensors(along: Courses, shapes: _Shapes) -> Iterator[Candidate]:
-    """Yield faults of the sensors of measured outputs: an offset, a gain, a drift and a lag."""
+    """Yield faults of the sensors of measured outputs: offset, gain, drift, lag and delay."""
     model = along.model
     for j in np.flatnonzero(along.measured).tolist():
         output = model.outputs[j].name
@@ -526,6 +536,20 @@ def _of_sensors(along: Courses, shapes: _Shapes) -> Iterator[Candidate]:
                     output, view.signal, shape, view.memory, view.constants, "", size, view.scale
                 )
                 yield shapes.candidate(term, view, amount, True)
+        yield from _delays(along, output, size)
+
+
+def _delays(along: Courses, output: str, size: float) -> Iterator[Candidate]:
+    """Yield delays of an output."""
+    model, values = along.model, along.values[output]
+    ends = np.cumsum([len(time) for time in along.times])[:-1]
+    parts = list(zip(np.split(values, ends), along.times, strict=True))
+    for delay in np.geomspace(along.step, along.length / _LATEST, _DELAYS).tolist():
+        late = np.concatenate([earlier(part, time, delay)[0] for part, time in parts])
+        term = DelayTerm(output, output, Shape.LINEAR, size=delay)
+        amount = np.full(len(values), size)
+        column = ((late - values) / size)[:, np.newaxis]
+        yield Candidate(term, column, amount, words(model, term, True))
 
 
 def _of_itself(shapes: _Shapes, law: str, values: Array, amount: Array) -> Iterator[Candidate]:

@@ -34,9 +34,9 @@ from orchestration.diagnosis.fitting import (
     nominal_point,
     weights_of,
 )
-from orchestration.diagnosis.law_model import Record
 from orchestration.diagnosis.misreadings import misreadings
 from orchestration.diagnosis.readings import Reading
+from orchestration.diagnosis.runs import Record
 from orchestration.diagnosis.screening import (
     Screen,
     at_other_instants,

@@ -13,8 +13,8 @@ from orchestration.diagnosis.conclude import Conclusion, conclude
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.fitting import fit, fit_base, nominal_point, weights_of
 from orchestration.diagnosis.law_model import LawModel
-from orchestration.diagnosis.law_model import Record as KernelRecord
 from orchestration.diagnosis.readings import Reading
+from orchestration.diagnosis.runs import Record as KernelRecord
 from orchestration.diagnosis.search import Found
 from orchestration.diagnosis.subject import Subject, divided_as_read, subject_of
 from orchestration.diagnosis.terms import Shape, Term

@@ -22,10 +22,10 @@ from orchestration.diagnosis.fitting import (
     nominal_point,
     weights_of,
 )
-from orchestration.diagnosis.law_model import Setting
 from orchestration.diagnosis.local_values import LocalValues
+from orchestration.diagnosis.runs import Setting
 from orchestration.diagnosis.screening import Screen, alike
-from orchestration.diagnosis.terms import SensorTerm
+from orchestration.diagnosis.terms import DelayTerm, SensorTerm
 from tests.support.diagnosed_mass import (
     FREE,
     START,
@@ -90,7 +90,8 @@ def test_columns_are_responses_of_free_runs_to_small_coefficients() -> None:
     chosen: dict[object, int] = {}
     for i, candidate in enumerate(screen.candidates):
         term = candidate.term
-        chosen[term.shape, term.memory, bool(term.factor)] = i
+        if not isinstance(term, DelayTerm):
+            chosen[term.shape, term.memory, bool(term.factor)] = i
     assert len(chosen) > 12
     for i in chosen.values():
         term = screen.candidates[i].term
@@ -99,6 +100,20 @@ def test_columns_are_responses_of_free_runs_to_small_coefficients() -> None:
             column = screen._columns.columns[:, screen.ends[i] + j] / weight(found)
             error = np.linalg.norm(column - difference) / np.linalg.norm(difference)
             assert error < 0.06, (str(term), j, error)
+
+
+def test_the_column_of_a_delay_is_what_the_delay_does() -> None:
+    """At a value of 1 it is so late as its size."""
+    screen, found = screened()
+    late = [i for i, c in enumerate(screen.candidates) if isinstance(c.term, DelayTerm)]
+    assert len({screen.candidates[i].term.size for i in late}) == len(late) > 3
+    time = found.problem.records[0].time
+    course = mass().run(found.problem.records[0], Setting(nominal(), FREE), START)
+    assert course is not None
+    for i in late:
+        shown = np.interp(time - screen.candidates[i].term.size, time, course.outputs[:, 0])
+        column = screen._columns.columns[:, screen.ends[i]] / weight(found)
+        assert column == pytest.approx(shown - course.outputs[:, 0], abs=1e-9)
 
 
 def nuisances(found: Fit) -> Array:
@@ -468,6 +483,7 @@ def test_faults_of_the_sensor_of_a_measured_output_are_proposed() -> None:
     screen, _ = screened()
     faults = [c for c in screen.candidates if isinstance(c.term, SensorTerm)]
     names = {f"sensor_{fault}(position)" for fault in ("offset", "gain", "drift", "lag")}
+    names.add("transport_delay(position)")
     assert {c.term.name for c in faults} == names
     assert {c.term.law for c in faults} == {"position"}
     plain = [c.prior for c in faults if c.term.shape in (Shape.CONSTANT, Shape.LINEAR)]
