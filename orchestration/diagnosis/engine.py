@@ -24,7 +24,7 @@ from orchestration.diagnosis.local_values import LocalValues
 from orchestration.diagnosis.misreadings import reading_that_runs
 from orchestration.diagnosis.observer import Observer
 from orchestration.diagnosis.options import Deadline, Options
-from orchestration.diagnosis.readings import Reading
+from orchestration.diagnosis.readings import TIME, Reading
 from orchestration.diagnosis.remainder import Remainder, remainders
 from orchestration.diagnosis.runs import Record
 from orchestration.diagnosis.search import Found, search
@@ -286,6 +286,7 @@ def diagnose(
             raise UserError(_refusal(model, records, read))
         found, conclusion = answer
     more += [*_cut_off(found.subject, fitted), *_predictions(model, found.subject)]
+    more += _denoised(found.subject)
     if not deadline.was_met:
         more.append(_time_note(options))
     design = _designed(found, conclusion, records, model, options)
@@ -585,3 +586,19 @@ def _outputs(record: MeasuredRecord, law_model: LawModel) -> Array:
 
 def _names(records: Sequence[MeasuredRecord]) -> str:
     return ", ".join(dict.fromkeys(record.source.name for record in records))
+
+
+def _denoised(subject: Subject) -> list[tuple[str, str, str]]:
+    """Return notes on columns that are read without their noise."""
+    names = dict.fromkeys(name for r in subject.problem.records for name in r.denoised)
+    texts = {
+        name: f"{name} has noise, which {_passes(name)}; the model fits better without it"
+        for name in names
+    }
+    return [("denoised", name, text) for name, text in texts.items()]
+
+
+def _passes(name: str) -> str:
+    if name == TIME:
+        return "adds to every slope: its steps are taken to be even"
+    return "passes through the model: it is smoothed between its jumps"

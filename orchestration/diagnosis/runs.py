@@ -34,6 +34,8 @@ class Record:
         sample; None for a free run.
     group : int
         Number of the group of records with the same local values; see `LocalValues`.
+    denoised : tuple of str
+        Inputs, and ``time``, that are read without their noise.
     """
 
     time: Array
@@ -44,6 +46,7 @@ class Record:
     begin: float = 0.0
     gain: Array | None = None
     group: int = 0
+    denoised: tuple[str, ...] = ()
     _ticks: dict[tuple[Rhythm, ...], Ticks] = field(default_factory=dict, init=False, repr=False)
 
     def ticks(self, rhythms: tuple[Rhythm, ...]) -> Ticks:

@@ -28,6 +28,7 @@ from orchestration.diagnosis.local_values import COMMON, LocalValues
 from orchestration.diagnosis.observer import Observer, Place, growth_of, observer_of
 from orchestration.diagnosis.prediction import Prediction, predict
 from orchestration.diagnosis.readings import Reading, ReadingKind
+from orchestration.diagnosis.recording import evenly, with_quiet_inputs
 from orchestration.diagnosis.runs import Record, Setting
 from orchestration.diagnosis.terms import Shape, Term
 
@@ -344,31 +345,62 @@ def subject_of(
     """
     # of what is fitted alone, or a fit would depend on what is left out
     fitted = records if held_out else [r.part(0, int(_PART * len(r.time))) for r in records]
-    spread = _spread(fitted)
+    problem = Problem(model, (), _spread(fitted), (), frozenset(hold), values, local=local)
     ways = [False] if interpolate is None else [interpolate]
     if interpolate is None and len(model.inputs) and len(model.states):
         ways = [False, True]
-    subjects = []
-    for smooth in ways:
-        inputs = (smooth,) * len(model.inputs)
-        parts = _divided(
-            Problem(model, (), spread, (), frozenset(hold), values, local=local),
-            [replace(r, smooth=inputs) for r in records],
-            [replace(r, smooth=inputs) for r in held_out],
+    read = [
+        _as_recorded(problem, _inputs_go(records, smooth), _inputs_go(held_out, smooth))
+        for smooth in ways
+    ]
+    first, second = [*(one for one in read if one is not None), None, None][:2]
+    if first is None:
+        return None
+    if second is None:
+        return _denoised(first)
+    if likelihood_gain(second.subject.base, first.subject.base) > WEIGHTS.least:
+        first, second = second, first
+    return replace(_denoised(first), otherwise=lambda: _denoised(second))
+
+
+def _denoised(recorded: _Recorded) -> Subject:
+    """Return a subject of records without noise of their clock and inputs, if it is clearly better.
+
+    Noise of the clock is that of every slope, and goes first.
+    """
+    subject = _begun(_as_fitted(recorded))
+    best = replace(recorded, subject=subject)
+    bare, q = replace(subject.problem, records=(), starts=()), subject.base.point.q
+    for clean in (evenly, with_quiet_inputs):
+        own, others = (
+            [clean(bare.model, r) for r in part] for part in (best.records, best.held_out)
         )
-        one = _fitted(*parts)
-        if one is not None:
-            subjects.append(one)
-    if len(subjects) > 1 and likelihood_gain(subjects[1].base, subjects[0].base) > WEIGHTS.least:
-        subjects.reverse()
+        one = None if own == best.records else _as_recorded(bare, own, others, q)
+        if one is not None and likelihood_gain(one.subject.base, best.subject.base) > WEIGHTS.least:
+            best = one
+    return best.subject
 
-    def begun(one: Subject) -> Subject:
-        return _begun(_as_fitted(one, records, held_out))
 
-    if len(subjects) < 2:
-        return begun(subjects[0]) if subjects else None
-    first, second = subjects
-    return replace(begun(first), otherwise=lambda: begun(second))
+@dataclass(frozen=True, eq=False)
+class _Recorded:
+    """Records as they are read, with the subject that they make."""
+
+    records: list[Record]
+    held_out: list[Record]
+    subject: Subject
+
+
+def _inputs_go(records: Sequence[Record], smooth: bool) -> list[Record]:
+    """Return records with inputs that go in straight lines between samples, or are held."""
+    return [replace(r, smooth=(smooth,) * r.inputs.shape[1]) for r in records]
+
+
+def _as_recorded(
+    problem: Problem, records: list[Record], held_out: list[Record], q: Array | None = None
+) -> _Recorded | None:
+    """Return the subject of a problem without records yet; None if the model runs away."""
+    subject = _fitted(*_divided(problem, records, held_out, q))
+    return None if subject is None else _Recorded(records, held_out, subject)
 
 
 def _fitted(problem: Problem, left_out: tuple[LeftOut, ...]) -> Subject | None:
@@ -462,18 +494,14 @@ def _anywhere(problem: Problem, record: Record) -> StartPrior:
     return start_prior(replace(problem, begins_anywhere=True), record)
 
 
-def _as_fitted(subject: Subject, records: Sequence[Record], held_out: Sequence[Record]) -> Subject:
+def _as_fitted(recorded: _Recorded) -> Subject:
     """Divide records by the steps that the fitted model needs: the nominal one may be unstable."""
+    subject = recorded.subject
     if subject.observer is not None:
         return subject
     problem, base = subject.problem, subject.base
-    smooth = problem.records[0].smooth
-    parts = _divided(
-        replace(problem, records=(), starts=()),
-        [replace(r, smooth=smooth) for r in records],
-        [replace(r, smooth=smooth) for r in held_out],
-        base.point.q,
-    )
+    bare = replace(problem, records=(), starts=())
+    parts = _divided(bare, recorded.records, recorded.held_out, base.point.q)
     if _steps(parts[0]) == _steps(problem):
         return subject
     refitted = fit_base(parts[0], base.point.q)

@@ -239,3 +239,15 @@ def test_a_record_of_which_the_beginning_alone_is_used_is_noted():
     assert (code, label) == ("beginning", "long")
     assert f"first {end:.6g} s of {3.0 * end:.6g} s" in text
     assert not engine._cut_off(found.subject, [replace(record, time=np.array([0.0, end]))])
+
+
+@pytest.mark.usefixtures("without_search")
+def test_a_clock_whose_noise_is_left_out_is_noted():
+    record = oscillator_record(1, samples=120)
+    step = np.diff(record.time).mean()
+    late = 0.4 * step * np.random.default_rng(0).uniform(-1.0, 1.0, record.time.size)
+    diagnosis = diagnose([replace(record, time=record.time + late)], MODEL)
+    ((code, column, text),) = diagnosis.notes
+    assert (code, column) == ("denoised", "time")
+    assert "its steps are taken to be even" in text
+    assert not diagnose([record], MODEL).notes

@@ -190,6 +190,7 @@ def test_how_inputs_go_is_seen_once_the_missing_law_is_there(smooth: bool) -> No
     assert NAMES._between_samples(rounds.found) is (other if smooth else None)
 
 
+@pytest.mark.slow
 def test_a_whole_search_names_friction_and_nothing_else() -> None:
     found, conclusion = searched(dry)
     assert conclusion.verdict == "cause"

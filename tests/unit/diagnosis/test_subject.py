@@ -147,8 +147,8 @@ def test_an_output_in_which_a_law_is_missing_hides_no_other() -> None:
     wrong, exact = 10.0 * rng.standard_normal(1000), rng.standard_normal(1000)
     first = made(drawn()).base
     worse = replace(first, errors=(np.column_stack([wrong, 1.2 * exact]),))
-    better = replace(first, errors=(np.column_stack([1.001 * wrong, exact]),))
-    expected = 1000.0 * (np.log(1.2) - np.log(1.001))
+    better = replace(first, errors=(np.column_stack([1.01 * wrong, exact]),))
+    expected = 1000.0 * (np.log(1.2) - np.log(1.01))
     assert likelihood_gain(better, worse) == pytest.approx(expected, rel=0.1)
     assert likelihood_gain(worse, better) == pytest.approx(-expected, rel=0.1)
     assert better.misfit > worse.misfit
