@@ -85,7 +85,7 @@ def diagnose(
     given = values_of(subject, options["settings"])
     measured, unseen = held_out(record, options["holdout"], subject, mapping, options["runs"])
     refuse_useless_options(subject, options)
-    if options["engine"] == "new":
+    if _is_new(subject, options):
         return _run_new_engine(subject, measured, unseen, model, options)
     diagnosis_options = _pipeline_options(subject, given, options)
     compare = options["compare"]
@@ -136,13 +136,19 @@ def refuse_useless_options(subject: Model, options: DiagnoseKeywords) -> None:
     """
     if subject.cls is None and options["compare"] is not None:
         raise UserError(f"compare: {subject.without_equations}; diagnose each record by itself")
-    if options["engine"] == "new":
+    if _is_new(subject, options):
         _refuse_options_of_old_engine(cast("Mapping[str, object]", options))
     elif subject.cls is not None and options["fit"]:
         raise UserError(
             f"fit: {subject.name} has equations, and all its parameters are fitted; hold leaves"
             " some out"
         )
+
+
+def _is_new(subject: Model, options: DiagnoseKeywords) -> bool:
+    """Return whether a diagnosis is by terms of the laws."""
+    has_laws = subject.cls is not None and subject.cls.engine is None
+    return has_laws if options["engine"] == "auto" else options["engine"] == "new"
 
 
 def _refuse_options_of_old_engine(options: Mapping[str, object]) -> None:

@@ -204,7 +204,7 @@ def search(
 
 
 def _between_samples(found: Found) -> Subject | None:
-    """Return the subject whose inputs go the other way between samples, if its fits are likelier.
+    """Return the subject whose inputs go the other way between samples, if its fits are clearly likelier.
 
     A model that lacks a law hides it: what inputs do within a step is less than the law does, until
     that is there.
@@ -226,7 +226,8 @@ def _between_samples(found: Found) -> Subject | None:
         for one, terms in sets
     )
     best = max((evidence(one) for one in theirs if one is not None), default=-np.inf)
-    return other if best - max(map(evidence, ours)) > WEIGHTS.least else None
+    clearly = WEIGHTS.least + found.temper
+    return other if best - max(map(evidence, ours)) > clearly else None
 
 
 def _read_otherwise(

@@ -563,11 +563,11 @@ def likelihood_gain(one: Fit, other: Fit) -> float:
     """Return the gain in log likelihood of a fit over another, nats.
 
     That of each output counts: one in which a law is missing hides no other. It has as many
-    samples as are independent in the fit that leaves less structure there.
+    samples as are independent in the fit that leaves more structure there.
     """
     ours, theirs = (mean_squares(np.concatenate(f.errors)) for f in (one, other))
     counts = [[[effective_samples(c) for c in e.T] for e in f.errors] for f in (one, other)]
-    samples = np.max(np.sum(counts, axis=1), axis=0)
+    samples = np.min(np.sum(counts, axis=1), axis=0)
     shares = np.log(np.maximum(theirs, _NOTHING) / np.maximum(ours, _NOTHING))
     return float(0.5 * np.nansum(samples * shares))
 
