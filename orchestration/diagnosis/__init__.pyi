@@ -1,5 +1,7 @@
 from . import conclude as conclude
 from . import search as search
+from .changes import Changed as Changed
+from .changes import find_changes as find_changes
 from .conclude import Conclusion as Conclusion
 from .engine import Diagnosis as Diagnosis
 from .engine import diagnose as diagnose

@@ -12,7 +12,6 @@ import pytest
 from fmus.kit.sensors import transport_delay
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
-from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.design.experiment import DiscriminatingExperiment, ExpectedEvidence
 from orchestration.discrepancy.design.stimuli import Stimulus
 from orchestration.discrepancy.diagnosis import Verdict
@@ -26,6 +25,7 @@ from orchestration.discrepancy.residuals.lines import SpectralLine
 from orchestration.discrepancy.residuals.outliers import LevelShift
 from orchestration.discrepancy.validation.prediction import predict
 from orchestration.fmu.model import find_model
+from orchestration.identify import Change
 from tests.support.command import works
 from tests.support.diagnosis import rig_record
 from tests.support.reference import DOCS, documented, documented_codes, fields
