@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,6 +20,7 @@ from orchestration.diagnosis.fitting import (
     fit_base,
     fit_start,
     joined_by,
+    mean_squares,
     weights_of,
 )
 from orchestration.diagnosis.law_model import LawModel
@@ -44,6 +45,7 @@ _SHORTEST = _MOST // 2  # of one of many, to which it is cut at most
 _JUMP = 0.01  # standard deviations, from which on an input jumps that stands still at most samples
 _DECAY = 1.0  # e-folds over a record, by which each mode decays of a model that forgets errors
 _ROUNDS = 3  # of observers and fits by turns
+_NOTHING = 1e-12  # mean square of errors, in squared spreads
 _UNSEEN = 0.002  # of the spread, by which a run over fewer samples may differ
 
 
@@ -79,6 +81,9 @@ class Subject:
         Of the file, if it means other values than those that were read.
     observer : Observer or None
         By which all errors are those of predictions; None if they are those of free runs.
+    otherwise : callable
+        Returns the subject whose inputs go the other way between samples, if that may be; else
+        None.
     """
 
     problem: Problem
@@ -86,6 +91,7 @@ class Subject:
     base: Fit
     reading: Reading | None = None
     observer: Observer | None = None
+    otherwise: Callable[[], Subject | None] = lambda: None
 
     def judge(self, fitted: Fit) -> Judged | None:
         """Run a fit over what is left out.
@@ -211,9 +217,9 @@ def words_of(model: LawModel, part: Reading | Term) -> float:
 
 
 def depends(model: LawModel, term: Term) -> bool:
-    """Return whether a law depends on the signal of a term already, or is that signal."""
+    """Return whether a law depends on the signals of a term already, or is one of them."""
     own = {"", term.law} | set(model.perturbed.computed_from(term.law))
-    return term.signal in own
+    return term.signal in own and term.factor in own
 
 
 def _beginning(record: Record) -> int:
@@ -328,7 +334,7 @@ def subject_of(
         Nominal values of parameters, SI.
     interpolate : bool, optional
         Whether inputs go in straight lines between samples, or are held; by default what fits
-        clearly better.
+        clearly better. With what the model lacks it may be seen that they go otherwise.
     local : LocalValues, optional
         Values that the records do not share.
 
@@ -343,12 +349,18 @@ def subject_of(
     ways = [False] if interpolate is None else [interpolate]
     if interpolate is None and len(model.inputs) and len(model.states):
         ways = [False, True]
-    best = None
-    for smooth in ways:
-        one = _as_recorded(problem, _inputs_go(records, smooth), _inputs_go(held_out, smooth))
-        if one is not None and (best is None or _gain(one, best) > WEIGHTS.least):
-            best = one
-    return None if best is None else _denoised(best)
+    read = [
+        _as_recorded(problem, _inputs_go(records, smooth), _inputs_go(held_out, smooth))
+        for smooth in ways
+    ]
+    first, second = [*(one for one in read if one is not None), None, None][:2]
+    if first is None:
+        return None
+    if second is None:
+        return _denoised(first)
+    if likelihood_gain(second.subject.base, first.subject.base) > WEIGHTS.least:
+        first, second = second, first
+    return replace(_denoised(first), otherwise=lambda: _denoised(second))
 
 
 def _denoised(recorded: _Recorded) -> Subject:
@@ -364,7 +376,7 @@ def _denoised(recorded: _Recorded) -> Subject:
             [clean(bare.model, r) for r in part] for part in (best.records, best.held_out)
         )
         one = None if own == best.records else _as_recorded(bare, own, others, q)
-        if one is not None and _gain(one, best) > WEIGHTS.least:
+        if one is not None and likelihood_gain(one.subject.base, best.subject.base) > WEIGHTS.least:
             best = one
     return best.subject
 
@@ -547,11 +559,17 @@ def divided_as_read(subject: Subject, reading: Reading) -> tuple[Problem, tuple[
     return changed, left_out
 
 
-def _gain(one: _Recorded, other: _Recorded) -> float:
-    """Return the gain in log likelihood of a fit over another that leaves like errors, nats."""
-    ours, theirs = one.subject.base, other.subject.base
-    samples = sum(effective_samples(column) for errors in theirs.errors for column in errors.T)
-    return samples * float(np.log(theirs.misfit / ours.misfit))
+def likelihood_gain(one: Fit, other: Fit) -> float:
+    """Return the gain in log likelihood of a fit over another, nats.
+
+    That of each output counts: one in which a law is missing hides no other. It has as many
+    samples as are independent in the fit that leaves less structure there.
+    """
+    ours, theirs = (mean_squares(np.concatenate(f.errors)) for f in (one, other))
+    counts = [[[effective_samples(c) for c in e.T] for e in f.errors] for f in (one, other)]
+    samples = np.max(np.sum(counts, axis=1), axis=0)
+    shares = np.log(np.maximum(theirs, _NOTHING) / np.maximum(ours, _NOTHING))
+    return float(0.5 * np.nansum(samples * shares))
 
 
 def _divided(
