@@ -25,7 +25,7 @@ from orchestration.api.simulation import as_declared, values_of
 from orchestration.api.term_results import TermDiagnosisResult
 from orchestration.diagnosis import Options as TermOptions
 from orchestration.diagnosis import diagnose as diagnose_by_terms
-from orchestration.diagnosis import find_changes
+from orchestration.diagnosis.changes import find_changes
 from orchestration.discrepancy import UnusableRecordError, before_after, pipeline, search_laws
 from orchestration.discrepancy.foreign import WrappedFmu, wrap
 from orchestration.discrepancy.report import wording
@@ -157,6 +157,7 @@ def _run_new_engine(
         laws=options["laws"],
         interpolate=options["interpolate"],
         time=optional_seconds(options["time"]),
+        excitation=registry.excitation(subject.name),
     )
     compare = options["compare"]
     later = None if compare is None else matching_record(compare, subject, options["mapping"])

@@ -13,7 +13,6 @@ import numpy as np
 from fmus.kit import Component, UserError, files, stack
 from fmus.kit.build import host_platform
 from orchestration.discrepancy import Verdict, export, fitted_defaults, pipeline
-from orchestration.discrepancy.design import DiscriminatingExperiment
 from orchestration.discrepancy.foreign import WrappedFmu, corrected_system
 from orchestration.discrepancy.laws import Correction, LawMapResult
 from orchestration.discrepancy.report import (
@@ -34,7 +33,8 @@ from orchestration.discrepancy.report.laws import (
     law_map,
     laws_page,
 )
-from orchestration.identify import Change
+from orchestration.experiment.design import DiscriminatingExperiment
+from orchestration.identify.changes import Change
 from orchestration.identify.uncertainty import Estimate, estimates_frame
 from orchestration.records import Record
 from orchestration.reporting import (
@@ -74,7 +74,7 @@ class ProposedExperiment(Displayable):
 
     def overview(self) -> Iterator[RenderableType]:
         """Yield a description of the stimuli and of the expected evidence."""
-        yield wording.describe_experiment(self.design)
+        yield self.design.sentence
 
     def __repr__(self) -> str:
         kinds = ", ".join(
@@ -100,11 +100,11 @@ class ProposedExperiment(Displayable):
         """Draw the stimuli over time."""
         stimuli = self.to_frame()
         figure, axes = pictures.panels(len(stimuli.columns), "proposed experiment")
-        declared = {v.name: v.unit for v in self.design.model.candidate.cls.layout.inputs}
+        units = self.design.rehearsal.units
         for axis, (name, values) in zip(axes, stimuli.items(), strict=True):
             axis.plot(stimuli.index, values, color=pictures.MODEL, drawstyle="steps-post")
             pictures.fit_values(axis)
-            pictures.label(axis, str(name), declared[str(name)])
+            pictures.label(axis, str(name), units[str(name)])
         return figure
 
     def toml(self) -> str:
@@ -296,7 +296,8 @@ class DiagnosisResult(_Result):
     model : type[Component] or None
         The extended model, with fitted values as defaults; None if the diagnosis is inconclusive.
     experiment : ProposedExperiment or None
-        Experiment that discriminates between causes; None unless the verdict is ambiguous.
+        Experiment that discriminates between causes; None unless the verdict is ambiguous, or
+        with the new engine unexplained with several guesses.
     record : Record
         The first of the records.
     records : list of Record

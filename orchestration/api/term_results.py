@@ -7,8 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError
-from orchestration.api.results import DiagnosisGain, DiagnosisResult, Evidence
-from orchestration.diagnosis import Changed, Diagnosis
+from orchestration.api.results import (
+    DiagnosisGain,
+    DiagnosisResult,
+    Evidence,
+    ProposedExperiment,
+)
+from orchestration.diagnosis import Diagnosis
+from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.report import Explanation, explain, summary, terminal, wording
 from orchestration.discrepancy import Verdict
 from orchestration.records import Record
@@ -60,7 +66,11 @@ class TermDiagnosisResult(DiagnosisResult):
         after = diagnosis.errors(diagnosis.final)
         self.gain = DiagnosisGain(_known(before), _known(after))
         self.model = diagnosis.component
-        self.experiment = None
+        self.experiment = (
+            ProposedExperiment(diagnosis.experiment, diagnosis.model.name)
+            if diagnosis.experiment
+            else None
+        )
         self.record: Record = diagnosis.records[0]
         self.records = list(diagnosis.records)
         self.notes = [message for _, _, message in diagnosis.notes]

@@ -1,8 +1,6 @@
+from . import changes as changes
 from . import conclude as conclude
 from . import search as search
-from .changes import Changed as Changed
-from .changes import find_changes as find_changes
-from .conclude import Conclusion as Conclusion
 from .engine import Diagnosis as Diagnosis
 from .engine import diagnose as diagnose
 from .features import features_of as features_of
@@ -10,8 +8,8 @@ from .fitting import fit as fit
 from .fitting import nominal_point as nominal_point
 from .fitting import weights_of as weights_of
 from .law_model import LawModel as LawModel
-from .law_model import Record as Record
 from .options import Options as Options
+from .runs import Record as Record
 from .search import Found as Found
 from .signals import scale_of_signal as scale_of_signal
 from .subject import Subject as Subject

@@ -21,8 +21,8 @@ from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.effects import effect_name, unstack
 from fmus.kit.symbolic import ComponentAlong, EffectForcing, Forcing, Points
 from orchestration.diagnosis.courses import Courses
-from orchestration.diagnosis.law_model import Linearisation
 from orchestration.diagnosis.responses import Drives, Stepped, steps_along
+from orchestration.diagnosis.runs import Linearisation
 from orchestration.diagnosis.terms import NamedTerm, Released, Shape
 from orchestration.fmu.model import catalogue
 from orchestration.identify.fitting import Scale, scale_of

@@ -32,7 +32,7 @@ from orchestration.diagnosis.term_names import (
     term_parameters,
 )
 from orchestration.diagnosis.terms import Term
-from orchestration.identify import Change
+from orchestration.identify.changes import Change
 from orchestration.records import Record as MeasuredRecord
 from orchestration.reporting import option
 

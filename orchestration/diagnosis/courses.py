@@ -10,7 +10,8 @@ import numpy as np
 
 from fmus.kit.arrays import Array, Mask
 from orchestration.diagnosis.fitting import Fit
-from orchestration.diagnosis.law_model import Course, LawModel, Linearisation, Record, Setting
+from orchestration.diagnosis.law_model import LawModel
+from orchestration.diagnosis.runs import Course, Linearisation, Record, Setting
 
 _PLACES = 20  # of the function of a signal, by which the actions of two laws differ
 _DIFFERENT = 1e-3  # share of squares that no such function explains

@@ -13,21 +13,25 @@ import numpy as np
 
 from fmus.kit import Component, UserError
 from fmus.kit.arrays import Array
+from fmus.kit.registry import Excitation
 from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.conclude import Conclusion, conclude
+from orchestration.diagnosis.design import Design, design_experiment
 from orchestration.diagnosis.extension import extended_component
-from orchestration.diagnosis.law_model import MOST_TICKS, LawModel, Record
+from orchestration.diagnosis.law_model import MOST_TICKS, LawModel
 from orchestration.diagnosis.local_values import LocalValues
 from orchestration.diagnosis.misreadings import reading_that_runs
 from orchestration.diagnosis.observer import Observer
 from orchestration.diagnosis.options import Deadline, Options
-from orchestration.diagnosis.readings import Reading
+from orchestration.diagnosis.readings import TIME, Reading
 from orchestration.diagnosis.remainder import Remainder, remainders
+from orchestration.diagnosis.runs import Record
 from orchestration.diagnosis.search import Found, search
 from orchestration.diagnosis.subject import Subject, predicted, subject_of
 from orchestration.diagnosis.term_names import deviations, estimates, stems
 from orchestration.diagnosis.terms import Term
+from orchestration.experiment.design import DiscriminatingExperiment
 from orchestration.fmu import Model
 from orchestration.identify.uncertainty import Estimate, is_significantly_different
 from orchestration.records import Record as MeasuredRecord
@@ -76,6 +80,8 @@ class Diagnosis:
     conclusion : Conclusion
     notes : tuple of (str, str, str)
         Code, subject and sentence of a remark on the data.
+    experiment : DiscriminatingExperiment or None
+        That tells the causes of a group apart, or best guesses.
     """
 
     model: Model
@@ -84,6 +90,7 @@ class Diagnosis:
     found: Found
     conclusion: Conclusion
     notes: tuple[tuple[str, str, str], ...] = ()
+    experiment: DiscriminatingExperiment | None = None
 
     @property
     def subject(self) -> Subject:
@@ -279,9 +286,42 @@ def diagnose(
             raise UserError(_refusal(model, records, read))
         found, conclusion = answer
     more += [*_cut_off(found.subject, fitted), *_predictions(model, found.subject)]
+    more += _denoised(found.subject)
     if not deadline.was_met:
         more.append(_time_note(options))
-    return Diagnosis(model, tuple(records), tuple(holdouts), found, conclusion, (*notes, *more))
+    design = _designed(found, conclusion, records, model, options)
+    more += design.notes
+    return Diagnosis(
+        model,
+        tuple(records),
+        tuple(holdouts),
+        found,
+        conclusion,
+        (*notes, *more),
+        design.experiment,
+    )
+
+
+def _designed(
+    found: Found,
+    conclusion: Conclusion,
+    records: Sequence[MeasuredRecord],
+    model: Model,
+    options: Options,
+) -> Design:
+    """Design an experiment as long as the longest record; inputs with a given value keep it."""
+    record = max(records, key=lambda record: float(np.ptp(record.time)))
+    law_model = found.subject.problem.model
+    inputs, _ = _inputs(record, model, law_model, options.given)
+    names = [variable.name for variable in law_model.inputs]
+    given = {name: (value, value) for name, value in options.given.items() if name in names}
+    rig = options.excitation or Excitation({}, np.inf)
+    rig = replace(rig, ranges={**rig.ranges, **given})
+    recorded = dict(zip(names, inputs.T, strict=True))
+    try:
+        return design_experiment(found, conclusion, recorded, record.time, rig)
+    except UserError as error:
+        return Design(reason=f"no experiment could be designed: {error}")
 
 
 def _answer(
@@ -546,3 +586,19 @@ def _outputs(record: MeasuredRecord, law_model: LawModel) -> Array:
 
 def _names(records: Sequence[MeasuredRecord]) -> str:
     return ", ".join(dict.fromkeys(record.source.name for record in records))
+
+
+def _denoised(subject: Subject) -> list[tuple[str, str, str]]:
+    """Return notes on columns that are read without their noise."""
+    names = dict.fromkeys(name for r in subject.problem.records for name in r.denoised)
+    texts = {
+        name: f"{name} has noise, which {_passes(name)}; the model fits better without it"
+        for name in names
+    }
+    return [("denoised", name, text) for name, text in texts.items()]
+
+
+def _passes(name: str) -> str:
+    if name == TIME:
+        return "adds to every slope: its steps are taken to be even"
+    return "passes through the model: it is smoothed between its jumps"

@@ -7,8 +7,10 @@ from collections.abc import Mapping
 import casadi as ca
 import numpy as np
 
-from fmus.kit import Component, stack
+from fmus.kit import Component, Effect, stack
 from fmus.kit.declare import ParameterDeclaration
+from fmus.kit.sampling import Sampling
+from fmus.kit.sensors import transport_delay
 from orchestration.diagnosis.fitting import Fit
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.law_term import LawTerm, law_term_effect
@@ -20,7 +22,7 @@ from orchestration.diagnosis.term_names import (
     stems,
     term_parameters,
 )
-from orchestration.diagnosis.terms import Memory, NamedTerm, Shape, Term
+from orchestration.diagnosis.terms import DelayTerm, Memory, NamedTerm, Shape, Term
 
 _ADDITIONS = 4  # place of the additions to laws among the arguments of a model's functions
 
@@ -48,6 +50,8 @@ def extended_component(fitted: Fit, terms: Mapping[str, Term] | None = None) -> 
     for stem, term in named.items():
         if isinstance(term, NamedTerm):
             effects.append(model.effects[term.effect])
+        elif isinstance(term, DelayTerm):
+            effects.append(_delay(fitted, term))
         else:
             effects.append(law_term_effect(model.cls, term.law, _law_term(fitted, stem, term)))
         values |= _term_values(fitted, stem, term)
@@ -60,6 +64,14 @@ def extended_component(fitted: Fit, terms: Mapping[str, Term] | None = None) -> 
         for term in named.values()
     )
     return made
+
+
+def _delay(fitted: Fit, term: DelayTerm) -> type[Effect]:
+    """Return the effect of measurement that a delay is, for the samples of the first record."""
+    time = fitted.problem.records[0].time
+    seconds = max(float(term.size * fitted.values_of(term)[0]), 0.0)
+    sampling = Sampling(float(np.median(np.diff(time))), float(np.ptp(time)))
+    return transport_delay(fitted.problem.model.cls, term.law, sampling.holding(seconds))
 
 
 def _own_values(fitted: Fit) -> dict[str, float]:

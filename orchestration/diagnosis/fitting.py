@@ -16,8 +16,9 @@ from typing import TypeVar
 import numpy as np
 
 from fmus.kit.arrays import Array, Indices, Mask
-from orchestration.diagnosis.law_model import Course, LawModel, Record, Setting
+from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.local_values import COMMON, Copy, LocalValues, columns
+from orchestration.diagnosis.runs import Course, Record, Setting
 from orchestration.diagnosis.terms import Shape, Term
 from orchestration.identify.fitting import Scale, scale_of
 

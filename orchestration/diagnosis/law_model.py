@@ -6,7 +6,7 @@ import ctypes
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
@@ -16,11 +16,13 @@ import casadi as ca
 import numpy as np
 
 from fmus.kit import Component, Effect, stack
-from fmus.kit.arrays import Array, Indices, Mask
+from fmus.kit.arrays import Array, Mask
 from fmus.kit.build import cached_library, load_library
 from fmus.kit.build.toolchain import host_platform
-from fmus.kit.record import Rhythm, Ticks, ticks_of
+from fmus.kit.record import Rhythm
 from fmus.kit.symbolic import PerturbedLaws
+from orchestration.diagnosis.delays import has_delays, linearise_late, run_late
+from orchestration.diagnosis.runs import Course, Linearisation, Record, Setting
 from orchestration.diagnosis.terms import NamedTerm, Term, TermStructure, effects_in
 
 _ENGINE = Path(__file__).with_name("free_run.c")
@@ -31,6 +33,8 @@ _NOTHING = np.empty(0)
 # Largest product of a step and a rate constant: 2.8 is where the method becomes unstable.
 _STEP = 0.7
 _MOST_STEPS = 60  # between two samples
+# The same for the states of effects: faster ones no record tells from others that follow at once.
+_MOST_OF_EFFECTS = 12
 _PARAMETERS = 3  # argument of the functions of `PerturbedLaws`
 MOST_TICKS = 1000.0  # of all clocks between two samples, on the average
 
@@ -46,187 +50,6 @@ class _Run(ctypes.Structure):
         ("term", ctypes.POINTER(TermStructure)),
         *((n, _ARRAY) for n in ("observed", "gain", "outputs", "slopes", "states")),
     )
-
-
-@dataclass(frozen=True, eq=False)
-class Record:
-    """A record of one run, SI.
-
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-    inputs : ndarray, shape (n, nu)
-        In the order of the model.
-    outputs : ndarray, shape (n, ny)
-        Measured; NaN is a gap.
-    smooth : tuple of bool
-        Of each input, whether it goes in straight lines between samples or is held.
-    label : str
-    begin : float
-        When the run began and its clocks were started, in its time.
-    gain : ndarray, shape (n, nx, ny), or None
-        Of an observer, by which measured less predicted outputs correct the states after each
-        sample; None for a free run.
-    group : int
-        Number of the group of records with the same local values; see `LocalValues`.
-    """
-
-    time: Array
-    inputs: Array
-    outputs: Array
-    smooth: tuple[bool, ...]
-    label: str = ""
-    begin: float = 0.0
-    gain: Array | None = None
-    group: int = 0
-    _ticks: dict[tuple[Rhythm, ...], Ticks] = field(default_factory=dict, init=False, repr=False)
-
-    def ticks(self, rhythms: tuple[Rhythm, ...]) -> Ticks:
-        """Return the ticks of clocks, which are computed once."""
-        if rhythms not in self._ticks:
-            self._ticks[rhythms] = ticks_of(self.time, self.begin, rhythms)
-        return self._ticks[rhythms]
-
-    def gains(self, memories: int) -> Array | None:
-        """Return the gain (n, nx + memories, ny) of an observer: memories are not corrected."""
-        return None if self.gain is None else np.pad(self.gain, ((0, 0), (0, memories), (0, 0)))
-
-    @cached_property
-    def measured(self) -> Mask:
-        """Outputs (ny,) that are measured at some sample."""
-        return np.asarray(np.isfinite(self.outputs).any(axis=0))
-
-    @cached_property
-    def first(self) -> Record:
-        """The first sample alone."""
-        return self.part(0, 1)
-
-    def part(self, first: int, last: int, step: int = 1) -> Record:
-        """Return some of the samples."""
-        chosen = slice(first, last, step)
-        return replace(
-            self,
-            time=np.ascontiguousarray(self.time[chosen]),
-            inputs=np.ascontiguousarray(self.inputs[chosen]),
-            outputs=np.ascontiguousarray(self.outputs[chosen]),
-            gain=None if self.gain is None else np.ascontiguousarray(self.gain[chosen]),
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class Course:
-    """A free run over a record.
-
-    Attributes
-    ----------
-    outputs : ndarray, shape (n, ny)
-    slopes : ndarray, shape (n, m, p)
-        Of the m measured outputs, by free parameters, values of the terms, and start states; empty
-        unless asked for.
-    states : ndarray, shape (n, nx + nz)
-        Memories of the terms after the model's own states.
-    """
-
-    outputs: Array
-    slopes: Array
-    states: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Linearisation:
-    """Derivatives of a model with terms along a course, of its states and memories.
-
-    Attributes
-    ----------
-    rates : ndarray, shape (n, nx + nz, p + k + nx + nz)
-        By free parameters, values of the terms, and states.
-    outputs : ndarray, shape (n, ny, p + k + nx + nz)
-    rates_by_laws : ndarray, shape (n, nx, nl)
-        By additions to the laws.
-    outputs_by_laws : ndarray, shape (n, ny, nl)
-    laws : ndarray, shape (n, nl)
-        Values of the laws without terms.
-    steps : ndarray, shape (n - 1, nx + nz, p + k + nx + nz), or None
-        Derivatives of the states at the next sample, of a model with discrete states.
-    steps_by_laws : ndarray, shape (n - 1, nx + nz, nl), or None
-        By additions to the laws that stay for the step.
-    gains : ndarray, shape (n, nx + nz, ny), or None
-        By which an observer corrects the states at each sample; None of a free run.
-    """
-
-    rates: Array
-    outputs: Array
-    rates_by_laws: Array
-    outputs_by_laws: Array
-    laws: Array
-    steps: Array | None = None
-    steps_by_laws: Array | None = None
-    gains: Array | None = None
-
-    @property
-    def actions(self) -> list[Array]:
-        """What additions to the laws do, (..., nl): to rates, outputs, and by updates."""
-        known = self.rates_by_laws, self.outputs_by_laws, self.steps_by_laws
-        return [action for action in known if action is not None]
-
-    def of_outputs(self, chosen: Mask) -> Linearisation:
-        """Return the derivatives of some outputs, by a mask (ny,)."""
-        return replace(
-            self,
-            outputs=self.outputs[:, chosen],
-            outputs_by_laws=self.outputs_by_laws[:, chosen],
-            gains=None if self.gains is None else self.gains[:, :, chosen],
-        )
-
-    def weighed(self, weights: Array) -> Linearisation:
-        """Return the derivatives of the outputs times weights (ny,)."""
-        by_output = weights[:, np.newaxis]
-        return replace(
-            self,
-            outputs=self.outputs * by_output,
-            outputs_by_laws=self.outputs_by_laws * by_output,
-            gains=None if self.gains is None else self.gains / weights,
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class Setting:
-    """All that a run depends on but its record.
-
-    Attributes
-    ----------
-    parameters : ndarray, shape (np,)
-        All of them, SI.
-    free : ndarray of int, shape (p,)
-        Positions of those by which there are derivatives.
-    terms : tuple of Term
-    values : ndarray, shape (k,)
-        Of each term its coefficients, then the logarithms of its constants and width.
-    substeps : int
-        Steps between two samples.
-    searched : tuple of int, or None
-        Positions of the states by whose start values a run has derivatives; None for all.
-    """
-
-    parameters: Array
-    free: Indices
-    terms: tuple[Term, ...] = ()
-    values: Array = field(default_factory=lambda: np.zeros(0))
-    substeps: int = 1
-    searched: tuple[int, ...] | None = None
-
-    @property
-    def memories(self) -> int:
-        """Memories of the terms, each with a state."""
-        return sum(term.has_memory for term in self.terms)
-
-    def by_term(self) -> Iterator[tuple[Term, Array]]:
-        """Yield each term with its values."""
-        at = 0
-        for term in self.terms:
-            width = term.coefficients + len(term.start)
-            yield term, self.values[at : at + width]
-            at += width
 
 
 class LawModel:
@@ -320,6 +143,8 @@ class LawModel:
 
         None if it leaves all bounds, or has more ticks than `MOST_TICKS`.
         """
+        if has_delays(setting):
+            return run_late(self, record, setting, start, sensitive=sensitive)
         effects = effects_in(setting.terms)
         if effects:
             return self.stacked(effects).run(record, setting, start, sensitive=sensitive)
@@ -353,6 +178,8 @@ class LawModel:
 
     def linearise(self, record: Record, setting: Setting, course: Course) -> Linearisation:
         """Linearise along a course."""
+        if has_delays(setting):
+            return linearise_late(self, record, setting, course)
         effects = effects_in(setting.terms)
         if effects:
             return self.stacked(effects).linearise(record, setting, course)
@@ -612,7 +439,7 @@ class StackedModel:
         none = np.zeros((0, 0, 0))
         first = Course(np.zeros((1, len(self.base.outputs))), none, states)
         part = self.stacked.linearise(self._seen(record.first), bare, first)
-        return max(setting.substeps, steps_of(part.rates, record))
+        return max(setting.substeps, min(steps_of(part.rates, record), _MOST_OF_EFFECTS))
 
     def _seen(self, record: Record) -> Record:
         """Return a record with the gain for all states; those of effects run freely."""

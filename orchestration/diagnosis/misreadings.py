@@ -24,9 +24,10 @@ from orchestration.diagnosis.fitting import (
     mean_squares,
     nominal_point,
 )
-from orchestration.diagnosis.law_model import LawModel, Record
+from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.readings import Reading, ReadingKind, readings_of
 from orchestration.diagnosis.responses import Projection
+from orchestration.diagnosis.runs import Record
 from orchestration.diagnosis.subject import LeftOut, Subject, divided_as_read, thinned
 
 _OF_A_KIND = 2  # readings of a kind that are fitted
@@ -89,7 +90,9 @@ class _Screen:
         count = int(np.log(most) / np.log(_DELAYS)) + 2
         samples = np.unique(np.geomspace(1.0, most, count).astype(int))
         step = float(np.median(np.diff(time)))
-        return [float(sign * k * step) for k in samples for sign in (1.0, -1.0)]
+        # an early input of a model with one output is a late output
+        signs = (1.0, -1.0) if self.subject.problem.records[0].measured.sum() > 1 else (1.0,)
+        return [float(sign * k * step) for k in samples for sign in signs]
 
     def _points(self, problem: Problem) -> list[Point]:
         """Return both points with the start states that a problem expects."""

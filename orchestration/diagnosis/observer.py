@@ -19,9 +19,9 @@ import numpy as np
 
 from fmus.kit.arrays import Array, Mask
 from orchestration.diagnosis.fitting import Point, Problem, StartPrior, mean_squares
-from orchestration.diagnosis.law_model import Course, Linearisation, Record
 from orchestration.diagnosis.remainder import noise_of
 from orchestration.diagnosis.responses import steps_along
+from orchestration.diagnosis.runs import Course, Linearisation, Record
 from orchestration.diagnosis.terms import Term
 
 _SHARES = 10.0 ** np.arange(-5.0, 1.1, 0.5)  # of the rates, that disturbances are tried to be

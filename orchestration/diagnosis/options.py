@@ -8,6 +8,7 @@ from time import process_time
 
 from fmus.kit import Component, Effect, UserError
 from fmus.kit.errors import suggestion
+from fmus.kit.registry import Excitation
 from orchestration.diagnosis.catalogue import usable_effects
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.terms import NamedTerm, SensorTerm, Term
@@ -38,6 +39,9 @@ class Options:
         Whether inputs go in straight lines between samples, or are held; estimated by default.
     time : float or None
         Processor time of the search, s; by default without a limit.
+    excitation : Excitation or None
+        Limits of an experiment that is designed; without them those that the model declares, and
+        where it declares none those of the record.
     """
 
     hold: Collection[str] = ()
@@ -48,6 +52,7 @@ class Options:
     laws: bool = True
     interpolate: bool | None = None
     time: float | None = None
+    excitation: Excitation | None = None
 
     @property
     def recalibrates(self) -> bool:

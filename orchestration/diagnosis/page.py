@@ -14,8 +14,7 @@ from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.report import curves, terminal, wording
 from orchestration.diagnosis.term_names import sentence, shape_text, unit_of
 from orchestration.diagnosis.terms import Term
-from orchestration.identify import Change
-from orchestration.identify.changes import CHANGE_HEAD, change_rows, describe_changes
+from orchestration.identify.changes import CHANGE_HEAD, Change, change_rows, describe_changes
 from orchestration.records import Record
 from orchestration.reporting import flag, make_page, pictures
 from orchestration.reporting.html import (
@@ -75,6 +74,7 @@ def diagnosis_page(diagnosis: Diagnosis, command: str = "", changed: Changed | N
         _add_causes(page, diagnosis)
     if changed is not None:
         _add_changes(page, changed)
+    _add_experiment(page, diagnosis)
     page.heading("The model beside the record")
     for course in curves.output_courses(diagnosis):
         _add_course(page, diagnosis, course)
@@ -141,6 +141,19 @@ def _change_row(change: Change) -> list[str]:
         for value, end in zip((before, after), ends, strict=True)
     ]
     return [name, *cells, *rest, elements.chip("differs", verdict) if change.changed else verdict]
+
+
+def _add_experiment(page: Page, diagnosis: Diagnosis) -> None:
+    """Add the experiment that tells the causes apart, if there is one."""
+    experiment = diagnosis.experiment
+    if experiment is None:
+        return
+    page.subheading("An experiment that would tell more")
+    page.text(
+        f"{experiment.sentence} Save it as experiment.toml, and ppy run experiment.toml rehearses"
+        " it."
+    )
+    page.code([experiment.toml(diagnosis.model.name, experiment.sentence)])
 
 
 def _add_course(page: Page, diagnosis: Diagnosis, course: curves.OutputCourse) -> None:

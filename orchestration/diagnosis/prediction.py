@@ -14,7 +14,7 @@ from orchestration.diagnosis.fitting import (
     independent_weights,
     mean_squares,
 )
-from orchestration.diagnosis.law_model import Record
+from orchestration.diagnosis.runs import Course, Record
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +62,59 @@ class Prediction:
         return np.asarray(errors * self.noise)
 
 
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Outputs of a fit in a run yet to be made.
+
+    Attributes
+    ----------
+    outputs : ndarray, shape (n, ny)
+        SI; of those that are not measured as simulated.
+    directions : ndarray, shape (n, ny, m)
+        In which they are uncertain, by a standard deviation each, SI; see `Prediction`.
+    """
+
+    outputs: Array
+    directions: Array
+
+
+class Forecast:
+    """A fit over runs yet to be made, with what its records leave uncertain.
+
+    Parameters
+    ----------
+    fitted : Fit
+    prior : StartPrior
+        Of the start states of such a run.
+    group : int
+        That the runs are of; see `Record.group`.
+    """
+
+    def __init__(self, fitted: Fit, prior: StartPrior, group: int = 0):
+        self.fitted = fitted
+        self._prior = prior
+        own = fitted.problem.coordinates(len(fitted.point.values), group)
+        known = _inverse(final_curvature(fitted))[np.ix_(own, own)]
+        unseen = np.zeros((0, len(own) + len(prior.mean)))
+        self._root = _root(_of_new_start(known, unseen, len(prior.mean)))
+
+    def respond(self, record: Record) -> Response | None:
+        """Run over the inputs of a record; None if the run leaves its bounds.
+
+        Parameters
+        ----------
+        record : Record
+            Of the outputs it says which are measured.
+        """
+        fitted = self.fitted
+        start = self._prior.mean
+        course = fitted.problem.run(record, fitted.point, fitted.terms, start, True)
+        if course is None:
+            return None
+        slopes = _slopes(fitted, record, course, self._prior)
+        return Response(course.outputs, slopes @ self._root)
+
+
 def predict(
     fitted: Fit, record: Record, start: Array, prior: StartPrior, begun_by: int | Record
 ) -> Prediction | None:
@@ -88,11 +141,8 @@ def predict(
     if course is None:
         return None
     errors = (record.outputs - course.outputs) / problem.spread
-    slopes = np.zeros((*errors.shape, course.slopes.shape[2]))
-    slopes[:, record.measured] = course.slopes / problem.spread[record.measured, np.newaxis]
-    places, states = problem.columns(record.group), len(start)
-    slopes[:, :, : len(places)] *= problem.slopes(fitted.point.q)[places]
-    slopes[:, :, slopes.shape[2] - states :] *= prior.deviation
+    slopes = _slopes(fitted, record, course, prior) / problem.spread[:, np.newaxis]
+    states = len(start)
     inverse = _inverse(final_curvature(fitted))
     own = problem.coordinates(len(fitted.point.values), record.group)
     weights = np.mean(independent_weights(fitted.errors), axis=0)
@@ -107,6 +157,16 @@ def predict(
     # where more than noise is left a model errs by more than its parameters
     noise = 1.0 / weights / np.sqrt(mean_squares(np.concatenate(fitted.errors)))
     return Prediction(errors, slopes @ _root(covariance), noise)
+
+
+def _slopes(fitted: Fit, record: Record, course: Course, prior: StartPrior) -> Array:
+    """Return the derivatives (n, ny, m) of the outputs by a record's coordinates, SI."""
+    slopes = np.zeros((*course.outputs.shape, course.slopes.shape[2]))
+    slopes[:, record.measured] = course.slopes
+    places, states = fitted.problem.columns(record.group), len(prior.mean)
+    slopes[:, :, : len(places)] *= fitted.problem.slopes(fitted.point.q)[places]
+    slopes[:, :, slopes.shape[2] - states :] *= prior.deviation
+    return slopes
 
 
 def _of_new_start(covariance: Array, rows: Array, states: int) -> Array:

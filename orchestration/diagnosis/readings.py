@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.kit.arrays import Array
-from orchestration.diagnosis.law_model import LawModel, Record
+from orchestration.diagnosis.law_model import LawModel
+from orchestration.diagnosis.runs import Record
 
 TIME = "time"
 _PREFIXES = {"m": 1e-3, "k": 1e3, "u": 1e-6}
@@ -218,9 +219,8 @@ def readings_of(model: LawModel, records: Sequence[Record]) -> list[Reading]:
     for unit, size in _CLOCKS.items():
         result.append(Reading(kinds.CLOCK, (TIME,), size, unit=f"in {unit}"))
         result.append(Reading(kinds.CLOCK, (TIME,), 1.0 / size, unit=f"in s and read as {unit}"))
-    # all inputs late and all outputs early are the same
-    columns = list(moving) if len(moving) != 2 else list(moving)[1:]
-    result += [Reading(kinds.LATE, (name,)) for name in columns]
+    # a late output is a fault of its measurement, which is a term
+    result += [Reading(kinds.LATE, (v.name,)) for v in own]
     return result
 
 

@@ -18,7 +18,8 @@ import numpy as np
 from fmus.kit.arrays import Array, Indices
 from fmus.kit.build import cached_library, load_library
 from fmus.kit.build.toolchain import host_platform
-from orchestration.diagnosis.law_model import Linearisation, Record, with_vectors
+from orchestration.diagnosis.law_model import with_vectors
+from orchestration.diagnosis.runs import Linearisation, Record
 
 _SOURCE = Path(__file__).with_name("responses.c")
 _AT_ONCE = 64  # columns that are projected at once: as many as a cache holds

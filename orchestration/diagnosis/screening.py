@@ -19,11 +19,20 @@ from fmus.kit.arrays import Array, Mask
 from orchestration.diagnosis.catalogue import named_terms
 from orchestration.diagnosis.comparison import words
 from orchestration.diagnosis.courses import Courses
+from orchestration.diagnosis.delays import earlier
 from orchestration.diagnosis.fitting import effective_samples, weights_of
-from orchestration.diagnosis.law_model import LawModel, Linearisation
+from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.responses import Drives, Projection, Response, respond
+from orchestration.diagnosis.runs import Linearisation
 from orchestration.diagnosis.signals import Seen, distinct, seen
-from orchestration.diagnosis.terms import Memory, NamedTerm, SensorTerm, Shape, Term
+from orchestration.diagnosis.terms import (
+    DelayTerm,
+    Memory,
+    NamedTerm,
+    SensorTerm,
+    Shape,
+    Term,
+)
 
 _PLAIN = (
     Shape.LINEAR,
@@ -49,6 +58,7 @@ _FACTORS = {
 _OF_ITSELF = (Shape.MODULUS, Shape.ODD_SQUARE, Shape.CUBE, Shape.DRY)  # of a rate, as a signal
 _DRIFTS = (Shape.LINEAR, Shape.ROOT, Shape.SQUARE)  # of a sensor, over the time
 _PRODUCT = (Shape.LINEAR, Shape.SQUARE, Shape.CURVE)  # of a term in proportion to an input
+_DELAYS, _LATEST = 6, 16.0  # of an output; the longest is so small a part of the record
 _PLACES = 24  # instants of a record at which a law may have changed
 _WIDTHS = {
     Shape.DRY: (0.05, 0.4),
@@ -504,7 +514,7 @@ def _candidates(
 
 
 def _of_sensors(along: Courses, shapes: _Shapes) -> Iterator[Candidate]:
-    """Yield faults of the sensors of measured outputs: an offset, a gain, a drift and a lag."""
+    """Yield faults of the sensors of measured outputs: offset, gain, drift, lag and delay."""
     model = along.model
     for j in np.flatnonzero(along.measured).tolist():
         output = model.outputs[j].name
@@ -526,6 +536,20 @@ def _of_sensors(along: Courses, shapes: _Shapes) -> Iterator[Candidate]:
                     output, view.signal, shape, view.memory, view.constants, "", size, view.scale
                 )
                 yield shapes.candidate(term, view, amount, True)
+        yield from _delays(along, output, size)
+
+
+def _delays(along: Courses, output: str, size: float) -> Iterator[Candidate]:
+    """Yield delays of an output."""
+    model, values = along.model, along.values[output]
+    ends = np.cumsum([len(time) for time in along.times])[:-1]
+    parts = list(zip(np.split(values, ends), along.times, strict=True))
+    for delay in np.geomspace(along.step, along.length / _LATEST, _DELAYS).tolist():
+        late = np.concatenate([earlier(part, time, delay)[0] for part, time in parts])
+        term = DelayTerm(output, output, Shape.LINEAR, size=delay)
+        amount = np.full(len(values), size)
+        column = ((late - values) / size)[:, np.newaxis]
+        yield Candidate(term, column, amount, words(model, term, True))
 
 
 def _of_itself(shapes: _Shapes, law: str, values: Array, amount: Array) -> Iterator[Candidate]:
@@ -585,8 +609,11 @@ def _by_inputs(
             if view.memory is Memory.NONE and view.signal in others - {factor}:
                 law, depends = _owner(model, same, view.signal)
                 law = law if depends else _owner(model, same, factor)[0]
-                for term in _terms(law, view, _PRODUCT, unit, factor=factor):
-                    yield shapes.candidate(term, view, addition, depends)
+                is_own = any(_cosine(value_of[one], view.values) > _SAME for one in same)
+                shapes_of = _PRODUCT[1:] if is_own else _PRODUCT  # in percent over the factor
+                has_both = depends and factor in model.perturbed.computed_from(law)
+                for term in _terms(law, view, shapes_of, unit, factor=factor):
+                    yield shapes.candidate(term, view, addition, has_both)
 
 
 def _cosine(one: Array, other: Array) -> float:
@@ -643,10 +670,16 @@ def _terms(
 
 
 def other_shapes(term: Term) -> Iterator[Term]:
-    """Yield a term with each of the other shapes of its signal."""
+    """Yield a term with each of the other shapes of its signal.
+
+    A product of two signals is one of either over the other: a screen has it in one way.
+    """
     low, high = (term.places[0], term.places[-1]) if term.places else _RANGE
+    is_product = term.factor not in ("", term.law)
     for shape in Shape:
         if shape is term.shape or shape in (Shape.CONSTANT, Shape.MODULUS, Shape.STEP):
+            continue
+        if is_product and shape is Shape.LINEAR:
             continue
         places = tuple(np.linspace(low, high, _KNOTS)) if shape is Shape.CURVE else ()
         width = _DRY if shape is Shape.DRY else _BEND

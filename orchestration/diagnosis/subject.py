@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,13 +20,16 @@ from orchestration.diagnosis.fitting import (
     fit_base,
     fit_start,
     joined_by,
+    mean_squares,
     weights_of,
 )
-from orchestration.diagnosis.law_model import LawModel, Record, Setting
+from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.local_values import COMMON, LocalValues
 from orchestration.diagnosis.observer import Observer, Place, growth_of, observer_of
 from orchestration.diagnosis.prediction import Prediction, predict
 from orchestration.diagnosis.readings import Reading, ReadingKind
+from orchestration.diagnosis.recording import evenly, with_quiet_inputs
+from orchestration.diagnosis.runs import Record, Setting
 from orchestration.diagnosis.terms import Shape, Term
 
 _PART = 2.0 / 3.0  # of a single record that is fitted
@@ -42,6 +45,7 @@ _SHORTEST = _MOST // 2  # of one of many, to which it is cut at most
 _JUMP = 0.01  # standard deviations, from which on an input jumps that stands still at most samples
 _DECAY = 1.0  # e-folds over a record, by which each mode decays of a model that forgets errors
 _ROUNDS = 3  # of observers and fits by turns
+_NOTHING = 1e-12  # mean square of errors, in squared spreads
 _UNSEEN = 0.002  # of the spread, by which a run over fewer samples may differ
 
 
@@ -77,6 +81,9 @@ class Subject:
         Of the file, if it means other values than those that were read.
     observer : Observer or None
         By which all errors are those of predictions; None if they are those of free runs.
+    otherwise : callable
+        Returns the subject whose inputs go the other way between samples, if that may be; else
+        None.
     """
 
     problem: Problem
@@ -84,6 +91,7 @@ class Subject:
     base: Fit
     reading: Reading | None = None
     observer: Observer | None = None
+    otherwise: Callable[[], Subject | None] = lambda: None
 
     def judge(self, fitted: Fit) -> Judged | None:
         """Run a fit over what is left out.
@@ -209,9 +217,9 @@ def words_of(model: LawModel, part: Reading | Term) -> float:
 
 
 def depends(model: LawModel, term: Term) -> bool:
-    """Return whether a law depends on the signal of a term already, or is that signal."""
+    """Return whether a law depends on the signals of a term already, or is one of them."""
     own = {"", term.law} | set(model.perturbed.computed_from(term.law))
-    return term.signal in own
+    return term.signal in own and term.factor in own
 
 
 def _beginning(record: Record) -> int:
@@ -326,7 +334,7 @@ def subject_of(
         Nominal values of parameters, SI.
     interpolate : bool, optional
         Whether inputs go in straight lines between samples, or are held; by default what fits
-        clearly better.
+        clearly better. With what the model lacks it may be seen that they go otherwise.
     local : LocalValues, optional
         Values that the records do not share.
 
@@ -337,22 +345,62 @@ def subject_of(
     """
     # of what is fitted alone, or a fit would depend on what is left out
     fitted = records if held_out else [r.part(0, int(_PART * len(r.time))) for r in records]
-    spread = _spread(fitted)
-    best = None
+    problem = Problem(model, (), _spread(fitted), (), frozenset(hold), values, local=local)
     ways = [False] if interpolate is None else [interpolate]
     if interpolate is None and len(model.inputs) and len(model.states):
         ways = [False, True]
-    for smooth in ways:
-        inputs = (smooth,) * len(model.inputs)
-        parts = _divided(
-            Problem(model, (), spread, (), frozenset(hold), values, local=local),
-            [replace(r, smooth=inputs) for r in records],
-            [replace(r, smooth=inputs) for r in held_out],
+    read = [
+        _as_recorded(problem, _inputs_go(records, smooth), _inputs_go(held_out, smooth))
+        for smooth in ways
+    ]
+    first, second = [*(one for one in read if one is not None), None, None][:2]
+    if first is None:
+        return None
+    if second is None:
+        return _denoised(first)
+    if likelihood_gain(second.subject.base, first.subject.base) > WEIGHTS.least:
+        first, second = second, first
+    return replace(_denoised(first), otherwise=lambda: _denoised(second))
+
+
+def _denoised(recorded: _Recorded) -> Subject:
+    """Return a subject of records without noise of their clock and inputs, if it is clearly better.
+
+    Noise of the clock is that of every slope, and goes first.
+    """
+    subject = _begun(_as_fitted(recorded))
+    best = replace(recorded, subject=subject)
+    bare, q = replace(subject.problem, records=(), starts=()), subject.base.point.q
+    for clean in (evenly, with_quiet_inputs):
+        own, others = (
+            [clean(bare.model, r) for r in part] for part in (best.records, best.held_out)
         )
-        one = _fitted(*parts)
-        if one is not None and (best is None or _gain(one.base, best.base) > WEIGHTS.least):
+        one = None if own == best.records else _as_recorded(bare, own, others, q)
+        if one is not None and likelihood_gain(one.subject.base, best.subject.base) > WEIGHTS.least:
             best = one
-    return None if best is None else _begun(_as_fitted(best, records, held_out))
+    return best.subject
+
+
+@dataclass(frozen=True, eq=False)
+class _Recorded:
+    """Records as they are read, with the subject that they make."""
+
+    records: list[Record]
+    held_out: list[Record]
+    subject: Subject
+
+
+def _inputs_go(records: Sequence[Record], smooth: bool) -> list[Record]:
+    """Return records with inputs that go in straight lines between samples, or are held."""
+    return [replace(r, smooth=(smooth,) * r.inputs.shape[1]) for r in records]
+
+
+def _as_recorded(
+    problem: Problem, records: list[Record], held_out: list[Record], q: Array | None = None
+) -> _Recorded | None:
+    """Return the subject of a problem without records yet; None if the model runs away."""
+    subject = _fitted(*_divided(problem, records, held_out, q))
+    return None if subject is None else _Recorded(records, held_out, subject)
 
 
 def _fitted(problem: Problem, left_out: tuple[LeftOut, ...]) -> Subject | None:
@@ -446,18 +494,14 @@ def _anywhere(problem: Problem, record: Record) -> StartPrior:
     return start_prior(replace(problem, begins_anywhere=True), record)
 
 
-def _as_fitted(subject: Subject, records: Sequence[Record], held_out: Sequence[Record]) -> Subject:
+def _as_fitted(recorded: _Recorded) -> Subject:
     """Divide records by the steps that the fitted model needs: the nominal one may be unstable."""
+    subject = recorded.subject
     if subject.observer is not None:
         return subject
     problem, base = subject.problem, subject.base
-    smooth = problem.records[0].smooth
-    parts = _divided(
-        replace(problem, records=(), starts=()),
-        [replace(r, smooth=smooth) for r in records],
-        [replace(r, smooth=smooth) for r in held_out],
-        base.point.q,
-    )
+    bare = replace(problem, records=(), starts=())
+    parts = _divided(bare, recorded.records, recorded.held_out, base.point.q)
     if _steps(parts[0]) == _steps(problem):
         return subject
     refitted = fit_base(parts[0], base.point.q)
@@ -515,10 +559,17 @@ def divided_as_read(subject: Subject, reading: Reading) -> tuple[Problem, tuple[
     return changed, left_out
 
 
-def _gain(one: Fit, other: Fit) -> float:
-    """Return the gain in log likelihood of a fit over another that leaves like errors, nats."""
-    samples = sum(effective_samples(column) for errors in other.errors for column in errors.T)
-    return samples * float(np.log(other.misfit / one.misfit))
+def likelihood_gain(one: Fit, other: Fit) -> float:
+    """Return the gain in log likelihood of a fit over another, nats.
+
+    That of each output counts: one in which a law is missing hides no other. It has as many
+    samples as are independent in the fit that leaves less structure there.
+    """
+    ours, theirs = (mean_squares(np.concatenate(f.errors)) for f in (one, other))
+    counts = [[[effective_samples(c) for c in e.T] for e in f.errors] for f in (one, other)]
+    samples = np.max(np.sum(counts, axis=1), axis=0)
+    shares = np.log(np.maximum(theirs, _NOTHING) / np.maximum(ours, _NOTHING))
+    return float(0.5 * np.nansum(samples * shares))
 
 
 def _divided(

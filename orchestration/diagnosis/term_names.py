@@ -14,7 +14,7 @@ from fmus.kit.curves import in_brackets, per
 from fmus.kit.symbolic import list_laws
 from fmus.kit.titles import in_words, law_title, within_sentence
 from orchestration.diagnosis.fitting import Fit, final_curvature
-from orchestration.diagnosis.terms import Memory, NamedTerm, SensorTerm, Shape, Term
+from orchestration.diagnosis.terms import DelayTerm, Memory, NamedTerm, SensorTerm, Shape, Term
 from orchestration.identify.uncertainty import Estimate
 
 _UNDETERMINED = 0.7  # of its prior deviation, from which on a coordinate is not determined
@@ -81,6 +81,9 @@ def stems(terms: Sequence[Term]) -> dict[str, Term]:
         if isinstance(term, NamedTerm):
             named[_identifier(term.effect)] = term
             continue
+        if isinstance(term, DelayTerm):
+            named[_identifier(term.name)] = term
+            continue
         remembered = "" if term.memory is Memory.NONE else f"_{term.memory.name.lower()}"
         stem = f"{term.law}_of_{term.signal}{remembered}" if term.signal else f"{term.law}_offset"
         number = 1 + sum(name.rpartition("_no_")[0] == stem or name == stem for name in named)
@@ -97,9 +100,16 @@ def term_parameters(cls: type[Component], stem: str, term: Term) -> list[TermPar
     """Return the parameters of a term in the order of its values in a fit."""
     if isinstance(term, NamedTerm):
         return [
-            TermParameter(one.name, one.scale.size, one.scale.logarithmic, one.unit)
+            TermParameter(
+                one.name,
+                1.0 if one.scale.logarithmic else one.scale.size,
+                one.scale.logarithmic,
+                one.unit,
+            )
             for one in term.released
         ]
+    if isinstance(term, DelayTerm):
+        return [TermParameter(f"{term.law}_delay", term.size, False, "s")]
     unit = unit_of(cls, term.law)
     if term.factor:
         below = unit_of(cls, term.factor)
@@ -245,6 +255,8 @@ def shape_text(term: Term) -> str:
     """Return the function of a term as a formula."""
     if isinstance(term, NamedTerm):
         return term.formula
+    if isinstance(term, DelayTerm):
+        return "x(t - d)"
     text = FORMS[term.shape].text
     if term.middle:
         text = text.replace("x", f"(x - {term.middle:.3g})")

@@ -312,6 +312,34 @@ class SensorTerm(Term):
         return False
 
 
+@dataclass(frozen=True)
+class DelayTerm(SensorTerm):
+    """A measured output that is late: its coefficient times its size is the delay, s."""
+
+    @property
+    def fault(self) -> str:
+        """``delay``."""
+        return "delay"
+
+    @property
+    def name(self) -> str:
+        """The effect of measurement, with its output."""
+        return f"transport_delay({self.law})"
+
+    @property
+    def is_instant(self) -> bool:
+        """It shows its signal of another instant."""
+        return False
+
+    @property
+    def source(self) -> tuple[str, str, Memory, str]:
+        """The output, late by any time."""
+        return self.law, self.fault, Memory.NONE, ""
+
+    def __str__(self) -> str:
+        return self.name
+
+
 def effects_in(terms: Sequence[Term]) -> tuple[str, ...]:
     """Return the effects of named terms, sorted."""
     return tuple(sorted(term.effect for term in terms if isinstance(term, NamedTerm)))

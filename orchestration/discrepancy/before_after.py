@@ -19,7 +19,7 @@ from orchestration.discrepancy.pipeline import (
     budget_of,
     parameters_given,
 )
-from orchestration.identify import Change
+from orchestration.identify.changes import Change
 from orchestration.records import Record, refuse_same
 from orchestration.records.runs import base_name
 from orchestration.reporting import option

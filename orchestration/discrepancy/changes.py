@@ -24,7 +24,7 @@ from orchestration.discrepancy.candidates import Candidate, label, own_parameter
 from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.parallel import parallel_map
 from orchestration.discrepancy.selection import Search
-from orchestration.identify import Change
+from orchestration.identify.changes import Change
 from orchestration.identify.fitting import (
     FitResult,
     Problem,

@@ -29,7 +29,7 @@ from orchestration.discrepancy.data import (
     joined_dataset,
     record_labels,
 )
-from orchestration.discrepancy.design import DiscriminatingExperiment, Limits, design_experiment
+from orchestration.discrepancy.design import design_experiment
 from orchestration.discrepancy.diagnosis import diagnose as diagnose_data
 from orchestration.discrepancy.extended_model import (
     ExtensionGain,
@@ -38,6 +38,7 @@ from orchestration.discrepancy.extended_model import (
 )
 from orchestration.discrepancy.law_corrections import LawSearch, leaves_something, search_laws
 from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.experiment.design import DiscriminatingExperiment, menu
 from orchestration.fmu import Model
 from orchestration.fmu.model import catalogue as known_effects
 from orchestration.fmu.model import families
@@ -81,7 +82,7 @@ class DiagnosisOptions:
     hold: Sequence[str] = ()
     each: Sequence[str] = ()
     interpolate: bool | None = None
-    limits: Limits | None = None
+    limits: menu.Limits | None = None
     highest_frequency: float = np.inf
     time: float | None = None
     laws: bool = False

@@ -7,8 +7,8 @@ import numpy as np
 from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.arrays import Array
 from orchestration.diagnosis import LawModel, Record
-from orchestration.diagnosis.law_model import Course, Setting
 from orchestration.diagnosis.responses import Drives
+from orchestration.diagnosis.runs import Course, Setting
 
 
 class Vessels(Component):

@@ -13,11 +13,17 @@ from orchestration.diagnosis.conclude import Conclusion, conclude
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.fitting import fit, fit_base, nominal_point, weights_of
 from orchestration.diagnosis.law_model import LawModel
-from orchestration.diagnosis.law_model import Record as KernelRecord
 from orchestration.diagnosis.readings import Reading
+from orchestration.diagnosis.runs import Record as KernelRecord
 from orchestration.diagnosis.search import Found
 from orchestration.diagnosis.subject import Subject, divided_as_read, subject_of
 from orchestration.diagnosis.terms import Shape, Term
+from orchestration.experiment.design import (
+    DiscriminatingExperiment,
+    ExpectedEvidence,
+    Rehearsal,
+    menu,
+)
 from orchestration.fmu.model import declared_model_of
 from orchestration.records import Record
 from tests.support.oscillator_model import Oscillator
@@ -132,3 +138,18 @@ def with_group(diagnosis: Diagnosis, verdict: str, *probabilities: float) -> Dia
         )
     conclusion = Conclusion(verdict, tuple(group), 0.01, diagnosis.found.base)
     return replace(diagnosis, conclusion=conclusion)
+
+
+def telling_apart(*names: str) -> DiscriminatingExperiment:
+    """Return an experiment that tells the first of these causes from the others."""
+    levels = {"levels": [-6.0, 6.0], "dwell": [0.5, 2.0], "seed": 1}
+    first, *others = names
+    return DiscriminatingExperiment(
+        {"force": menu.Stimulus("multilevel", levels)},
+        20.0,
+        0.02,
+        [ExpectedEvidence(first, other, 42.0) for other in others],
+        Rehearsal({"force": "N"}, ["position"], {"mass": 1.0}),
+        {"force": (-6.0, 6.0)},
+        {first: 0.999, **dict.fromkeys(others, 0.6)},
+    )

@@ -10,7 +10,7 @@ from fmus.kit.arrays import Array
 from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.fitting import Fit
-from orchestration.diagnosis.law_model import Course
+from orchestration.diagnosis.runs import Course
 from orchestration.diagnosis.terms import Memory, NamedTerm, Term
 from orchestration.reporting import pictures
 

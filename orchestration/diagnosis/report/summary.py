@@ -25,6 +25,7 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
     lead = causes[:1]
     before = diagnosis.errors(diagnosis.found.base)
     after = diagnosis.errors(diagnosis.final)
+    experiment = diagnosis.experiment
     return {
         "engine": "new",
         "verdict": diagnosis.verdict,
@@ -59,6 +60,7 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
             {"code": code, "subject": subject, "message": message}
             for code, subject, message in diagnosis.notes
         ],
+        **({"experiment": experiment.as_json()} if experiment else {}),
     }
 
 

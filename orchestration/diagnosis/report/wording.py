@@ -211,7 +211,8 @@ def _next_of_start(diagnosis: Diagnosis) -> str:
 
 def _next_of_ambiguous(diagnosis: Diagnosis) -> str:
     """Return the experiment that would tell the causes of a group apart."""
-    return f"{_experiment(diagnosis)}, and diagnose both records together."
+    told = f" {diagnosis.experiment.sentence}" if diagnosis.experiment else ""
+    return f"{_experiment(diagnosis)}, and diagnose both records together.{told}"
 
 
 def _next_of_unexplained(diagnosis: Diagnosis) -> str:
@@ -222,7 +223,8 @@ def _next_of_unexplained(diagnosis: Diagnosis) -> str:
         f"look where measured minus simulated of {output} is largest, and for an input that was not"
         " recorded"
     )
-    return f"{look}; {_experiment(diagnosis)}." if diagnosis.causes else f"{look}."
+    told = f" {diagnosis.experiment.sentence}" if diagnosis.experiment else ""
+    return f"{look}; {_experiment(diagnosis)}.{told}" if diagnosis.causes else f"{look}."
 
 
 _NEXT: dict[str, Callable[[Diagnosis], str]] = {
@@ -236,6 +238,10 @@ _NEXT: dict[str, Callable[[Diagnosis], str]] = {
 
 def _experiment(diagnosis: Diagnosis) -> str:
     """Return the record that would tell the causes of a group apart."""
+    if diagnosis.experiment is not None:
+        return f"make the experiment that {option('experiment', 'next.toml')} writes"
+    if any(code == "futile_experiment" for code, _, _ in diagnosis.notes):
+        return "record another signal as well, on which the causes act in another way"
     terms = [t for cause in diagnosis.causes for t in cause.parts[:1] if isinstance(t, Term)]
     signals = list(dict.fromkeys(t.signal or "the operating point" for t in terms))
     if len(signals) > 1:

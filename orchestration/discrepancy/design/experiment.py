@@ -9,9 +9,8 @@ refitted in full.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from itertools import permutations
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -26,157 +25,28 @@ from orchestration.discrepancy.design.expected_evidence import (
     expected_delta_bic_linear,
     respond,
 )
-from orchestration.discrepancy.design.stimuli import (
-    Limits,
-    Stimulus,
-    limits_of_inputs,
-    shapes_between,
-)
 from orchestration.discrepancy.parallel import parallel_map
 from orchestration.discrepancy.selection import Selection
+from orchestration.experiment.design import (
+    DiscriminatingExperiment,
+    ExpectedEvidence,
+    Rehearsal,
+    menu,
+)
 
-Experiment = dict[str, Stimulus]
+Experiment = dict[str, menu.Stimulus]
 T = TypeVar("T")
-ENOUGH = 10.0  # fall of BIC below which an experiment is not worth its time
 _ROUNDS = 2  # of exchanging the shape of every input
 _EVALUATED = 3  # experiments that are evaluated in full
 _ALTERNATIVES = 3  # of one step, the best, that are looked at
 _ABOUT = 0.02  # relative difference of evidence that is none
-_AMOUNTS = ("value", "levels", "initial")  # keys with the unit of the input
-
-
-@dataclass(frozen=True)
-class ExpectedEvidence:
-    """Evidence to expect of an experiment.
-
-    Attributes
-    ----------
-    true_model, candidate : str
-        Effects.
-    bic : float
-        Expected fall of BIC in favour of the true one, if it is true and the other is refitted.
-    """
-
-    true_model: str
-    candidate: str
-    bic: float
-
-
-@dataclass(frozen=True)
-class DiscriminatingExperiment:
-    """An experiment that should discriminate between alternatives.
-
-    Attributes
-    ----------
-    stimuli : dict of str to Stimulus
-        By input.
-    duration, step : float
-        Seconds.
-    expected : list of ExpectedEvidence
-        Of every ordered pair of alternatives; empty if there are none yet.
-    model : FittedCandidate
-        One of the alternatives, for a simulation of the experiment.
-    limits : dict of str to tuple of float
-        That were kept, by input, SI.
-    """
-
-    stimuli: dict[str, Stimulus]
-    duration: float
-    step: float
-    expected: list[ExpectedEvidence]
-    model: FittedCandidate
-    limits: dict[str, tuple[float, float]] = field(default_factory=dict)
-
-    @property
-    def least(self) -> float:
-        """Expected evidence for the pair with least of it; NaN without pairs."""
-        return min((e.bic for e in self.expected), default=float("nan"))
-
-    @property
-    def is_worthwhile(self) -> bool:
-        """True if the experiment is worth making."""
-        return not self.least < ENOUGH
-
-    def as_json(self) -> dict[str, Any]:
-        """Return figures and stimuli."""
-        return {
-            "duration": self.duration,
-            "step": self.step,
-            "separates": self.is_worthwhile,
-            "inputs": {name: {"kind": s.kind, **s.keys} for name, s in self.stimuli.items()},
-            "expected": [
-                {"true_model": e.true_model, "candidate": e.candidate, "delta_bic": e.bic}
-                for e in self.expected
-            ],
-        }
-
-    def toml(self, component: str, comment: str, title: str = "") -> str:
-        """Return the experiment as ``ppy run`` reads it.
-
-        Parameters
-        ----------
-        component : str
-            As ``ppy run`` finds it.
-        comment : str
-            The purpose of the experiment, in a line.
-        title : str
-
-        Returns
-        -------
-        str
-            It runs as it is, on the model of one of the alternatives, as far as physics goes:
-            effects of a measurement cannot be laid over a component in an experiment and are left
-            out.
-        """
-        declared = {v.name: v.unit for v in self.model.candidate.cls.layout.inputs}
-        limits = "; ".join(
-            f"{n} {low:g} to {high:g} {declared[n]}" for n, (low, high) in self.limits.items()
-        )
-        lines = [f"# {comment}", f"# Limits kept: {limits}.", *self._comments()]
-        lines += [f"title = {_text(title or self._title())}", f"component = {_text(component)}"]
-        physics = [effect.id for effect in self.model.candidate.effects if not effect.output]
-        if physics:
-            lines.append(f"effects = {_value(physics)}")
-        lines += [f'duration = "{self.duration:.10g} s"', f'step = "{self.step:.10g} s"']
-        lines += [f"record = {_value(list(self.model.fit.residual))}", "", "[parameters]"]
-        lines += [f"{name} = {value!r}" for name, value in self._parameters().items()]
-        for name, stimulus in self.stimuli.items():
-            lines += ["", f"[inputs.{name}]", f"kind = {_text(stimulus.kind)}"]
-            for key, value in stimulus.keys.items():
-                unit = declared[name] if key in _AMOUNTS else ""
-                lines.append(f"{key} = {_value(value, unit)}")
-        return "\n".join(lines) + "\n"
-
-    def _parameters(self) -> dict[str, float]:
-        """Return the fitted parameters of the model, without those of effects of a measurement."""
-        candidate = self.model.candidate
-        left_out = set(candidate.cls.layout.start_parameters)
-        for effect in candidate.effects:
-            if effect.output:
-                left_out |= {p.name for p in effect.layout.parameters}
-        fitted = self.model.problem.runs[0].values(self.model.fit.values)
-        return {name: value for name, value in fitted.items() if name not in left_out}
-
-    def _title(self) -> str:
-        names = list(dict.fromkeys(e.true_model for e in self.expected))
-        return f"Telling apart {', '.join(names)}" if names else "Every input moves"
-
-    def _comments(self) -> list[str]:
-        if not self.expected:
-            return []
-        head = "# Expected fall of BIC in the diagnosis, which fits to the first two thirds:"
-        rows = [
-            f"#   if {e.true_model} is right, against {e.candidate} refitted: {e.bic:.1f}"
-            for e in self.expected
-        ]
-        return [head, *rows, f"# Above {ENOUGH:g} is very strong evidence."]
 
 
 @single_threaded
 def design_experiment(
     selection: Selection,
     data: Dataset,
-    limits: Limits | None = None,
+    limits: menu.Limits | None = None,
     highest: float = np.inf,
     duration: float | None = None,
     progress: Callable[[str], None] = lambda text: None,
@@ -214,56 +84,49 @@ def design_experiment(
     if duration is None:
         duration = float(data.time[-1] - data.time[0])
     length = round(duration / step) * step
-    within = limits_of_inputs(selection.base, data, limits or {})
-    menus = _menus(selection.base, within, length, step, max(2.0 * step, 0.5 / highest))
-    broadest = {name: menu[0] for name, menu in menus.items()}
+    declared = selection.base.candidate.cls.layout.inputs
+    within = menu.limits_of_inputs(declared, data.inputs, limits or {})
+    shortest = max(2.0 * step, 0.5 / highest)
+    menus = menu.menus(declared, within, duration=length, step=step, shortest=shortest)
+    broadest = {name: shapes[0] for name, shapes in menus.items()}
     groups = [
         [s.chosen, *s.alternatives[:_ALTERNATIVES]] for s in selection.steps if s.alternatives
     ]
     if not groups:
-        return DiscriminatingExperiment(broadest, length, step, [], selection.best, within)
+        rehearsal = _rehearsal(selection.best)
+        return DiscriminatingExperiment(broadest, length, step, [], rehearsal, within)
     fitted = round((1.0 - HELD_OUT) * length / step) + 1  # samples to which a diagnosis fits
     search = _DesignSearch(groups, np.arange(fitted, dtype=float) * step, progress)
     best, expected = search.evaluated(_improved(search, menus, broadest))
-    return DiscriminatingExperiment(best, length, step, expected, groups[0][0], within)
+    rehearsal = _rehearsal(groups[0][0])
+    return DiscriminatingExperiment(best, length, step, expected, rehearsal, within)
 
 
-def _menus(
-    base: FittedCandidate,
-    limits: Mapping[str, tuple[float, float]],
-    duration: float,
-    step: float,
-    shortest: float,
-) -> dict[str, list[Stimulus]]:
-    """Return the shapes that every input may take, the broadest excitation first.
-
-    Parameters
-    ----------
-    base : FittedCandidate
-    limits : Mapping of str to tuple of float
-        Of all inputs, SI.
-    duration, step, shortest : float
-        Of the experiment, of its samples, and the shortest stay at a level, s.
-    """
-    layout = {v.name: v for v in base.candidate.cls.layout.inputs}
-    menus = {}
-    for seed, (name, (low, high)) in enumerate(limits.items(), start=1):
-        resting = float(np.clip(layout[name].start, low, high))
-        menus[name] = shapes_between(
-            low, high, resting, duration=duration, step=step, shortest=shortest, seed=seed
-        )
-    return menus
+def _rehearsal(model: FittedCandidate) -> Rehearsal:
+    """Return a fitted model as an experiment runs it, without its effects of a measurement."""
+    candidate = model.candidate
+    left_out = set(candidate.cls.layout.start_parameters)
+    for effect in candidate.effects:
+        if effect.output:
+            left_out |= {p.name for p in effect.layout.parameters}
+    values = model.problem.runs[0].values(model.fit.values)
+    return Rehearsal(
+        {v.name: v.unit for v in candidate.cls.layout.inputs},
+        list(model.fit.residual),
+        {name: value for name, value in values.items() if name not in left_out},
+        [effect.id for effect in candidate.effects if not effect.output],
+    )
 
 
 def _improved(
-    search: _DesignSearch, menus: Mapping[str, Sequence[Stimulus]], start: Experiment
+    search: _DesignSearch, menus: Mapping[str, Sequence[menu.Stimulus]], start: Experiment
 ) -> Experiment:
     """Exchange the shape of one input after the other for a better one."""
     chosen = start
     for _ in range(_ROUNDS):
         before = chosen
-        for name, menu in menus.items():
-            others = [{**chosen, name: shape} for shape in menu if shape != chosen[name]]
+        for name, shapes in menus.items():
+            others = [{**chosen, name: shape} for shape in shapes if shape != chosen[name]]
             chosen = search.best([chosen, *others])
         if chosen == before:
             break
@@ -359,20 +222,3 @@ def _best_broadest(ranked: Sequence[tuple[float, T]]) -> T:
     return next(
         item for value, item in ranked if value >= best - _ABOUT * abs(best) or value == best
     )
-
-
-def _text(value: str) -> str:
-    escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'
-
-
-def _value(value: Any, unit: str = "") -> str:
-    """Write a value of the experiment's file.
-
-    A number is a text with its unit, if it has one; several values are a list.
-    """
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(_value(v, unit) for v in value)}]"
-    if isinstance(value, str):
-        return _text(value)
-    return _text(f"{value!r} {unit}") if unit and unit != "1" else repr(value)

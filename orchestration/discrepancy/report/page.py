@@ -8,7 +8,7 @@ from fmus.kit.arrays import Array
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import figures, sections, wording
 from orchestration.discrepancy.report.laws import LawReport, add_laws, headline
-from orchestration.identify import Change
+from orchestration.identify.changes import Change
 from orchestration.records.runs import base_name
 from orchestration.reporting.html import Markup, Page, elements, escaped
 
@@ -157,6 +157,6 @@ def _add_experiment(page: Page, result: Result) -> None:
     if not result.experiment:
         return
     page.subheading("An experiment that would tell more")
-    sentence = wording.describe_experiment(result.experiment)
+    sentence = result.experiment.sentence
     page.text(f"{sentence} Save it as experiment.toml, and ppy run experiment.toml rehearses it.")
     page.code([result.experiment.toml(result.model.name, sentence)])

@@ -43,7 +43,8 @@ from orchestration.discrepancy.residuals import (
     residual_tests,
 )
 from orchestration.discrepancy.validation import simulated_outputs
-from orchestration.identify import Change, changes, rms
+from orchestration.identify import changes, rms
+from orchestration.identify.changes import Change
 from orchestration.identify.uncertainty import Estimate
 from orchestration.records import Record
 from orchestration.records.runs import base_name, shown_name

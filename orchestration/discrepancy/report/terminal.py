@@ -24,7 +24,8 @@ from orchestration.discrepancy.report.tables import (
     run_errors,
     tried_effects,
 )
-from orchestration.identify import Change, changes
+from orchestration.identify import changes
+from orchestration.identify.changes import Change
 from orchestration.records.runs import shown_name
 from orchestration.reporting import plain_table
 
@@ -45,7 +46,7 @@ def overview(result: Result) -> Group:
             parts += [law_terminal.corrections(law_report), Text()]
     parts.append(_parameters(diagnosis))
     if result.experiment:
-        parts.append(Text(wording.describe_experiment(result.experiment)))
+        parts.append(Text(result.experiment.sentence))
     return Group(*parts)
 
 

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 from fmus.kit.titles import capitalised, effect_title, in_words, law_title, within_sentence
 from fmus.kit.units import format_prefixed
 from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
-from orchestration.discrepancy.design import DiscriminatingExperiment
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.note import MIXED_UP, Note, NoteCode
 from orchestration.discrepancy.pipeline import Result
@@ -832,19 +831,3 @@ def why_not(
     if gains[-1] > 0.0:
         return f"too little: {ACCEPT:g} would be evidence"
     return "it explains less than its parameters cost"
-
-
-def describe_experiment(design: DiscriminatingExperiment) -> str:
-    """Return in one sentence which models an experiment tells apart, and how surely."""
-    if not design.expected:
-        return "An experiment in which every input moves tells what can be told."
-    hardest = min(design.expected, key=lambda e: e.bic)
-    pair = f"{hardest.true_model} and {hardest.candidate}"
-    if design.is_worthwhile:
-        return (
-            f"The experiment should tell {pair} apart: BIC would fall by {hardest.bic:.0f} or more."
-        )
-    return (
-        f"No experiment within these limits that was looked at tells {pair} apart: BIC would fall"
-        f" by {max(hardest.bic, 0.0):.1f} only."
-    )

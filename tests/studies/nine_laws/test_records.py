@@ -10,7 +10,7 @@ import pytest
 
 from fmus.kit.symbolic import list_laws
 from orchestration.diagnosis import LawModel, Record
-from orchestration.diagnosis.law_model import Setting
+from orchestration.diagnosis.runs import Setting
 from orchestration.fmu import find_model
 from studies.nine_laws import PLANTS, NineLawsCase, cases, draw_law, run
 

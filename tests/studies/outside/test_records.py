@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from orchestration.diagnosis import LawModel, Record
-from orchestration.diagnosis.law_model import Setting
+from orchestration.diagnosis.runs import Setting
 from orchestration.fmu import find_model
 from studies.outside import (
     KINDS,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,14 @@ import pytest
 import ppy_rig as ppy
 from fmus.kit import UserError
 from orchestration.api.term_results import TermDiagnosisResult
-from tests.support.oscillator import CUBE, DRY, diagnosis_with, oscillator_record
+from tests.support.oscillator import (
+    CUBE,
+    DRY,
+    diagnosis_with,
+    oscillator_record,
+    telling_apart,
+    with_group,
+)
 from tests.support.oscillator_model import Oscillator
 
 
@@ -44,3 +52,18 @@ def test_the_record_itself_is_no_later_one():
         ppy.diagnose(record, Oscillator, engine="new", compare=same)
     with pytest.raises(UserError, match=r"same\.csv: this is the same record"):
         ppy.diagnose(record, Oscillator, engine="new", holdout=same)
+
+
+def test_the_experiment_that_tells_causes_apart_is_written(tmp_path):
+    dry = diagnosis_with(oscillator_record(1, dry=1.5), (DRY,), (CUBE,))
+    assert TermDiagnosisResult(dry).experiment is None
+    experiment = telling_apart("friction(velocity)", "friction(elongation)")
+    group = with_group(dry, "ambiguous", 0.6, 0.35)
+    result = TermDiagnosisResult(replace(group, experiment=experiment))
+    path = result.experiment.to_toml(tmp_path / "next.toml")
+    written = tomllib.loads(path.read_text(encoding="utf-8"))
+    assert (written["component"], written["inputs"]["force"]["levels"][0]) == (
+        "oscillator",
+        "-6.0 N",
+    )
+    assert "60 % if it is friction(elongation)" in "".join(result.experiment.overview())

@@ -11,8 +11,9 @@ import pytest
 from fmus.kit import Component, Input, Output, Parameter, State
 from orchestration.diagnosis.extension import extended_component
 from orchestration.diagnosis.fitting import Fit, Point, Problem, StartPrior
-from orchestration.diagnosis.law_model import LawModel, Record
-from orchestration.diagnosis.terms import Memory, Shape, Term
+from orchestration.diagnosis.law_model import LawModel
+from orchestration.diagnosis.runs import Record
+from orchestration.diagnosis.terms import DelayTerm, Memory, Shape, Term
 from orchestration.fmu.model import model_of
 from tests.support.oscillator_model import Oscillator
 
@@ -116,6 +117,14 @@ def _shaped(shape: Shape) -> tuple[Term, list[float]]:
 def test_every_shape_runs_as_in_the_kernel(shape):
     term, values = _shaped(shape)
     kernel, without, fmu = courses(Oscillator, [term], [values])
+    assert np.abs(kernel - without).max() > 1e-3
+    assert np.abs(fmu - kernel).max() < 1e-6
+
+
+def test_a_late_output_is_late_in_the_fmu():
+    """Both are linear between the same samples."""
+    late = DelayTerm("position", "position", Shape.LINEAR, size=0.1)
+    kernel, without, fmu = courses(Oscillator, [late], [[0.5]])
     assert np.abs(kernel - without).max() > 1e-3
     assert np.abs(fmu - kernel).max() < 1e-6
 

@@ -11,7 +11,7 @@ import pytest
 from fmus.kit import Output, Parameter
 from fmus.kit.arrays import Array
 from orchestration.diagnosis import LawModel, Memory, Record, Shape, Term, law_model
-from orchestration.diagnosis.law_model import Course, Setting
+from orchestration.diagnosis.runs import Course, Setting
 from tests.support.diagnosed_mass import (
     FREE,
     START,
@@ -395,13 +395,6 @@ def test_a_run_that_leaves_its_range_is_none() -> None:
     setting = Setting(nominal(), FREE, (term,), np.array([-60.0]), 2)
     assert mass().run(pushed(200), setting, START) is None
     assert mass().run(pushed(200), setting, START, sensitive=True) is None
-
-
-def test_a_part_of_a_record_is_of_its_samples() -> None:
-    record = pushed(10)
-    part = record.part(2, 9, 3)
-    assert part.time == pytest.approx(record.time[[2, 5, 8]])
-    assert part.inputs == pytest.approx(record.inputs[[2, 5, 8]])
 
 
 def test_an_output_that_is_a_state_is_seen() -> None:

@@ -121,8 +121,8 @@ def test_an_offset_of_an_input_is_estimated() -> None:
 
 
 def test_a_delay_is_estimated() -> None:
-    first, *_ = read(position=np.roll(RIGHT.signals["position"], 9))
-    assert first.kind is ReadingKind.LATE
+    first, *_ = read(force=np.roll(RIGHT.signals["force"], 9))
+    assert (first.kind, first.columns) == (ReadingKind.LATE, ("force",))
     assert first.shift == pytest.approx(0.18)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from orchestration.diagnosis import Memory, Shape, Term
-from orchestration.diagnosis.law_model import Setting
+from orchestration.diagnosis.runs import Setting
 from orchestration.diagnosis.terms import NamedTerm, Released
 from orchestration.identify.fitting import Scale
 from tests.support.diagnosed_tank import AREA, DRAIN, START, drawn, tank

@@ -19,10 +19,10 @@ from orchestration.diagnosis import (
     engine,
     subject_of,
 )
-from orchestration.diagnosis.law_model import Setting
 from orchestration.diagnosis.observer import Linear, growth_of
 from orchestration.diagnosis.report import wording
 from orchestration.diagnosis.responses import Drives, respond
+from orchestration.diagnosis.runs import Setting
 from orchestration.diagnosis.subject import _place
 from orchestration.fmu.model import declared_model_of
 from tests.support.control import PLANTS, control_record

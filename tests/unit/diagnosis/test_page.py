@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orchestration.diagnosis import Changed
+from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.readings import Reading, ReadingKind
-from orchestration.identify import Change
+from orchestration.identify.changes import Change
 from orchestration.reporting import make_page
 from tests.support.oscillator import (
     CUBE,
@@ -19,6 +19,8 @@ from tests.support.oscillator import (
     diagnosis_with,
     misread,
     oscillator_record,
+    telling_apart,
+    with_group,
 )
 
 
@@ -69,6 +71,15 @@ def test_the_page_shows_what_changed_with_both_intervals(dry):
         "--compare",
     ):
         assert text in html
+
+
+def test_the_page_of_a_group_has_the_experiment_that_tells_it_apart(dry):
+    experiment = telling_apart("friction(velocity)", "friction(elongation)")
+    group = replace(with_group(dry, "ambiguous", 0.6, 0.35), experiment=experiment)
+    html = make_page(group).html()
+    assert "An experiment that would tell more" in html
+    assert "[inputs.force]" in html
+    assert "An experiment that would tell more" not in make_page(dry).html()
 
 
 def test_the_page_of_a_model_that_is_right_shows_no_terms(dry):

@@ -16,9 +16,9 @@ from orchestration.diagnosis import LawModel, Memory, Record, Shape, Term, diagn
 from orchestration.diagnosis.catalogue import named_terms
 from orchestration.diagnosis.courses import Courses, courses_of
 from orchestration.diagnosis.fitting import Fit, Problem, StartPrior, nominal_point
-from orchestration.diagnosis.law_model import Course, Setting
 from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.responses import respond
+from orchestration.diagnosis.runs import Course, Setting
 from orchestration.diagnosis.screening import alike
 from orchestration.fmu import find_model
 from orchestration.fmu.model import declared_model_of

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import replace
 from functools import cache
 
@@ -22,10 +23,10 @@ from orchestration.diagnosis.fitting import (
     nominal_point,
     weights_of,
 )
-from orchestration.diagnosis.law_model import Setting
 from orchestration.diagnosis.local_values import LocalValues
-from orchestration.diagnosis.screening import Screen, alike
-from orchestration.diagnosis.terms import SensorTerm
+from orchestration.diagnosis.runs import Setting
+from orchestration.diagnosis.screening import Screen, alike, other_shapes
+from orchestration.diagnosis.terms import DelayTerm, SensorTerm
 from tests.support.diagnosed_mass import (
     FREE,
     START,
@@ -90,7 +91,8 @@ def test_columns_are_responses_of_free_runs_to_small_coefficients() -> None:
     chosen: dict[object, int] = {}
     for i, candidate in enumerate(screen.candidates):
         term = candidate.term
-        chosen[term.shape, term.memory, bool(term.factor)] = i
+        if not isinstance(term, DelayTerm):
+            chosen[term.shape, term.memory, bool(term.factor)] = i
     assert len(chosen) > 12
     for i in chosen.values():
         term = screen.candidates[i].term
@@ -99,6 +101,20 @@ def test_columns_are_responses_of_free_runs_to_small_coefficients() -> None:
             column = screen._columns.columns[:, screen.ends[i] + j] / weight(found)
             error = np.linalg.norm(column - difference) / np.linalg.norm(difference)
             assert error < 0.06, (str(term), j, error)
+
+
+def test_the_column_of_a_delay_is_what_the_delay_does() -> None:
+    """At a value of 1 it is so late as its size."""
+    screen, found = screened()
+    late = [i for i, c in enumerate(screen.candidates) if isinstance(c.term, DelayTerm)]
+    assert len({screen.candidates[i].term.size for i in late}) == len(late) > 3
+    time = found.problem.records[0].time
+    course = mass().run(found.problem.records[0], Setting(nominal(), FREE), START)
+    assert course is not None
+    for i in late:
+        shown = np.interp(time - screen.candidates[i].term.size, time, course.outputs[:, 0])
+        column = screen._columns.columns[:, screen.ends[i]] / weight(found)
+        assert column == pytest.approx(shown - course.outputs[:, 0], abs=1e-9)
 
 
 def nuisances(found: Fit) -> Array:
@@ -445,6 +461,28 @@ def test_a_product_with_an_input_is_owned_by_the_law_of_the_input() -> None:
     assert ("drawn", "charge", "current") not in products
 
 
+def test_a_product_of_two_signals_is_a_candidate_once() -> None:
+    """Of the others each has another shape of one of them, or a memory."""
+    along = heater()
+    products: dict[str, list[np.ndarray]] = defaultdict(list)
+    for candidate in along.candidates:
+        term = candidate.term
+        if term.factor and term.shape is Shape.LINEAR and not term.has_memory:
+            product = candidate.values[:, 0] * candidate.amount
+            products[term.law].append(product / np.linalg.norm(product))
+    assert max(map(len, products.values())) > 1
+    for own in products.values():
+        for k, one in enumerate(own):
+            assert all(abs(one @ other) < 0.9999 for other in own[:k])
+
+
+def test_a_product_has_no_other_shape_that_is_the_product_the_other_way() -> None:
+    curve = Term("heating", "power", Shape.CURVE, factor="fan", places=(0.0, 1.0))
+    assert Shape.LINEAR not in {term.shape for term in other_shapes(curve)}
+    in_percent = replace(curve, factor="heating")
+    assert Shape.LINEAR in {term.shape for term in other_shapes(in_percent)}
+
+
 def test_what_counts_an_input_is_no_target() -> None:
     assert "counting" not in {c.term.law for c in tank().candidates}
 
@@ -468,6 +506,7 @@ def test_faults_of_the_sensor_of_a_measured_output_are_proposed() -> None:
     screen, _ = screened()
     faults = [c for c in screen.candidates if isinstance(c.term, SensorTerm)]
     names = {f"sensor_{fault}(position)" for fault in ("offset", "gain", "drift", "lag")}
+    names.add("transport_delay(position)")
     assert {c.term.name for c in faults} == names
     assert {c.term.law for c in faults} == {"position"}
     plain = [c.prior for c in faults if c.term.shape in (Shape.CONSTANT, Shape.LINEAR)]

@@ -10,7 +10,14 @@ import pytest
 from orchestration.diagnosis import Record, Shape, Term, subject_of
 from orchestration.diagnosis.local_values import COMMON, LocalValues
 from orchestration.diagnosis.readings import Reading, ReadingKind
-from orchestration.diagnosis.subject import Subject, depends, divided_as_read, start_prior, thinned
+from orchestration.diagnosis.subject import (
+    Subject,
+    depends,
+    divided_as_read,
+    likelihood_gain,
+    start_prior,
+    thinned,
+)
 from tests.support.diagnosed_mass import START, D, K, M, exact, integrated, mass, problem_of, pushed
 
 TRUTH = (2.5, 24.0, 2.2)
@@ -131,6 +138,22 @@ def test_how_inputs_go_between_samples_is_what_fits_better() -> None:
         assert subject.left_out[0].record.smooth == (smooth,)
 
 
+def test_an_output_in_which_a_law_is_missing_hides_no_other() -> None:
+    """Of 1000 independent errors each: half of 1000 times the logarithm of the ratio of squares.
+
+    So many samples are independent within a tenth, as their own correlations say.
+    """
+    rng = np.random.default_rng(3)
+    wrong, exact = 10.0 * rng.standard_normal(1000), rng.standard_normal(1000)
+    first = made(drawn()).base
+    worse = replace(first, errors=(np.column_stack([wrong, 1.2 * exact]),))
+    better = replace(first, errors=(np.column_stack([1.01 * wrong, exact]),))
+    expected = 1000.0 * (np.log(1.2) - np.log(1.01))
+    assert likelihood_gain(better, worse) == pytest.approx(expected, rel=0.1)
+    assert likelihood_gain(worse, better) == pytest.approx(-expected, rel=0.1)
+    assert better.misfit > worse.misfit
+
+
 def test_parameters_that_are_held_and_values_that_are_given() -> None:
     subject = made(drawn(), hold=["damping"], values={"damping": 2.2, "mass": 3.0})
     values = subject.problem.parameters(subject.base.point.q)
@@ -230,6 +253,8 @@ def test_a_law_depends_on_its_signals() -> None:
     assert depends(model, Term("spring", "x", Shape.CUBE))
     assert not depends(model, Term("spring", "v", Shape.CUBE))
     assert depends(model, Term("spring", "", Shape.CONSTANT))
+    assert not depends(model, Term("spring", "x", Shape.LINEAR, factor="v"))
+    assert depends(model, Term("spring", "x", Shape.LINEAR, factor="spring"))
 
 
 @pytest.mark.parametrize(

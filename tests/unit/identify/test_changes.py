@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from fmus.ppy_actuator import PpyActuator
-from orchestration.identify import Change
-from orchestration.identify.changes import change_rows, describe_changes
+from orchestration.identify.changes import Change, change_rows, describe_changes
 
 DECLARED = {p.name: p for p in PpyActuator.layout.parameters}
 

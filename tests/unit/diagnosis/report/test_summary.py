@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 from orchestration.diagnosis.report import wording
 from orchestration.diagnosis.report.summary import summary
-from tests.support.oscillator import with_group
+from tests.support.oscillator import telling_apart, with_group
 from tests.support.reference import documented_of_new_engine
 
 
@@ -40,7 +41,11 @@ def test_the_json_has_the_keys_of_the_contract(dry):
 
 
 def test_every_field_is_documented(dry):
-    assert {*summary(dry), "comparison", "later"} == documented_of_new_engine()
+    experiment = telling_apart("friction(velocity)", "friction(elongation)")
+    figures = summary(replace(dry, experiment=experiment))
+    assert {*figures, "comparison", "later"} == documented_of_new_engine()
+    assert figures["experiment"]["reached"]["friction(elongation)"] == 0.6
+    assert "experiment" not in summary(dry)
 
 
 def test_a_reading_of_the_file_has_figures_of_its_own(flipped):

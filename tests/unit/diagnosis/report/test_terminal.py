@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from orchestration.diagnosis import Changed
+from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.report.terminal import comparison, filled, ladder_rows, overview
-from orchestration.identify import Change
+from orchestration.identify.changes import Change
 from orchestration.reporting import in_shell
 from orchestration.reporting.console import plain_text
 

@@ -14,6 +14,7 @@ from orchestration.reporting import in_shell
 from tests.support.oscillator import (
     diagnosis_without_terms,
     oscillator_record,
+    telling_apart,
     with_group,
 )
 
@@ -25,6 +26,23 @@ def test_headline_gives_each_cause_its_percent_and_the_rest(dry):
     )
     step = wording.next_step(ambiguous)
     assert "velocity and elongation do not move together" in step
+
+
+def test_the_next_step_is_the_experiment_with_what_it_should_tell(dry):
+    experiment = telling_apart("friction(velocity)", "friction(elongation)")
+    for verdict in ("ambiguous", "unexplained"):
+        with in_shell():
+            step = wording.next_step(
+                replace(with_group(dry, verdict, 0.6, 0.35), experiment=experiment)
+            )
+        assert "make the experiment that --experiment next.toml writes" in step
+        assert "> 99 % if it is friction(velocity), 60 % if it is friction(elongation)." in step
+
+
+def test_where_no_experiment_tells_causes_apart_another_signal_does(dry):
+    note = ("futile_experiment", "", "no experiment tells them apart")
+    one = replace(with_group(dry, "ambiguous", 0.6, 0.35), notes=(note,))
+    assert wording.next_step(one).startswith("record another signal as well")
 
 
 def test_no_headline_is_certain():

@@ -18,11 +18,11 @@ from fmus.kit.errors import UserError
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.design.expected_evidence import at_rest, respond
-from orchestration.discrepancy.design.experiment import ENOUGH, design_experiment
+from orchestration.discrepancy.design.experiment import design_experiment
 from orchestration.discrepancy.diagnosis import diagnose
-from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.selection.ranking import ALTERNATIVE
 from orchestration.discrepancy.selection.stepwise import Selection
+from orchestration.experiment.design import ENOUGH
 from orchestration.experiment.execution import run
 from orchestration.experiment.reading import read
 from tests.support.ambiguous import HIDDEN, TIME, ambiguous, fitted, measured
@@ -83,7 +83,7 @@ def test_the_experiment_runs_as_it_is_written(tmp_path):
     assert time[-1] == pytest.approx(TIME[-1])
     for name, stimulus in experiment.stimuli.items():
         assert np.array_equal(result[name].to_numpy(), stimulus.values(time))
-    model = experiment.model
+    model = ambiguous("double_layer")[1].steps[0].chosen
     inputs = {name: stimulus.values(time) for name, stimulus in experiment.stimuli.items()}
     expected = respond(model, time, inputs, at_rest(model)).signals
     for output, values in expected.items():
@@ -105,7 +105,7 @@ def test_what_no_experiment_tells_apart_is_said():
     experiment = design_experiment(selection, data, {"current": (0.0, 0.0)}, HIGHEST)
     assert experiment.least < ENOUGH
     assert not experiment.is_worthwhile
-    assert wording.describe_experiment(experiment).startswith(
+    assert experiment.sentence.startswith(
         "No experiment within these limits that was looked at tells"
     )
     assert (

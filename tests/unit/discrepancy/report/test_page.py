@@ -19,8 +19,6 @@ from matplotlib.image import imread
 from demonstrations.records import draw, write
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.data.dataset import dataset_of
-from orchestration.discrepancy.design.experiment import DiscriminatingExperiment, ExpectedEvidence
-from orchestration.discrepancy.design.stimuli import Stimulus
 from orchestration.discrepancy.diagnosis import Verdict, diagnose
 from orchestration.discrepancy.extended_model import ExtensionGain
 from orchestration.discrepancy.pipeline import Result
@@ -30,6 +28,8 @@ from orchestration.discrepancy.report.figures import COLOURS
 from orchestration.discrepancy.report.page import diagnosis_page
 from orchestration.discrepancy.report.wording import EXTENDED, REFITTED
 from orchestration.discrepancy.residuals.correlation import CrossCorrelation
+from orchestration.experiment.design import DiscriminatingExperiment, ExpectedEvidence, Rehearsal
+from orchestration.experiment.design.menu import Stimulus
 from orchestration.fmu.model import find_model
 from orchestration.identify.comparison import read_for
 from orchestration.reporting.html import elements
@@ -104,8 +104,9 @@ def test_what_follows_from_a_diagnosis_has_its_place(results):
     )
     chance = replace(seen, signal="time", p_value=0.5)
     stimuli = {name: Stimulus("constant", {"value": 0.5}) for name in ("current", "force")}
+    rehearsal = Rehearsal({"current": "A", "force": "N"}, ["voltage"])
     experiment = DiscriminatingExperiment(
-        stimuli, 600.0, 0.1, [ExpectedEvidence("left", "right", 42.0)], diagnosis.selection.base
+        stimuli, 600.0, 0.1, [ExpectedEvidence("left", "right", 42.0)], rehearsal
     )
     voltage = replace(diagnosis.residuals["voltage"], tests=[seen, chance])
     more = with_verdict(
@@ -118,7 +119,7 @@ def test_what_follows_from_a_diagnosis_has_its_place(results):
     )
     assert "Voltage correlates with rate of charge: +0.90 at once" in text
     assert "correlates with time" not in text
-    sentence = wording.describe_experiment(experiment)
+    sentence = experiment.sentence
     assert sentence in text
     assert " ".join(experiment.toml("ppy_actuator", sentence).split()) in text
 

@@ -12,8 +12,6 @@ import pytest
 from fmus.kit.sensors import transport_delay
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
-from orchestration.discrepancy.design.experiment import DiscriminatingExperiment, ExpectedEvidence
-from orchestration.discrepancy.design.stimuli import Stimulus
 from orchestration.discrepancy.diagnosis import Verdict
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.pipeline import DiagnosisOptions, diagnose
@@ -24,8 +22,10 @@ from orchestration.discrepancy.residuals.excess_variance import ExcessVariance
 from orchestration.discrepancy.residuals.lines import SpectralLine
 from orchestration.discrepancy.residuals.outliers import LevelShift
 from orchestration.discrepancy.validation.prediction import predict
+from orchestration.experiment.design import DiscriminatingExperiment, ExpectedEvidence, Rehearsal
+from orchestration.experiment.design.menu import Stimulus
 from orchestration.fmu.model import find_model
-from orchestration.identify import Change
+from orchestration.identify.changes import Change
 from tests.support.command import works
 from tests.support.diagnosis import rig_record
 from tests.support.reference import DOCS, documented, documented_codes, fields
@@ -79,7 +79,7 @@ def written(result):
         60.0,
         0.1,
         [ExpectedEvidence("a", "b", 20.0)],
-        diagnosis.final,
+        Rehearsal({"current": "A"}, ["voltage"]),
     )
     notes = [Note(NoteCode.NOT_SIMULATED, "slack", {"reason": "too stiff"})]
     figures = written_down(replace(result, diagnosis=full, experiment=experiment, notes=notes))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orchestration.discrepancy.design.stimuli import Stimulus, limits_of_inputs, shapes_between
+from fmus.ppy_actuator.model import PpyActuator
+from orchestration.experiment.design.menu import Stimulus, limits_of_inputs, shapes_between
 from tests.support.ambiguous import ambiguous
 
 
@@ -15,8 +16,9 @@ def test_a_stimulus_says_what_it_is():
 
 
 def test_limits_that_nobody_gave_are_what_the_record_shows():
-    data, selection = ambiguous("double_layer")
-    assert limits_of_inputs(selection.base, data, {"force": (0.0, 3.0)}) == {
+    data, _ = ambiguous("double_layer")
+    declared = PpyActuator.layout.inputs
+    assert limits_of_inputs(declared, data.inputs, {"force": (0.0, 3.0)}) == {
         "current": (-0.2, 0.4),
         "force": (0.0, 3.0),
     }

@@ -1,4 +1,4 @@
-"""Stimuli for the inputs of an experiment: shapes between the limits of a rig."""
+"""Menu of stimuli for each input of an experiment: shapes between the limits of a rig."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from orchestration.discrepancy.candidates import FittedCandidate
-from orchestration.discrepancy.data import Dataset
+from fmus.kit.declare import InputDeclaration
 from orchestration.experiment import waveforms
 
 Limits = Mapping[str, tuple[float, float]]
@@ -45,15 +44,15 @@ class Stimulus:
 
 
 def limits_of_inputs(
-    base: FittedCandidate, data: Dataset, limits: Limits
+    inputs: Sequence[InputDeclaration], recorded: Mapping[str, Array], limits: Limits
 ) -> dict[str, tuple[float, float]]:
     """Return the limits of every real input: those given or declared, else of the record.
 
     Parameters
     ----------
-    base : FittedCandidate
-        Its model declares the inputs.
-    data : Dataset
+    inputs : sequence of InputDeclaration
+    recorded : Mapping of str to ndarray, shape (n,)
+        Inputs that were recorded, by name, SI.
     limits : Mapping of str to tuple of float
         Those that are given, by input, SI.
 
@@ -67,7 +66,7 @@ def limits_of_inputs(
     UserError
         If a limit is of no input, or leaves nothing.
     """
-    declared = {v.name: v for v in base.candidate.cls.layout.inputs}
+    declared = {v.name: v for v in inputs}
     for name in limits:
         if name not in declared:
             raise UserError(
@@ -78,17 +77,45 @@ def limits_of_inputs(
         if variable.type != "real":
             continue
         given_low, given_high = limits.get(name, (variable.min, variable.max))
-        recorded = np.asarray(data.inputs.get(name, variable.start), dtype=float)
+        values = np.asarray(recorded.get(name, variable.start), dtype=float)
         low = max(given_low, variable.min)
         high = min(given_high, variable.max)
         if not np.isfinite(low):
-            low = float(recorded.min())
+            low = float(values.min())
         if not np.isfinite(high):
-            high = float(recorded.max())
+            high = float(values.max())
         if low > high:
             raise UserError(f"limits of {name}: {low:g} to {high:g} {variable.unit} leaves nothing")
         limits_by_input[name] = (low, high)
     return limits_by_input
+
+
+def menus(
+    inputs: Sequence[InputDeclaration],
+    limits: Mapping[str, tuple[float, float]],
+    *,
+    duration: float,
+    step: float,
+    shortest: float,
+) -> dict[str, list[Stimulus]]:
+    """Return the shapes that every input may take, the broadest excitation first.
+
+    Parameters
+    ----------
+    inputs : sequence of InputDeclaration
+    limits : Mapping of str to tuple of float
+        Of all inputs that may move, SI.
+    duration, step, shortest : float
+        Of the experiment, of its samples, and the shortest stay at a level, s.
+    """
+    declared = {v.name: v for v in inputs}
+    menu = {}
+    for seed, (name, (low, high)) in enumerate(limits.items(), start=1):
+        resting = float(np.clip(declared[name].start, low, high))
+        menu[name] = shapes_between(
+            low, high, resting, duration=duration, step=step, shortest=shortest, seed=seed
+        )
+    return menu
 
 
 def shapes_between(

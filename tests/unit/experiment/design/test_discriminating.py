@@ -1,0 +1,58 @@
+"""Claims: a designed experiment is written as it is read, and says how surely it tells."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from orchestration.experiment.design import (
+    DiscriminatingExperiment,
+    ExpectedEvidence,
+    Rehearsal,
+    menu,
+)
+from orchestration.experiment.execution import run
+from orchestration.experiment.reading import read
+
+LEVELS = {"levels": [-1.0, 0.5], "dwell": [1.0, 2.0], "seed": 1}
+EXPERIMENT = DiscriminatingExperiment(
+    {
+        "current": menu.Stimulus("multilevel", LEVELS),
+        "force": menu.Stimulus("constant", {"value": 0.5}),
+    },
+    20.0,
+    0.1,
+    [ExpectedEvidence("one", "other", 30.0), ExpectedEvidence("one", "third", 4.0)],
+    Rehearsal({"current": "A", "force": "N"}, ["voltage"], {"R1": 0.5}, ["double_layer"]),
+    {"current": (-1.0, 0.5), "force": (0.5, 0.5)},
+    {"one": 0.998, "other": 0.7},
+)
+
+
+def test_it_runs_as_it_is_written(tmp_path):
+    path = tmp_path / "next.toml"
+    path.write_text(EXPERIMENT.toml("ppy_actuator", "what for"), encoding="utf-8")
+    result = run(read(str(path)))
+    time = result.time.to_numpy()
+    assert time == pytest.approx(0.1 * np.arange(201))
+    assert np.array_equal(result["current"].to_numpy(), EXPERIMENT.stimuli["current"].values(time))
+    assert {"effects", "parameters"} <= {*tomllib.loads(path.read_text(encoding="utf-8"))}
+
+
+def test_it_says_what_is_expected_and_which_pair_stays():
+    assert EXPERIMENT.sentence == (
+        "With the experiment the true one of these is expected to have a probability of > 99 % if"
+        " it is one, 70 % if it is other. It does not tell one from third."
+    )
+    alike = replace(EXPERIMENT, probabilities={"one": 0.998, "other": 0.999})
+    assert "a probability of > 99 %, whichever it is." in alike.sentence
+    text = EXPERIMENT.toml("ppy_actuator", "what for")
+    assert "# If other is right, its probability among these should be 70 %." in text
+    assert not EXPERIMENT.is_worthwhile
+    assert EXPERIMENT.as_json()["reached"] == {"one": 0.998, "other": 0.7}
+    by_bic = replace(EXPERIMENT, probabilities={})
+    assert "reached" not in by_bic.as_json()
+    assert by_bic.sentence.startswith("No experiment within these limits that was looked at tells")
