@@ -28,6 +28,7 @@ from orchestration.diagnosis.observer import Observer, Place, growth_of, observe
 from orchestration.diagnosis.prediction import Prediction, predict
 from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.recording import evenly, with_quiet_inputs
+from orchestration.diagnosis.remainder import noise_of
 from orchestration.diagnosis.runs import Record, Setting
 from orchestration.diagnosis.terms import Shape, Term
 
@@ -45,6 +46,8 @@ _JUMP = 0.01  # standard deviations, from which on an input jumps that stands st
 _DECAY = 1.0  # e-folds over a record, by which each mode decays of a model that forgets errors
 _ROUNDS = 3  # of observers and fits by turns
 _UNSEEN = 0.002  # of the spread, by which a run over fewer samples may differ
+_IN_NOISE = 0.1  # of the noise of an output, by which it may differ at most: ten nats of thousands
+_RESOLVED = 2e-4  # of the spread, by which it may differ where there is no noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,11 +244,27 @@ def start_prior(problem: Problem, record: Record) -> StartPrior:
     return StartPrior(mean, deviation)
 
 
-def thinned(problem: Problem, record: Record, q: Array, most: int = _MOST) -> Record:
+def thinned(
+    problem: Problem,
+    record: Record,
+    q: Array,
+    most: int = _MOST,
+    unseen: Array | float = _UNSEEN,
+) -> Record:
     """Return a record of fewer samples, if the model at `q` (p,) sees no difference.
 
     Samples at which an input jumps stay. Inputs that are held are averaged over the samples that
     fall between.
+
+    Parameters
+    ----------
+    problem : Problem
+    record : Record
+    q : ndarray, shape (p,)
+    most : int
+        Samples that are enough.
+    unseen : float or ndarray, shape (ny,)
+        Root mean square of what each measured output may differ by, in spreads.
     """
     if record.gain is not None:  # of the steps between its samples
         return record
@@ -260,10 +279,19 @@ def thinned(problem: Problem, record: Record, q: Array, most: int = _MOST) -> Re
         course = model.run(part, setting, start)
         if course is not None:
             gap = (whole.outputs[kept] - course.outputs) / problem.spread
-            if np.sqrt(np.mean(gap**2)) < _UNSEEN:
+            if (np.sqrt(np.mean(gap**2, axis=0)) < unseen)[record.measured].all():
                 return part
         step //= 2
     return record
+
+
+def _unseen(problem: Problem, record: Record) -> Array:
+    """Return differences of the outputs (ny,) that are none in their noise, in spreads.
+
+    A law would gain by larger ones, which are the same at every run.
+    """
+    noise = np.array([noise_of(column) for column in record.outputs.T])
+    return np.clip(_IN_NOISE * noise / problem.spread, _RESOLVED, _UNSEEN)
 
 
 def _setting(problem: Problem, q: Array, record: Record) -> Setting:
@@ -348,18 +376,22 @@ def subject_of(
         one = _as_recorded(problem, _inputs_go(records, smooth), _inputs_go(held_out, smooth))
         if one is not None and (best is None or _gain(one, best) > WEIGHTS.least):
             best = one
-    return None if best is None else _denoised(best)
+    return None if best is None else _as_read(best, len(ways) > 1)
 
 
-def _denoised(recorded: _Recorded) -> Subject:
-    """Return a subject of records without noise of their clock and inputs, if it is clearly better.
+def _as_read(recorded: _Recorded, turns: bool) -> Subject:
+    """Return a subject of records as the model clearly follows them better.
 
-    Noise of the clock is that of every slope, and goes first.
+    Without noise of their clock, which is that of every slope and goes first, and of inputs. If it
+    `turns`, inputs go otherwise between samples, where that was decided by runs from a wrong start.
     """
     subject = _begun(_as_fitted(recorded))
     best = replace(recorded, subject=subject)
     bare, q = replace(subject.problem, records=(), starts=()), subject.base.point.q
-    for clean in (evenly, with_quiet_inputs):
+    ways = [evenly, with_quiet_inputs]
+    if turns and bare.begins_anywhere:
+        ways.insert(0, _turned)
+    for clean in ways:
         own, others = (
             [clean(bare.model, r) for r in part] for part in (best.records, best.held_out)
         )
@@ -381,6 +413,11 @@ class _Recorded:
 def _inputs_go(records: Sequence[Record], smooth: bool) -> list[Record]:
     """Return records with inputs that go in straight lines between samples, or are held."""
     return [replace(r, smooth=(smooth,) * r.inputs.shape[1]) for r in records]
+
+
+def _turned(model: LawModel, record: Record) -> Record:
+    """Return a record with inputs in straight lines where they were held, or the reverse."""
+    return replace(record, smooth=tuple(not one for one in record.smooth))
 
 
 def _as_recorded(
@@ -565,10 +602,12 @@ def _divided(
     q = problem.mean if q is None else q
     problem = replace(problem, substeps=_substeps(problem, records, q))
     longest = max(_LONGEST // max(len(records), 1), _SHORTEST)
-    whole = [thinned(problem, r, q, most).part(0, longest) for r in records]
+    whole = [thinned(problem, r, q, most, _unseen(problem, r)).part(0, longest) for r in records]
     if held_out:
         fitted = whole
-        others = [thinned(problem, r, q).part(0, longest) for r in held_out]
+        others = [
+            thinned(problem, r, q, unseen=_unseen(problem, r)).part(0, longest) for r in held_out
+        ]
         left_out = [LeftOut(r, _beginning(r), None) for r in others]
     else:
         cuts = [int(_PART * len(r.time)) for r in whole]

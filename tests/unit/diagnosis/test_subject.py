@@ -10,7 +10,14 @@ import pytest
 from orchestration.diagnosis import Record, Shape, Term, subject_of
 from orchestration.diagnosis.local_values import COMMON, LocalValues
 from orchestration.diagnosis.readings import Reading, ReadingKind
-from orchestration.diagnosis.subject import Subject, depends, divided_as_read, start_prior, thinned
+from orchestration.diagnosis.subject import (
+    Subject,
+    _unseen,
+    depends,
+    divided_as_read,
+    start_prior,
+    thinned,
+)
 from tests.support.diagnosed_mass import START, D, K, M, exact, integrated, mass, problem_of, pushed
 
 TRUTH = (2.5, 24.0, 2.2)
@@ -129,6 +136,36 @@ def test_how_inputs_go_between_samples_is_what_fits_better() -> None:
         subject = made(record)
         assert subject.problem.records[0].smooth == (smooth,)
         assert subject.left_out[0].record.smooth == (smooth,)
+
+
+def test_how_inputs_go_is_decided_by_runs_from_where_the_record_begins() -> None:
+    """Of a slow drive of a mass that moves already, of which the start is the largest error."""
+    record = pushed(150, 0.1, True)
+
+    def rates(x: np.ndarray, u: float, t: float) -> list[float]:
+        return [x[1], (u - K * x[0] - D * x[1]) / M]
+
+    states = integrated(record, rates, np.array([0.1, 4.0]), 1e-6)
+    noise = 0.002 * np.random.default_rng(0).standard_normal((150, 1))
+    subject = made(replace(record, outputs=states[:, :1] + noise, smooth=(False,)))
+    assert subject.problem.begins_anywhere
+    assert subject.problem.records[0].smooth == (True,)
+
+
+def test_fewer_samples_make_no_difference_beside_the_noise() -> None:
+    """A tenth of the noise, within bounds; an output that is not measured does not count."""
+    record = pushed(2000, 0.02)
+    for noise, unseen in ((0.01, 1e-3), (1.0, 2e-3), (1e-5, 2e-4)):
+        values = noise * np.random.default_rng(0).standard_normal((2000, 1))
+        noisy = replace(record, outputs=values)
+        problem = replace(problem_of([noisy]), spread=np.array([1.0]))
+        assert _unseen(problem, noisy) == pytest.approx([unseen], rel=0.1)
+    slow = pushed(400, 0.005)
+    slow.inputs[:] = 5.0 * np.sin(slow.time)[:, None]
+    slow = replace(slow, outputs=np.sin(slow.time)[:, None])
+    problem = problem_of([slow])
+    assert len(thinned(problem, slow, problem.mean, 100).time) == 100
+    assert thinned(problem, slow, problem.mean, 100, np.array([1e-9])) is slow
 
 
 def test_parameters_that_are_held_and_values_that_are_given() -> None:
