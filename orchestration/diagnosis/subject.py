@@ -27,7 +27,7 @@ from orchestration.diagnosis.local_values import COMMON, LocalValues
 from orchestration.diagnosis.observer import Observer, Place, growth_of, observer_of
 from orchestration.diagnosis.prediction import Prediction, predict
 from orchestration.diagnosis.readings import Reading, ReadingKind
-from orchestration.diagnosis.recording import evenly, with_quiet_inputs
+from orchestration.diagnosis.recording import evenly, with_quiet_inputs, without_outliers
 from orchestration.diagnosis.remainder import noise_of
 from orchestration.diagnosis.runs import Record, Setting
 from orchestration.diagnosis.terms import Shape, Term
@@ -398,7 +398,30 @@ def _as_read(recorded: _Recorded, turns: bool) -> Subject:
         one = None if own == best.records else _as_recorded(bare, own, others, q)
         if one is not None and _gain(one, best) > WEIGHTS.least:
             best = one
-    return best.subject
+    return _without_outliers(best.subject)
+
+
+def _without_outliers(subject: Subject) -> Subject:
+    """Return a subject without single values far from what its model leaves around them."""
+    problem, base = subject.problem, subject.base
+    if subject.observer is not None:
+        return subject
+    pairs = zip(problem.records, base.errors, strict=True)
+    records = tuple(without_outliers(problem.model, r, e) for r, e in pairs)
+    left_out = []
+    for one in subject.left_out:
+        errors = np.full(one.record.outputs.shape, np.nan)
+        unseen = subject.errors(base, one)
+        if unseen is not None:
+            errors[one.first :] = unseen
+        left_out.append(replace(one, record=without_outliers(problem.model, one.record, errors)))
+    if records == problem.records and left_out == list(subject.left_out):
+        return subject
+    problem = replace(problem, records=records)
+    refitted = fit_base(problem, base.point.q)
+    if refitted is None:
+        return subject
+    return replace(subject, problem=problem, left_out=tuple(left_out), base=refitted)
 
 
 @dataclass(frozen=True, eq=False)
