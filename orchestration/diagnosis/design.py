@@ -11,22 +11,25 @@ shape with which the true cause is expected to become most probable.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, permutations
+from itertools import combinations, permutations, zip_longest
 
 import numpy as np
 
 from fmus.kit.arrays import Array, single_threaded
 from fmus.kit.registry import Excitation
 from orchestration.diagnosis.cause import Cause
+from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.conclude import Conclusion
-from orchestration.diagnosis.fitting import Fit, Problem, independent_weights
+from orchestration.diagnosis.fitting import Fit, Problem, independent_weights, mean_squares
+from orchestration.diagnosis.options import Deadline
 from orchestration.diagnosis.prediction import Forecast
 from orchestration.diagnosis.runs import Record
 from orchestration.diagnosis.search import Found
 from orchestration.diagnosis.subject import start_prior
-from orchestration.diagnosis.terms import NamedTerm
+from orchestration.diagnosis.term_names import sentence
+from orchestration.diagnosis.terms import NamedTerm, Term
 from orchestration.experiment.design import (
     ENOUGH,
     DiscriminatingExperiment,
@@ -40,7 +43,9 @@ Experiment = dict[str, menu.Stimulus]
 _MOST = 2400  # samples of a simulated run: four in the shortest stay of a menu
 _ROUNDS = 2  # of exchanging the shape of every input
 _MOST_TRIALS = 60
+_SECONDS = 1.0  # of processor time, after which stiff models are tried no more
 _ABOUT = 0.02  # relative fall of the loss that is none: what is tried first is broader
+_LEAST = 1e-12  # mean square of errors, in squared spreads
 _CERTAIN = 1e-9  # expected loss, nats, below which experiments are equally good
 
 
@@ -52,16 +57,20 @@ class Design:
     ----------
     experiment : DiscriminatingExperiment or None
     reason : str
-        Why no experiment would tell them apart; empty if there is one, or nothing to tell apart.
+        Why there is none; empty if there is one, or nothing to tell apart.
+    is_futile : bool
+        Whether that is because none would tell them apart.
     """
 
     experiment: DiscriminatingExperiment | None = None
     reason: str = ""
+    is_futile: bool = False
 
     @property
     def notes(self) -> list[tuple[str, str, str]]:
         """The reason as a note of a diagnosis: code, subject and sentence."""
-        return [("no_experiment", "", self.reason)] if self.reason else []
+        code = "futile_experiment" if self.is_futile else "no_experiment"
+        return [(code, "", self.reason)] if self.reason else []
 
 
 @single_threaded
@@ -95,39 +104,27 @@ def design_experiment(
     UserError
         If a limit is of no input, or leaves nothing.
     """
-    causes = [c for c in conclusion.causes if c.reading is None and c.probability > 0.0]
-    if conclusion.verdict not in ("ambiguous", "unexplained") or len(causes) < 2:
+    group = [cause for cause in conclusion.causes if cause.probability > 0.0]
+    if conclusion.verdict not in ("ambiguous", "unexplained") or len(group) < 2:
         return Design()
-    if found.subject.observer is not None:  # a free run drifts, and tells nothing beforehand
-        return Design()
+    if found.subject.observer is not None:
+        return Design(
+            reason="no experiment is designed, as free runs of the model drift: what they would"
+            " tell is not known beforehand"
+        )
+    causes = [cause for cause in group if cause.reading is None]
+    if len(causes) < 2:
+        return Design(reason="no experiment is designed: a look at file and wiring tells more")
     model = found.subject.problem.model
     within = menu.limits_of_inputs(model.inputs, recorded, rig.ranges)
     if all(low == high for low, high in within.values()):
-        return Design(reason="no input of the model may move")
-    step = float(np.median(np.diff(time)))
-    duration = round(float(time[-1] - time[0]) / step) * step
+        return Design(reason="no experiment is designed: no input of the model may move")
+    step = float(f"{np.median(np.diff(time)):.9g}")
+    duration = float(f"{round(float(time[-1] - time[0]) / step) * step:.9g}")
     shortest = max(2.0 * step, 0.5 / rig.bandwidth)
     shapes = menu.menus(model.inputs, within, duration=duration, step=step, shortest=shortest)
     contest = _Contest(causes, found, duration, step)
-    chosen = contest.improved(shapes)
-    evidence = contest.evidence(chosen)
-    if evidence is None:
-        return Design(reason="the causes run away under every stimulus that was tried")
-    names = [cause.name for cause in causes]
-    if 2.0 * evidence.max() < ENOUGH:
-        return Design(
-            reason=f"no experiment within the ranges of the inputs tells {', '.join(names)} apart:"
-            f" the evidence would be {evidence.max():.1f} nat at most"
-        )
-    expected = [
-        ExpectedEvidence(names[i], names[j], 2.0 * float(evidence[i, j]))
-        for i, j in permutations(range(len(names)), 2)
-    ]
-    reached = dict(zip(names, contest.reached(evidence).tolist(), strict=True))
-    rehearsal = _rehearsal(causes, found.base.fit)
-    return Design(
-        DiscriminatingExperiment(chosen, duration, step, expected, rehearsal, within, reached)
-    )
+    return contest.concluded(contest.improved(shapes), within)
 
 
 class _Contest:
@@ -142,20 +139,25 @@ class _Contest:
     """
 
     def __init__(self, causes: Sequence[Cause], found: Found, duration: float, step: float):
+        self._causes = list(causes)
+        self._rehearsal = _rehearsal(causes, found.base.fit)
+        self._step = step
         shares = np.array([cause.probability for cause in causes])
         self._shares = shares / shares.sum()
         self._temper = found.temper
-        best = min((cause.judged.fit for cause in causes), key=lambda fit: fit.misfit)
-        problem = best.problem
+        best = min((cause.judged for cause in causes), key=lambda one: one.fit.misfit)
+        problem = best.fit.problem
+        self._model = problem.model
         self._time = np.linspace(0.0, duration, min(round(duration / step) + 1, _MOST))
         self._record = _after(problem, self._time)
         measured = self._record.measured
-        weights = (np.mean(independent_weights(best.errors), axis=0) / problem.spread**2)[measured]
+        weights = (_weights(best) / problem.spread**2)[measured]
         # of as many independent samples as the kernel counts in so long a record
         samples = duration / _sampling(problem)
         self._widths = np.sqrt(weights * samples / len(self._time))
         self._forecasts = [_forecast(cause.judged.fit, self._record) for cause in causes]
         self._tried: dict[str, Array | None] = {}
+        self._deadline = Deadline(_SECONDS)
 
     def improved(self, shapes: Mapping[str, Sequence[menu.Stimulus]]) -> Experiment:
         """Return the broadest experiment with the shape of one input after the other exchanged.
@@ -169,31 +171,60 @@ class _Contest:
         least = self._loss(chosen)
         for _ in range(_ROUNDS):
             before = chosen
-            for name, others in shapes.items():
-                for shape in others:
-                    trial = {**chosen, name: shape}
-                    loss = self._loss(trial)
-                    if loss < (1.0 - _ABOUT) * least:
-                        chosen, least = trial, loss
+            for name, shape in _by_turns(shapes):
+                trial = {**chosen, name: shape}
+                loss = self._loss(trial)
+                if loss < (1.0 - _ABOUT) * least:
+                    chosen, least = trial, loss
             if chosen == before:
                 break
         return chosen
 
-    def evidence(self, chosen: Experiment) -> Array | None:
+    def concluded(self, chosen: Experiment, limits: dict[str, tuple[float, float]]) -> Design:
+        """Return an experiment with what is expected of it, unless it tells nothing apart."""
+        evidence = self._known(chosen)
+        names = [cause.name for cause in self._causes]
+        if evidence is None:
+            return Design(
+                reason="no experiment is designed: a cause runs away under every stimulus tried"
+            )
+        if 2.0 * evidence.max() < ENOUGH:
+            return Design(
+                reason=f"no experiment within the ranges of the inputs tells {', '.join(names)}"
+                f" apart: the evidence would be {evidence.max():.1f} nat at most",
+                is_futile=True,
+            )
+        expected = [
+            ExpectedEvidence(names[i], names[j], 2.0 * float(evidence[i, j]))
+            for i, j in permutations(range(len(names)), 2)
+        ]
+        reached = 1.0 / (1.0 + self._rivals(evidence))
+        leads = [cause.parts[0] for cause in self._causes]
+        told = [sentence(self._model.cls, lead) for lead in leads if isinstance(lead, Term)]
+        return Design(
+            DiscriminatingExperiment(
+                chosen,
+                float(self._time[-1]),
+                self._step,
+                expected,
+                self._rehearsal,
+                limits,
+                dict(zip(names, reached.tolist(), strict=True)),
+                dict(zip(names, told, strict=True)),
+            )
+        )
+
+    def _known(self, chosen: Experiment) -> Array | None:
         """Return the expected evidence (m, m) between any two causes, nats.
 
         None if no more are to be tried, or one runs away.
         """
         key = repr(chosen)
         if key not in self._tried:
-            if len(self._tried) >= _MOST_TRIALS:
+            if len(self._tried) >= _MOST_TRIALS or self._deadline.is_over():
                 return None
             self._tried[key] = self._evidence(chosen)
         return self._tried[key]
-
-    def reached(self, evidence: Array) -> Array:
-        """Return the probability (m,) that each cause is expected to have if it is true."""
-        return np.asarray(1.0 / (1.0 + self._rivals(evidence)))
 
     def _rivals(self, evidence: Array) -> Array:
         """Return the probability (m,) of all other causes over that of the true one."""
@@ -202,14 +233,14 @@ class _Contest:
 
     def _loss(self, chosen: Experiment) -> float:
         """Return the expected loss of a logarithmic score, nats."""
-        evidence = self.evidence(chosen)
+        evidence = self._known(chosen)
         if evidence is None:
             return np.inf
         return max(float(self._shares @ np.log1p(self._rivals(evidence))), _CERTAIN)
 
     def _evidence(self, chosen: Experiment) -> Array | None:
         record = self._record
-        for j, variable in enumerate(self._forecasts[0].fitted.problem.model.inputs):
+        for j, variable in enumerate(self._model.inputs):
             stimulus = chosen.get(variable.name)
             record.inputs[:, j] = (
                 variable.start if stimulus is None else stimulus.values(self._time)
@@ -227,6 +258,27 @@ class _Contest:
             far = _beyond(rows[i] - rows[j], np.hstack([columns[i], columns[j]]))
             evidence[i, j] = evidence[j, i] = far
         return evidence
+
+
+def _weights(judged: Judged) -> Array:
+    """Return weights (ny,) of squared errors in spreads; see `independent_weights`.
+
+    A model that errs by more where nothing was fitted errs by that in an experiment, too.
+    """
+    weights = np.mean(independent_weights(judged.fit.errors), axis=0)
+    fitted = mean_squares(np.concatenate(judged.fit.errors))
+    unseen = mean_squares(judged.beyond)
+    return np.asarray(weights * np.fmin(1.0, fitted / np.maximum(unseen, _LEAST)))
+
+
+def _by_turns(
+    shapes: Mapping[str, Sequence[menu.Stimulus]],
+) -> Iterator[tuple[str, menu.Stimulus]]:
+    """Yield each input with each of its shapes, the broadest shapes of all inputs first."""
+    for same_rank in zip_longest(*shapes.values()):
+        for name, shape in zip(shapes, same_rank, strict=True):
+            if shape is not None:
+                yield name, shape
 
 
 def _beyond(difference: Array, directions: Array) -> float:

@@ -609,8 +609,11 @@ def _by_inputs(
             if view.memory is Memory.NONE and view.signal in others - {factor}:
                 law, depends = _owner(model, same, view.signal)
                 law = law if depends else _owner(model, same, factor)[0]
-                for term in _terms(law, view, _PRODUCT, unit, factor=factor):
-                    yield shapes.candidate(term, view, addition, depends)
+                is_own = any(_cosine(value_of[one], view.values) > _SAME for one in same)
+                shapes_of = _PRODUCT[1:] if is_own else _PRODUCT  # in percent over the factor
+                has_both = depends and factor in model.perturbed.computed_from(law)
+                for term in _terms(law, view, shapes_of, unit, factor=factor):
+                    yield shapes.candidate(term, view, addition, has_both)
 
 
 def _cosine(one: Array, other: Array) -> float:
@@ -667,10 +670,16 @@ def _terms(
 
 
 def other_shapes(term: Term) -> Iterator[Term]:
-    """Yield a term with each of the other shapes of its signal."""
+    """Yield a term with each of the other shapes of its signal.
+
+    A product of two signals is one of either over the other: a screen has it in one way.
+    """
     low, high = (term.places[0], term.places[-1]) if term.places else _RANGE
+    is_product = term.factor not in ("", term.law)
     for shape in Shape:
         if shape is term.shape or shape in (Shape.CONSTANT, Shape.MODULUS, Shape.STEP):
+            continue
+        if is_product and shape is Shape.LINEAR:
             continue
         places = tuple(np.linspace(low, high, _KNOTS)) if shape is Shape.CURVE else ()
         width = _DRY if shape is Shape.DRY else _BEND

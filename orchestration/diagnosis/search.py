@@ -31,6 +31,7 @@ from orchestration.diagnosis.fitting import (
     fit,
     fit_start,
     located,
+    mean_squares,
     nominal_point,
     weights_of,
 )
@@ -63,6 +64,7 @@ _LAST_STEPS = 25
 _NEARLY_FLAT = 1e-3  # fall of the cost that ends a fit before the last ones: a nat of thousands
 _SUBSETS, _SHAPES = 6, 2  # of the best fits, that are fitted with fewer terms, or other shapes
 _SHORTEST = 12  # samples of a piece
+_NOTHING = 1e-12  # mean square of errors, in squared spreads
 _PIECE_WEIGHT = 0.5 / 0.1**2 / 5.0  # of squared errors of a piece: within a tenth of the spread
 
 
@@ -185,6 +187,10 @@ def search(
     ways = progress, is_over, is_candidate
     rounds = _Rounds(Found(subject, base), *ways)
     rounds.propose(subject.base, _PIECES if subject.problem.model.states else (1,), _QUOTAS)
+    other = _between_samples(rounds.found)
+    if other is not None:
+        progress("inputs go otherwise between samples")
+        return search(other, progress, is_over)
     for one in rounds.found.best(_BEST)[:_BEST]:
         if len(one.terms) < _MOST_TERMS:
             rounds.propose(one.fit, (1,), {1: _SECOND})
@@ -195,6 +201,32 @@ def search(
     rounds.subsets()
     _read_otherwise(rounds.found, *ways)
     return rounds.found
+
+
+def _between_samples(found: Found) -> Subject | None:
+    """Return the subject whose inputs go the other way between samples, if its fits are likelier.
+
+    A model that lacks a law hides it: what inputs do within a step is less than the law does, until
+    that is there.
+    """
+    ours = [judged.fit for judged in found.best(_BEST)]
+    other = found.subject.otherwise() if ours else None
+    if other is None:
+        return None
+    samples = np.sum(common_of(found.fits).fitted, axis=0)
+
+    def evidence(fitted: Fit) -> float:
+        left = np.log(np.maximum(mean_squares(np.concatenate(fitted.errors)), _NOTHING))
+        columns = fitted.freedom * np.log(max(samples.sum(), 1.0))
+        return -0.5 * float(np.nansum(samples * left) + columns)
+
+    sets = [(one, terms) for one in ours for terms in (one.terms, *_with_one_less(one.terms))]
+    theirs = (
+        fit(other.problem, terms, [_extended(one, terms)], weights_of(one.errors), _FEWER_STEPS)
+        for one, terms in sets
+    )
+    best = max((evidence(one) for one in theirs if one is not None), default=-np.inf)
+    return other if best - max(map(evidence, ours)) > WEIGHTS.least else None
 
 
 def _read_otherwise(
@@ -393,6 +425,11 @@ class _Rounds:
             judged = None if fitted is None else subject.judge(fitted)
             if judged is not None:
                 self.found.fits.append(judged)
+
+
+def _with_one_less(terms: tuple[Term, ...]) -> list[tuple[Term, ...]]:
+    """Return the sets of all but one of several terms."""
+    return list(itertools.combinations(terms, len(terms) - 1)) if len(terms) > 1 else []
 
 
 def _view_of(term: Term) -> tuple[object, ...]:

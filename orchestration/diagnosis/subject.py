@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,6 +20,7 @@ from orchestration.diagnosis.fitting import (
     fit_base,
     fit_start,
     joined_by,
+    mean_squares,
     weights_of,
 )
 from orchestration.diagnosis.law_model import LawModel
@@ -45,6 +46,7 @@ _SHORTEST = _MOST // 2  # of one of many, to which it is cut at most
 _JUMP = 0.01  # standard deviations, from which on an input jumps that stands still at most samples
 _DECAY = 1.0  # e-folds over a record, by which each mode decays of a model that forgets errors
 _ROUNDS = 3  # of observers and fits by turns
+_NOTHING = 1e-12  # mean square of errors, in squared spreads
 _UNSEEN = 0.002  # of the spread, by which a run over fewer samples may differ
 _IN_NOISE = 0.1  # of the noise of an output, by which it may differ at most: ten nats of thousands
 _RESOLVED = 2e-4  # of the spread, by which it may differ where there is no noise
@@ -82,6 +84,9 @@ class Subject:
         Of the file, if it means other values than those that were read.
     observer : Observer or None
         By which all errors are those of predictions; None if they are those of free runs.
+    otherwise : callable
+        Returns the subject whose inputs go the other way between samples, if that may be; else
+        None.
     """
 
     problem: Problem
@@ -89,6 +94,7 @@ class Subject:
     base: Fit
     reading: Reading | None = None
     observer: Observer | None = None
+    otherwise: Callable[[], Subject | None] = lambda: None
 
     def judge(self, fitted: Fit) -> Judged | None:
         """Run a fit over what is left out.
@@ -214,9 +220,9 @@ def words_of(model: LawModel, part: Reading | Term) -> float:
 
 
 def depends(model: LawModel, term: Term) -> bool:
-    """Return whether a law depends on the signal of a term already, or is that signal."""
+    """Return whether a law depends on the signals of a term already, or is one of them."""
     own = {"", term.law} | set(model.perturbed.computed_from(term.law))
-    return term.signal in own
+    return term.signal in own and term.factor in own
 
 
 def _beginning(record: Record) -> int:
@@ -356,7 +362,7 @@ def subject_of(
         Nominal values of parameters, SI.
     interpolate : bool, optional
         Whether inputs go in straight lines between samples, or are held; by default what fits
-        clearly better.
+        clearly better. With what the model lacks it may be seen that they go otherwise.
     local : LocalValues, optional
         Values that the records do not share.
 
@@ -371,12 +377,18 @@ def subject_of(
     ways = [False] if interpolate is None else [interpolate]
     if interpolate is None and len(model.inputs) and len(model.states):
         ways = [False, True]
-    best = None
-    for smooth in ways:
-        one = _as_recorded(problem, _inputs_go(records, smooth), _inputs_go(held_out, smooth))
-        if one is not None and (best is None or _gain(one, best) > WEIGHTS.least):
-            best = one
-    return None if best is None else _as_read(best, len(ways) > 1)
+    read = [
+        _as_recorded(problem, _inputs_go(records, smooth), _inputs_go(held_out, smooth))
+        for smooth in ways
+    ]
+    first, second = [*(one for one in read if one is not None), None, None][:2]
+    if first is None:
+        return None
+    if second is None:
+        return _as_read(first, False)
+    if likelihood_gain(second.subject.base, first.subject.base) > WEIGHTS.least:
+        first, second = second, first
+    return replace(_as_read(first, True), otherwise=lambda: _as_read(second, False))
 
 
 def _as_read(recorded: _Recorded, turns: bool) -> Subject:
@@ -396,7 +408,7 @@ def _as_read(recorded: _Recorded, turns: bool) -> Subject:
             [clean(bare.model, r) for r in part] for part in (best.records, best.held_out)
         )
         one = None if own == best.records else _as_recorded(bare, own, others, q)
-        if one is not None and _gain(one, best) > WEIGHTS.least:
+        if one is not None and likelihood_gain(one.subject.base, best.subject.base) > WEIGHTS.least:
             best = one
     return _without_outliers(best.subject)
 
@@ -607,11 +619,17 @@ def divided_as_read(subject: Subject, reading: Reading) -> tuple[Problem, tuple[
     return changed, left_out
 
 
-def _gain(one: _Recorded, other: _Recorded) -> float:
-    """Return the gain in log likelihood of a fit over another that leaves like errors, nats."""
-    ours, theirs = one.subject.base, other.subject.base
-    samples = sum(effective_samples(column) for errors in theirs.errors for column in errors.T)
-    return samples * float(np.log(theirs.misfit / ours.misfit))
+def likelihood_gain(one: Fit, other: Fit) -> float:
+    """Return the gain in log likelihood of a fit over another, nats.
+
+    That of each output counts: one in which a law is missing hides no other. It has as many
+    samples as are independent in the fit that leaves less structure there.
+    """
+    ours, theirs = (mean_squares(np.concatenate(f.errors)) for f in (one, other))
+    counts = [[[effective_samples(c) for c in e.T] for e in f.errors] for f in (one, other)]
+    samples = np.max(np.sum(counts, axis=1), axis=0)
+    shares = np.log(np.maximum(theirs, _NOTHING) / np.maximum(ours, _NOTHING))
+    return float(0.5 * np.nansum(samples * shares))
 
 
 def _divided(

@@ -100,7 +100,12 @@ def term_parameters(cls: type[Component], stem: str, term: Term) -> list[TermPar
     """Return the parameters of a term in the order of its values in a fit."""
     if isinstance(term, NamedTerm):
         return [
-            TermParameter(one.name, one.scale.size, one.scale.logarithmic, one.unit)
+            TermParameter(
+                one.name,
+                1.0 if one.scale.logarithmic else one.scale.size,
+                one.scale.logarithmic,
+                one.unit,
+            )
             for one in term.released
         ]
     if isinstance(term, DelayTerm):

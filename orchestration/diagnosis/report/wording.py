@@ -232,7 +232,7 @@ def _experiment(diagnosis: Diagnosis) -> str:
     """Return the record that would tell the causes of a group apart."""
     if diagnosis.experiment is not None:
         return f"make the experiment that {option('experiment', 'next.toml')} writes"
-    if any(code == "no_experiment" for code, _, _ in diagnosis.notes):
+    if any(code == "futile_experiment" for code, _, _ in diagnosis.notes):
         return "record another signal as well, on which the causes act in another way"
     terms = [t for cause in diagnosis.causes for t in cause.parts[:1] if isinstance(t, Term)]
     signals = list(dict.fromkeys(t.signal or "the operating point" for t in terms))

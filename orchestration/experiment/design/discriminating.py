@@ -72,6 +72,8 @@ class DiscriminatingExperiment:
     probabilities : dict of str to float
         That each alternative is expected to reach among them if it is true; empty if they are not
         known.
+    titles : dict of str to str
+        Alternatives for people, by name; without one the name is used.
     """
 
     stimuli: dict[str, Stimulus]
@@ -81,6 +83,7 @@ class DiscriminatingExperiment:
     rehearsal: Rehearsal
     limits: dict[str, tuple[float, float]] = field(default_factory=dict)
     probabilities: dict[str, float] = field(default_factory=dict)
+    titles: dict[str, str] = field(default_factory=dict)
 
     @property
     def least(self) -> float:
@@ -113,17 +116,24 @@ class DiscriminatingExperiment:
 
     def _probabilities_sentence(self) -> str:
         reached = [
-            f"{_percent(share)} if it is {name}" for name, share in self.probabilities.items()
+            f"{_percent(share)} if it is {self.titles.get(name, name)}"
+            for name, share in self.probabilities.items()
         ]
+        shares = {*map(_percent, self.probabilities.values())}
+        each = ", ".join(reached) if len(shares) > 1 else f"{shares.pop()}, whichever it is"
         return (
             "With the experiment the true one of these is expected to have a probability of"
-            f" {', '.join(reached)}."
+            f" {each}."
         )
 
     def _alike_sentences(self) -> list[str]:
         """Return a sentence for each pair that it does not tell apart."""
         pairs = {frozenset((e.true_model, e.candidate)): e for e in self.expected if e.bic < ENOUGH}
-        return [f"It does not tell {e.true_model} from {e.candidate}." for e in pairs.values()]
+        named = [
+            [self.titles.get(name, name) for name in (e.true_model, e.candidate)]
+            for e in pairs.values()
+        ]
+        return [f"It does not tell {one} from {other}." for one, other in named]
 
     def as_json(self) -> dict[str, Any]:
         """Return figures and stimuli."""

@@ -90,18 +90,19 @@ def fitted(term: Term, coefficient: float, gain: float, hold: Collection[str]) -
 
 
 def designed(
-    *fits: Fit, verdict: str = "ambiguous", rig: Excitation = RIG, recorded: Array = SLOW
+    *fits: Fit, verdict: str = "ambiguous", rig: Excitation = RIG, unseen: float = 1.0
 ) -> Design:
+    """Return a design for causes that leave so many times the noise where nothing was fitted."""
     causes = []
     for fit in fits:
-        judged = SimpleNamespace(fit=fit)
+        judged = SimpleNamespace(fit=fit, beyond=unseen * fit.errors[0][:100])
         (term,) = fit.terms
         causes.append(Cause(*term.cause, 0.45, judged, fit.terms, None, 0.0, frozenset()))
     base = SimpleNamespace(fit=fits[0])
     subject = SimpleNamespace(observer=None, problem=fits[0].problem)
     found = SimpleNamespace(subject=subject, base=base, temper=TEMPER)
     conclusion = Conclusion(verdict, tuple(causes), 0.1, base)
-    return design_experiment(found, conclusion, {"u": recorded}, TIME, rig)
+    return design_experiment(found, conclusion, {"u": SLOW}, TIME, rig)
 
 
 def lagged(u: Array) -> Array:
@@ -110,16 +111,16 @@ def lagged(u: Array) -> Array:
     return lfilter([0.0, 1.0 - decay], [1.0, -decay], u)
 
 
-def left(u: Array) -> float:
+def left(u: Array, noise: float = NOISE) -> float:
     """Return what a fit leaves of ``x / 2`` against ``u / 2`` on top of u, with its prior, nats.
 
     By the slow record, and a start state within 0.1 V.
     """
-    columns = np.column_stack([lagged(u), 0.05 * np.exp(-TIME / LAG), u]) / NOISE
+    columns = np.column_stack([lagged(u), 0.05 * np.exp(-TIME / LAG), u]) / noise
     known = np.zeros((800, 3))
     known[:400, 0], known[400:, 2] = lagged(SLOW) / NOISE, SLOW / NOISE
     rows = np.vstack([columns, known, np.diag([0.1, 1.0, 0.1])])
-    target = np.concatenate([0.5 * (lagged(u) - u) / NOISE, np.zeros(803)])
+    target = np.concatenate([0.5 * (lagged(u) - u) / noise, np.zeros(803)])
     rest = target - rows @ np.linalg.lstsq(rows, target, rcond=None)[0]
     return 0.5 * float(rest @ rest)
 
@@ -142,11 +143,20 @@ def test_causes_that_differ_above_a_frequency_get_the_stimulus_with_most_of_it()
     assert above[best] == max(above)
 
 
+def test_what_errs_more_where_nothing_was_fitted_tells_less() -> None:
+    held = ("gain", "lag")
+    fits = fitted(LAGGED, 0.5, 1.0, held), fitted(DIRECT, 0.5, 1.0, held)
+    experiment = designed(*fits, unseen=1.5).experiment
+    expected = left(experiment.stimuli["u"].values(TIME), 1.5 * NOISE)
+    assert experiment.expected[0].bic == pytest.approx(2.0 * expected, rel=0.02)
+
+
 def test_one_model_in_two_parametrisations_has_no_experiment() -> None:
     """``u + x / 2`` is ``3/2 u - (u - x) / 2``."""
     held = ("lag",)
     design = designed(fitted(LAGGED, 0.5, 1.0, held), fitted(FADING, -0.5, 1.5, held))
     assert design.experiment is None
+    assert design.is_futile
     assert "tells shown(x), shown(u) apart: the evidence would be 0.0 nat at most" in design.reason
 
 
@@ -175,7 +185,7 @@ def test_where_nothing_is_to_be_told_apart_nothing_is_designed() -> None:
     assert designed(*fits, verdict="cause") == Design()
     assert designed(fits[0]) == Design()
     still = designed(*fits, rig=Excitation({"u": (1.0, 1.0)}, 1.0))
-    assert still == Design(reason="no input of the model may move")
+    assert still == Design(reason="no experiment is designed: no input of the model may move")
     with pytest.raises(UserError, match="limits of w: there is no such input; there are u"):
         designed(*fits, rig=Excitation({"w": (0.0, 1.0)}, 1.0))
 

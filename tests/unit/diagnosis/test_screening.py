@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import replace
 from functools import cache
 
@@ -24,7 +25,7 @@ from orchestration.diagnosis.fitting import (
 )
 from orchestration.diagnosis.local_values import LocalValues
 from orchestration.diagnosis.runs import Setting
-from orchestration.diagnosis.screening import Screen, alike
+from orchestration.diagnosis.screening import Screen, alike, other_shapes
 from orchestration.diagnosis.terms import DelayTerm, SensorTerm
 from tests.support.diagnosed_mass import (
     FREE,
@@ -458,6 +459,28 @@ def test_a_product_with_an_input_is_owned_by_the_law_of_the_input() -> None:
     assert ("heating", "charge", "current") in products
     assert ("drawn", "charge", "drawn") in products
     assert ("drawn", "charge", "current") not in products
+
+
+def test_a_product_of_two_signals_is_a_candidate_once() -> None:
+    """Of the others each has another shape of one of them, or a memory."""
+    along = heater()
+    products: dict[str, list[np.ndarray]] = defaultdict(list)
+    for candidate in along.candidates:
+        term = candidate.term
+        if term.factor and term.shape is Shape.LINEAR and not term.has_memory:
+            product = candidate.values[:, 0] * candidate.amount
+            products[term.law].append(product / np.linalg.norm(product))
+    assert max(map(len, products.values())) > 1
+    for own in products.values():
+        for k, one in enumerate(own):
+            assert all(abs(one @ other) < 0.9999 for other in own[:k])
+
+
+def test_a_product_has_no_other_shape_that_is_the_product_the_other_way() -> None:
+    curve = Term("heating", "power", Shape.CURVE, factor="fan", places=(0.0, 1.0))
+    assert Shape.LINEAR not in {term.shape for term in other_shapes(curve)}
+    in_percent = replace(curve, factor="heating")
+    assert Shape.LINEAR in {term.shape for term in other_shapes(in_percent)}
 
 
 def test_what_counts_an_input_is_no_target() -> None:

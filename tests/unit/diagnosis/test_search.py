@@ -11,6 +11,7 @@ import pytest
 import orchestration.diagnosis.search  # noqa: F401
 from fmus.kit.arrays import Array
 from orchestration.diagnosis import Found, Memory, Shape, Term, subject_of
+from orchestration.diagnosis.fitting import Point
 from orchestration.diagnosis.search import search
 from orchestration.diagnosis.term_names import sentence
 from tests.support.diagnosed_mass import START, D, K, M, integrated, mass, pushed
@@ -164,6 +165,29 @@ def test_a_model_that_runs_away_over_what_is_left_out_is_not_searched() -> None:
     )
     lost = replace(subject, base=replace(subject.base, terms=(term,), point=away))
     assert search(lost) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("smooth", [True, False])
+def test_how_inputs_go_is_seen_once_the_missing_law_is_there(smooth: bool) -> None:
+    """Without it both ways leave the same; with it a force that is held is half a step late."""
+    record = pushed(300, 0.1, smooth)
+
+    def rates(x: Array, u: float, t: float) -> list[float]:
+        return [x[1], (u - K * x[0] - D * x[1] - dry(x, u, t)) / M]
+
+    noise = 0.001 * np.random.default_rng(2).standard_normal((300, 1))
+    record = replace(record, outputs=integrated(record, rates, START, 1e-6)[:, :1] + noise)
+    subjects = [subject_of(mass(), [record], interpolate=way) for way in (False, True)]
+    first, other = (one for one in subjects if one is not None)
+    subject = replace(first, otherwise=lambda: other)
+    base = subject.judge(subject.base)
+    assert base is not None
+    rounds = NAMES._Rounds(Found(subject, base), print)
+    friction = Term("friction", "v", Shape.DRY, size=2.0, scale=1.0, width=0.05)
+    start = Point(first.base.point.q, friction.values(1.0), first.base.point.starts)
+    rounds._fit_all([((friction,), [start])])
+    assert NAMES._between_samples(rounds.found) is (other if smooth else None)
 
 
 @pytest.mark.slow

@@ -15,6 +15,7 @@ from orchestration.diagnosis.subject import (
     _unseen,
     depends,
     divided_as_read,
+    likelihood_gain,
     start_prior,
     thinned,
 )
@@ -168,6 +169,22 @@ def test_fewer_samples_make_no_difference_beside_the_noise() -> None:
     assert thinned(problem, slow, problem.mean, 100, np.array([1e-9])) is slow
 
 
+def test_an_output_in_which_a_law_is_missing_hides_no_other() -> None:
+    """Of 1000 independent errors each: half of 1000 times the logarithm of the ratio of squares.
+
+    So many samples are independent within a tenth, as their own correlations say.
+    """
+    rng = np.random.default_rng(3)
+    wrong, exact = 10.0 * rng.standard_normal(1000), rng.standard_normal(1000)
+    first = made(drawn()).base
+    worse = replace(first, errors=(np.column_stack([wrong, 1.2 * exact]),))
+    better = replace(first, errors=(np.column_stack([1.01 * wrong, exact]),))
+    expected = 1000.0 * (np.log(1.2) - np.log(1.01))
+    assert likelihood_gain(better, worse) == pytest.approx(expected, rel=0.1)
+    assert likelihood_gain(worse, better) == pytest.approx(-expected, rel=0.1)
+    assert better.misfit > worse.misfit
+
+
 def test_parameters_that_are_held_and_values_that_are_given() -> None:
     subject = made(drawn(), hold=["damping"], values={"damping": 2.2, "mass": 3.0})
     values = subject.problem.parameters(subject.base.point.q)
@@ -267,6 +284,8 @@ def test_a_law_depends_on_its_signals() -> None:
     assert depends(model, Term("spring", "x", Shape.CUBE))
     assert not depends(model, Term("spring", "v", Shape.CUBE))
     assert depends(model, Term("spring", "", Shape.CONSTANT))
+    assert not depends(model, Term("spring", "x", Shape.LINEAR, factor="v"))
+    assert depends(model, Term("spring", "x", Shape.LINEAR, factor="spring"))
 
 
 @pytest.mark.parametrize(

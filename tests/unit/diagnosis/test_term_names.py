@@ -15,7 +15,8 @@ from orchestration.diagnosis.term_names import (
     stems,
     term_parameters,
 )
-from orchestration.diagnosis.terms import Memory, Shape, Term
+from orchestration.diagnosis.terms import Memory, NamedTerm, Released, Shape, Term
+from orchestration.identify.fitting import Scale
 from tests.support.oscillator import DRY, diagnosis_with, oscillator_record
 from tests.support.oscillator_model import Oscillator
 
@@ -50,6 +51,14 @@ def test_names_are_made_of_law_and_signal():
 def test_units_are_those_of_law_and_signal(term, units):
     found = [one.unit for one in term_parameters(Oscillator, "a", term)]
     assert [*map(powers_of_names, found)] == [*map(powers_of_names, units)]
+
+
+def test_a_logarithm_of_an_effects_parameter_is_that_of_its_value():
+    released = Released("drag_time", "s", Scale(True, 20.0), 0.1, 1e3)
+    term = NamedTerm("friction", "velocity", Shape.LINEAR, effect="drag", released=(released,))
+    (one,) = term_parameters(Oscillator, "drag", term)
+    assert one.logarithmic
+    assert one.factor * np.exp(np.log(15.0)) == pytest.approx(15.0)
 
 
 def test_texts_say_signal_memory_and_middle():
