@@ -92,14 +92,10 @@ def without_outliers(model: LawModel, record: Record, errors: Array) -> Record:
         if far.mean() < _FEW:
             column[known[far]] = np.nan
     lost = np.isfinite(record.outputs) & ~np.isfinite(outputs)
-    names = [
-        output.name
-        for output, any_lost in zip(model.outputs, lost.any(axis=0), strict=True)
-        if any_lost
-    ]
-    return (
-        replace(record, outputs=outputs, denoised=(*record.denoised, *names)) if names else record
-    )
+    names = [output.name for j, output in enumerate(model.outputs) if lost[:, j].any()]
+    if not names:
+        return record
+    return replace(record, outputs=outputs, denoised=(*record.denoised, *names))
 
 
 def _alone(errors: Array) -> Mask:
