@@ -272,8 +272,8 @@ class Fit:
 
     @property
     def explanations(self) -> int:
-        """Number of terms, and of values that differ in a later record."""
-        return len(self.terms) + self.problem.local.released
+        """Number of terms, and of changes in a later record."""
+        return len(self.terms) + self.problem.local.changes
 
     @property
     def misfit(self) -> float:
@@ -378,6 +378,9 @@ class _Search:
         mean += [mean[i] for i in further]
         deviation += [deviation[i] for i in further]
         self.values = len(mean)
+        ends = [np.concatenate([np.zeros(0), *(t.bounds[i] for t in terms)]) for i in (0, 1)]
+        # where it does nothing a strength has slopes, and beyond it none
+        self._ranges = [np.append(end, end[further]) for end in ends]
         self.mean = np.array([*problem.mean, *mean])
         self.deviation = np.array([*problem.deviation, *deviation])
         self.size = len(self.mean)
@@ -455,7 +458,8 @@ class _Search:
             x + step[self.size + r * nx :][:nx] * prior.deviation
             for r, (x, prior) in enumerate(zip(point.starts, problem.starts, strict=True))
         )
-        return Point(q, point.values + step[p : self.size], starts)
+        values = np.clip(point.values + step[p : self.size], *self._ranges)
+        return Point(q, values, starts)
 
     def begin(self, point: Point) -> tuple[Point, Evaluated] | None:
         """Return a point with what is known there; None where a run fails."""

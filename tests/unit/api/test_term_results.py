@@ -1,9 +1,10 @@
-"""Claims: a diagnosis by terms has the attributes of any, and refuses options that it ignores."""
+"""Claims: a diagnosis by terms has the attributes of any, those of a later record too."""
 
 from __future__ import annotations
 
 import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -18,6 +19,7 @@ from tests.support.oscillator import (
     telling_apart,
     with_group,
 )
+from tests.support.oscillator_model import Oscillator
 
 
 def test_the_result_in_python_has_the_attributes_of_any_diagnosis():
@@ -28,6 +30,28 @@ def test_the_result_in_python_has_the_attributes_of_any_diagnosis():
     assert result.probabilities["friction(velocity)"] > 0.9
     assert result.gain.after["position"] < result.gain.before["position"]
     assert "cause friction(velocity): oscillator, oscillator_1.csv" in repr(result)
+
+
+def test_a_later_record_gives_its_changes_and_its_own_diagnosis():
+    record, later = (oscillator_record(seed, damping=0.8 * seed, samples=400) for seed in (1, 2))
+    only = {"effects": [], "laws": False, "engine": "new"}
+    result = ppy.diagnose(record, Oscillator, compare=later, **only)
+    assert {one.name for one in result.changes if one.changed} == {"damping"}
+    assert result.later.verdict == "recalibrate"
+    assert result.later.records == [later]
+    figures = result.to_dict()
+    assert figures["comparison"][0]["parameter"] == "damping"
+    assert figures["later"] == result.later.to_dict()
+    assert "What changed: damping, times 2" in str(result)
+
+
+def test_the_record_itself_is_no_later_one():
+    record = oscillator_record(1, samples=50)
+    same = replace(record, source=Path("same.csv"))
+    with pytest.raises(UserError, match=r"same\.csv.*: this is the same record as"):
+        ppy.diagnose(record, Oscillator, engine="new", compare=same)
+    with pytest.raises(UserError, match=r"same\.csv: this is the same record"):
+        ppy.diagnose(record, Oscillator, engine="new", holdout=same)
 
 
 def test_the_experiment_that_tells_causes_apart_is_written(tmp_path):
@@ -43,9 +67,3 @@ def test_the_experiment_that_tells_causes_apart_is_written(tmp_path):
         "-6.0 N",
     )
     assert "60 % if it is friction(elongation)" in "".join(result.experiment.overview())
-
-
-def test_options_of_the_old_engine_are_refused():
-    record, later = (oscillator_record(seed, samples=50) for seed in (1, 2))
-    with pytest.raises(UserError, match=r"compare.*: the new engine does not take it"):
-        ppy.diagnose(record, "ppy_actuator", engine="new", compare=later)

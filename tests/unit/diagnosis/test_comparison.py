@@ -33,6 +33,7 @@ NONE = Comparison(0.0, 0.0, 0.0, 1.0, 0.0, 0, 0.0, 0.0)
 def judged(fitted: Array, left_out: Array, prior: float = 0.0, **fit: Any) -> Judged:
     """Return errors as those of a fit with so much freedom."""
     given = {"freedom": 0, "distance": 0.0, "terms": (), "misfit": fitted.std()} | fit
+    given = {"explanations": len(given["terms"])} | given
     return Judged(SimpleNamespace(errors=(fitted,), **given), *3 * [left_out], prior)
 
 
