@@ -590,15 +590,15 @@ def _names(records: Sequence[MeasuredRecord]) -> str:
 
 def _denoised(subject: Subject) -> list[tuple[str, str, str]]:
     """Return notes on columns that are read without their noise."""
-    names = dict.fromkeys(name for r in subject.problem.records for name in r.denoised)
-    texts = {
-        name: f"{name} has noise, which {_passes(name)}; the model fits better without it"
-        for name in names
-    }
-    return [("denoised", name, text) for name, text in texts.items()]
-
-
-def _passes(name: str) -> str:
-    if name == TIME:
-        return "adds to every slope: its steps are taken to be even"
-    return "passes through the model: it is smoothed between its jumps"
+    outputs = {output.name for output in subject.problem.model.outputs}
+    records = [*subject.problem.records, *(one.record for one in subject.left_out)]
+    notes = []
+    for name in dict.fromkeys(name for record in records for name in record.denoised):
+        if name == TIME:
+            text = "has noise, which adds to every slope: its steps are taken to be even"
+        elif name in outputs:
+            text = "has single values far from those beside them, which are left out"
+        else:
+            text = "has noise, which passes through the model: it is smoothed between its jumps"
+        notes.append(("denoised", name, f"{name} {text}"))
+    return notes
