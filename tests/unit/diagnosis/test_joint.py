@@ -102,6 +102,6 @@ def test_what_is_held_or_local_to_each_record_is_no_candidate():
     made = subject(hold=["damping"])
     problem = made.problem
     local = replace(problem.local, each=("mass",))
-    assert Joint(made, (OFFSET,)).all_differences(made.base) == [OFFSET, "mass", "stiffness"]
+    assert Joint(made, (OFFSET,)).all_differences([made.base]) == [OFFSET, "mass", "stiffness"]
     own = subject_of(mass(), problem.records, local=local, interpolate=False)
-    assert Joint(own, ()).all_differences(own.base) == ["stiffness", "damping"]
+    assert Joint(own, ()).all_differences([own.base]) == ["stiffness", "damping"]
