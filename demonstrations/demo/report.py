@@ -10,7 +10,8 @@ from demonstrations.emulator import EmulatedRig, RigParameters
 from fmus.kit import units
 from fmus.kit.units import format_difference, format_value
 from orchestration.api import DiagnosisResult
-from orchestration.identify import Comparison, GoodnessOfFit
+from orchestration.identify import Comparison
+from orchestration.identify import comparison as work
 from orchestration.reporting.html import Markup, Page
 
 _DIGITS = 4
@@ -204,8 +205,8 @@ def _parameters(comparison: Comparison, truth: RigParameters) -> list[list[str]]
 def _outputs(
     label: str,
     comparison: Comparison,
-    before: Mapping[str, GoodnessOfFit],
-    after: Mapping[str, GoodnessOfFit],
+    before: Mapping[str, work.GoodnessOfFit],
+    after: Mapping[str, work.GoodnessOfFit],
 ) -> list[list[str]]:
     rows = []
     for name, first in before.items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Unpack, cast
+from typing import Unpack
 
 from fmus.kit import UserError, registry
 from fmus.kit.extras import require
@@ -25,6 +25,7 @@ from orchestration.api.simulation import as_declared, values_of
 from orchestration.api.term_results import TermDiagnosisResult
 from orchestration.diagnosis import Options as TermOptions
 from orchestration.diagnosis import diagnose as diagnose_by_terms
+from orchestration.diagnosis.changes import find_changes
 from orchestration.discrepancy import UnusableRecordError, before_after, pipeline, search_laws
 from orchestration.discrepancy.foreign import WrappedFmu, wrap
 from orchestration.discrepancy.report import wording
@@ -32,14 +33,10 @@ from orchestration.discrepancy.report.laws import LawReport
 from orchestration.fmu import Model, Value
 from orchestration.fmu.model import built
 from orchestration.fmu.signal import numeric
-from orchestration.records import Record
+from orchestration.records import Record, refuse_same
 from orchestration.reporting import option
 
 _LINEARISATIONS = 4  # of an FMU at most
-# options that the new engine does not take, and why
-_OF_OLD_ENGINE = {
-    "compare": "it does not diagnose changes; diagnose each record by itself",
-}
 
 
 @takes(DiagnoseKeywords)
@@ -85,7 +82,7 @@ def diagnose(
     given = values_of(subject, options["settings"])
     measured, unseen = held_out(record, options["holdout"], subject, mapping, options["runs"])
     refuse_useless_options(subject, options)
-    if _is_new(subject, options):
+    if options["engine"] == "new":
         return _run_new_engine(subject, measured, unseen, model, options)
     diagnosis_options = _pipeline_options(subject, given, options)
     compare = options["compare"]
@@ -136,29 +133,11 @@ def refuse_useless_options(subject: Model, options: DiagnoseKeywords) -> None:
     """
     if subject.cls is None and options["compare"] is not None:
         raise UserError(f"compare: {subject.without_equations}; diagnose each record by itself")
-    if _is_new(subject, options):
-        _refuse_options_of_old_engine(cast("Mapping[str, object]", options))
-    elif subject.cls is not None and options["fit"]:
+    if options["engine"] == "old" and subject.cls is not None and options["fit"]:
         raise UserError(
             f"fit: {subject.name} has equations, and all its parameters are fitted; hold leaves"
             " some out"
         )
-
-
-def _is_new(subject: Model, options: DiagnoseKeywords) -> bool:
-    """Return whether a diagnosis is by terms of the laws."""
-    has_laws = subject.cls is not None and subject.cls.engine is None
-    return has_laws if options["engine"] == "auto" else options["engine"] == "new"
-
-
-def _refuse_options_of_old_engine(options: Mapping[str, object]) -> None:
-    """Raise an error for an option that the new engine does not take."""
-    for name, reason in _OF_OLD_ENGINE.items():
-        if options[name]:
-            raise UserError(
-                f"{option(name)}: the new engine does not take it, as {reason}; leave it out, or"
-                f" use {option('engine', 'old')}"
-            )
 
 
 def _run_new_engine(
@@ -180,6 +159,11 @@ def _run_new_engine(
         time=optional_seconds(options["time"]),
         excitation=registry.excitation(subject.name),
     )
+    compare = options["compare"]
+    later = None if compare is None else matching_record(compare, subject, options["mapping"])
+    refuse_same([*measured, *unseen], subject.outputs)
+    if later is not None:
+        refuse_same([*measured, *unseen, later], subject.outputs, option("compare"))
     diagnosis = diagnose_by_terms(measured, subject, unseen, chosen, options["progress"])
     command = equivalent_command(
         "diagnose",
@@ -187,9 +171,12 @@ def _run_new_engine(
         measured,
         unseen,
         declared=DiagnoseOptions,
-        options=options,
+        options={**options, "compare": later},
     )
-    return TermDiagnosisResult(diagnosis, command)
+    if later is None:
+        return TermDiagnosisResult(diagnosis, command)
+    changed = find_changes(diagnosis, later, chosen, options["progress"])
+    return TermDiagnosisResult(diagnosis, command, changed)
 
 
 def _pipeline_options(

@@ -12,7 +12,7 @@ import numpy as np
 
 from fmus.kit import Component, UserError, files, stack
 from fmus.kit.build import host_platform
-from orchestration.discrepancy import Change, Verdict, export, fitted_defaults, pipeline
+from orchestration.discrepancy import Verdict, export, fitted_defaults, pipeline
 from orchestration.discrepancy.foreign import WrappedFmu, corrected_system
 from orchestration.discrepancy.laws import Correction, LawMapResult
 from orchestration.discrepancy.report import (
@@ -34,6 +34,7 @@ from orchestration.discrepancy.report.laws import (
     laws_page,
 )
 from orchestration.experiment.design import DiscriminatingExperiment
+from orchestration.identify.changes import Change
 from orchestration.identify.uncertainty import Estimate, estimates_frame
 from orchestration.records import Record
 from orchestration.reporting import (

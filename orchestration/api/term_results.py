@@ -14,6 +14,7 @@ from orchestration.api.results import (
     ProposedExperiment,
 )
 from orchestration.diagnosis import Diagnosis
+from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.report import Explanation, explain, summary, terminal, wording
 from orchestration.discrepancy import Verdict
 from orchestration.records import Record
@@ -34,6 +35,8 @@ class TermDiagnosisResult(DiagnosisResult):
     diagnosis : Diagnosis
     command : sequence of str
         Words of an equivalent command.
+    changed : Changed, optional
+        What changed in a later record.
 
     Attributes
     ----------
@@ -45,9 +48,12 @@ class TermDiagnosisResult(DiagnosisResult):
         The model with the terms of the first cause, or with fitted parameters alone.
     """
 
-    def __init__(self, diagnosis: Diagnosis, command: Sequence[str] = ()):
+    def __init__(
+        self, diagnosis: Diagnosis, command: Sequence[str] = (), changed: Changed | None = None
+    ):
         super(DiagnosisResult, self).__init__([*diagnosis.records, *diagnosis.holdouts], command)
         self._diagnosis = diagnosis
+        self._changed = changed
         self.verdict = Verdict(diagnosis.verdict)
         self.sentence = f"{wording.headline(diagnosis)}. {wording.support(diagnosis)}".strip()
         named = [cause.name for cause in diagnosis.causes] if diagnosis.is_named else []
@@ -70,8 +76,8 @@ class TermDiagnosisResult(DiagnosisResult):
         self.notes = [message for _, _, message in diagnosis.notes]
         self.evidence = Evidence(())
         self.law_map = []
-        self.changes = None
-        self.later = None
+        self.changes = None if changed is None else list(changed.changes)
+        self.later = None if changed is None else TermDiagnosisResult(changed.later)
 
     @property
     def details(self) -> Any:
@@ -80,10 +86,13 @@ class TermDiagnosisResult(DiagnosisResult):
 
     def overview(self) -> list[RenderableType]:
         """Return the renderables that ``ppy diagnose --engine new`` prints."""
-        return [terminal.overview(self._diagnosis)]
+        parts: list[RenderableType] = [terminal.overview(self._diagnosis)]
+        if self._changed is not None:
+            parts.append(terminal.comparison(self._changed))
+        return parts
 
     def _page(self, command: str) -> Page:
-        return make_page(self._diagnosis, command)
+        return make_page(self._changed or self._diagnosis, command)
 
     def __repr__(self) -> str:
         causes = f" {', '.join([*self.causes, *self.alternatives])}" if self.causes else ""
@@ -94,7 +103,11 @@ class TermDiagnosisResult(DiagnosisResult):
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON: the form that ``ppy diagnose --json`` writes."""
         with in_shell():
-            return summary.summary(self._diagnosis)
+            figures = summary.summary(self._diagnosis)
+        if self.changes is None or self.later is None:
+            return figures
+        comparison = [change.to_dict() for change in self.changes]
+        return figures | {"comparison": comparison, "later": self.later.to_dict()}
 
     def explain(self, first: str, second: str) -> Explanation:
         """Compare two candidates by the features that decide; see `DiagnosisResult.explain`."""

@@ -30,7 +30,7 @@ from orchestration.cli.commands.options import DiagnoseCommand, LawsCommand, Sys
 from orchestration.cli.models import build_model, model_file, note_neutral
 from orchestration.cli.options import IsolateOption, JsonOption, platform_list
 from orchestration.cli.outputs import JSON, PAGE, Outputs, same_file, write_json
-from orchestration.discrepancy import fmu_paths
+from orchestration.discrepancy import Verdict, fmu_paths
 from orchestration.discrepancy.report import system_diagnosis_summary, system_overview
 from orchestration.discrepancy.systems import diagnose_system
 from orchestration.fmu import Model
@@ -86,7 +86,9 @@ def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
 
     def experiment(path: Path, tell: Callable[[str], None]) -> list[Path]:
         if result.experiment is None:
-            note(f"nothing is to be told apart: {path} was not written")
+            is_open = result.verdict in (Verdict.AMBIGUOUS, Verdict.UNEXPLAINED)
+            reason = "there is no experiment" if is_open else "nothing is to be told apart"
+            note(f"{reason}: {path} was not written")
             return []
         return [result.experiment.to_toml(path)]
 
@@ -104,8 +106,8 @@ def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
 def _check_explained(options: DiagnoseCommand) -> None:
     """Refuse ``--explain`` with anything but two candidates of the new engine."""
     names = options["explain"]
-    if names and options["engine"] == "old":
-        raise UserError("--explain compares candidates of the new engine; leave out --engine old")
+    if names and options["engine"] != "new":
+        raise UserError("--explain compares candidates of the new engine; add --engine new")
     if names and len(names) != 2:
         raise UserError(f"--explain {','.join(names)}: it takes two candidates, not {len(names)}")
 

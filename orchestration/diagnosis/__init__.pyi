@@ -1,6 +1,6 @@
+from . import changes as changes
 from . import conclude as conclude
 from . import search as search
-from .conclude import Conclusion as Conclusion
 from .engine import Diagnosis as Diagnosis
 from .engine import diagnose as diagnose
 from .features import features_of as features_of

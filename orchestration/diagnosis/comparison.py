@@ -226,7 +226,7 @@ class Comparison:
     columns : float
         Cost of the columns that it has more, ``1/2 log n_eff`` each (Schwarz).
     terms : int
-        Terms that it has more.
+        Terms, and changes in a later record, that it has more.
     distance : float
         By which its parameters are farther from nominal, nats.
     words : float
@@ -353,7 +353,7 @@ def compare(
         between.rise,
         between.error,
         0.5 * freedom * float(np.log(max(samples, 3.0))),
-        len(one.terms) - len(base.terms),
+        one.fit.explanations - base.fit.explanations,
         (one.fit.distance - base.fit.distance) * (WEIGHTS.nominal if rereads else 1.0),
         one.words - base.words,
         rereads,

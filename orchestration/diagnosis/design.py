@@ -57,16 +57,20 @@ class Design:
     ----------
     experiment : DiscriminatingExperiment or None
     reason : str
-        Why no experiment would tell them apart; empty if there is one, or nothing to tell apart.
+        Why there is none; empty if there is one, or nothing to tell apart.
+    is_futile : bool
+        Whether that is because none would tell them apart.
     """
 
     experiment: DiscriminatingExperiment | None = None
     reason: str = ""
+    is_futile: bool = False
 
     @property
     def notes(self) -> list[tuple[str, str, str]]:
         """The reason as a note of a diagnosis: code, subject and sentence."""
-        return [("no_experiment", "", self.reason)] if self.reason else []
+        code = "futile_experiment" if self.is_futile else "no_experiment"
+        return [(code, "", self.reason)] if self.reason else []
 
 
 @single_threaded
@@ -100,15 +104,21 @@ def design_experiment(
     UserError
         If a limit is of no input, or leaves nothing.
     """
-    causes = [c for c in conclusion.causes if c.reading is None and c.probability > 0.0]
-    if conclusion.verdict not in ("ambiguous", "unexplained") or len(causes) < 2:
+    group = [cause for cause in conclusion.causes if cause.probability > 0.0]
+    if conclusion.verdict not in ("ambiguous", "unexplained") or len(group) < 2:
         return Design()
-    if found.subject.observer is not None:  # a free run drifts, and tells nothing beforehand
-        return Design()
+    if found.subject.observer is not None:
+        return Design(
+            reason="no experiment is designed, as free runs of the model drift: what they would"
+            " tell is not known beforehand"
+        )
+    causes = [cause for cause in group if cause.reading is None]
+    if len(causes) < 2:
+        return Design(reason="no experiment is designed: a look at file and wiring tells more")
     model = found.subject.problem.model
     within = menu.limits_of_inputs(model.inputs, recorded, rig.ranges)
     if all(low == high for low, high in within.values()):
-        return Design(reason="no input of the model may move")
+        return Design(reason="no experiment is designed: no input of the model may move")
     step = float(f"{np.median(np.diff(time)):.9g}")
     duration = float(f"{round(float(time[-1] - time[0]) / step) * step:.9g}")
     shortest = max(2.0 * step, 0.5 / rig.bandwidth)
@@ -175,11 +185,14 @@ class _Contest:
         evidence = self._known(chosen)
         names = [cause.name for cause in self._causes]
         if evidence is None:
-            return Design(reason="the causes run away under every stimulus that was tried")
+            return Design(
+                reason="no experiment is designed: a cause runs away under every stimulus tried"
+            )
         if 2.0 * evidence.max() < ENOUGH:
             return Design(
                 reason=f"no experiment within the ranges of the inputs tells {', '.join(names)}"
-                f" apart: the evidence would be {evidence.max():.1f} nat at most"
+                f" apart: the evidence would be {evidence.max():.1f} nat at most",
+                is_futile=True,
             )
         expected = [
             ExpectedEvidence(names[i], names[j], 2.0 * float(evidence[i, j]))

@@ -255,10 +255,10 @@ def diagnose(
     options = options or Options()
     law_model = _law_model(model, options)
     hold = options.held([p.name for p in law_model.parameters])
-    fitted, notes = _cut(records, model, law_model, options.given)
-    unseen, more = _cut(holdouts, model, law_model, options.given)
+    fitted, notes = pieces_of(records, model, law_model, options.given)
+    unseen, more = pieces_of(holdouts, model, law_model, options.given)
     unseen = [replace(one, group=len(records)) for one in unseen]
-    local = LocalValues(tuple(map(_label, records)), options.own_of_each(law_model))
+    local = LocalValues(tuple(map(label_of, records)), options.own_of_each(law_model))
     _check_outputs(model, fitted)
     _check_clocks(law_model, [*fitted, *unseen], options.given)
 
@@ -502,7 +502,7 @@ def _check_clocks(model: LawModel, records: Sequence[Record], given: Mapping[str
             )
 
 
-def _cut(
+def pieces_of(
     records: Sequence[MeasuredRecord], model: Model, law_model: LawModel, given: Mapping[str, float]
 ) -> tuple[list[Record], list[tuple[str, str, str]]]:
     """Return records as the kernel takes them, cut at gaps in time, and notes on them."""
@@ -510,7 +510,7 @@ def _cut(
     for group, record in enumerate(records):
         inputs, absent = _inputs(record, model, law_model, given)
         outputs = _outputs(record, law_model)
-        label = _label(record)
+        label = label_of(record)
         spans = _spans(record.time)
         for number, (first, last) in enumerate(spans, 1):
             pieces.append(
@@ -533,7 +533,7 @@ def _cut(
     return pieces, list(dict.fromkeys(notes))
 
 
-def _label(record: MeasuredRecord) -> str:
+def label_of(record: MeasuredRecord) -> str:
     """Return the name of a record: that of its file, and of the run."""
     return " ".join(filter(None, (record.source.stem, record.label)))
 
@@ -590,15 +590,15 @@ def _names(records: Sequence[MeasuredRecord]) -> str:
 
 def _denoised(subject: Subject) -> list[tuple[str, str, str]]:
     """Return notes on columns that are read without their noise."""
-    names = dict.fromkeys(name for r in subject.problem.records for name in r.denoised)
-    texts = {
-        name: f"{name} has noise, which {_passes(name)}; the model fits better without it"
-        for name in names
-    }
-    return [("denoised", name, text) for name, text in texts.items()]
-
-
-def _passes(name: str) -> str:
-    if name == TIME:
-        return "adds to every slope: its steps are taken to be even"
-    return "passes through the model: it is smoothed between its jumps"
+    outputs = {output.name for output in subject.problem.model.outputs}
+    records = [*subject.problem.records, *(one.record for one in subject.left_out)]
+    notes = []
+    for name in dict.fromkeys(name for record in records for name in record.denoised):
+        if name == TIME:
+            text = "has noise, which adds to every slope: its steps are taken to be even"
+        elif name in outputs:
+            text = "has single values far from those beside them, which are left out"
+        else:
+            text = "has noise, which passes through the model: it is smoothed between its jumps"
+        notes.append(("denoised", name, f"{name} {text}"))
+    return notes

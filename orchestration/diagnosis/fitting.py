@@ -33,6 +33,7 @@ _HALVINGS = 8  # of a step that does not go downhill, before a search ends
 _START_STEPS = 12  # of a fit of start states alone
 _STARTS = 3  # that are tried, of those that begin nearest to the record
 _TRIAL = 4  # steps from each, before the best goes on
+_FARTHER = 3  # times as many from nominal parameters
 SMALL = 1e-3  # coefficient from which a search starts, so that a term has slopes
 _FEWEST = 4.0  # effective samples that are counted at least
 
@@ -272,8 +273,8 @@ class Fit:
 
     @property
     def explanations(self) -> int:
-        """Number of terms, and of values that differ in a later record."""
-        return len(self.terms) + self.problem.local.released
+        """Number of terms, and of changes in a later record."""
+        return len(self.terms) + self.problem.local.changes
 
     @property
     def misfit(self) -> float:
@@ -378,6 +379,9 @@ class _Search:
         mean += [mean[i] for i in further]
         deviation += [deviation[i] for i in further]
         self.values = len(mean)
+        ends = [np.concatenate([np.zeros(0), *(t.bounds[i] for t in terms)]) for i in (0, 1)]
+        # where it does nothing a strength has slopes, and beyond it none
+        self._ranges = [np.append(end, end[further]) for end in ends]
         self.mean = np.array([*problem.mean, *mean])
         self.deviation = np.array([*problem.deviation, *deviation])
         self.size = len(self.mean)
@@ -455,7 +459,8 @@ class _Search:
             x + step[self.size + r * nx :][:nx] * prior.deviation
             for r, (x, prior) in enumerate(zip(point.starts, problem.starts, strict=True))
         )
-        return Point(q, point.values + step[p : self.size], starts)
+        values = np.clip(point.values + step[p : self.size], *self._ranges)
+        return Point(q, values, starts)
 
     def begin(self, point: Point) -> tuple[Point, Evaluated] | None:
         """Return a point with what is known there; None where a run fails."""
@@ -532,6 +537,9 @@ def fit(
 ) -> Fit | None:
     """Fit from the nearest of several points; that which is lowest after a few steps goes on.
 
+    A point at nominal parameters is tried even if others are nearer: parameters that went far to do
+    the work of a term are near without it, and hide it.
+
     Parameters
     ----------
     problem : Problem
@@ -552,8 +560,11 @@ def fit(
     search = _Search(problem, terms, weights)
     points = list(starts)
     nearest = sorted(points, key=search.cost)[:_STARTS] if len(points) > _STARTS else points
-    begun = [at for at in map(search.begin, nearest) if at is not None]
-    tried = [search.descend(at, _TRIAL, flat) for at in begun]
+    nominal = [p for p in points if np.array_equal(p.q, problem.mean)]
+    nearest = [p for p in nearest if p not in nominal]
+    steps = [_TRIAL] * len(nearest) + [_FARTHER * _TRIAL] * len(nominal)
+    begun = zip(map(search.begin, [*nearest, *nominal]), steps, strict=True)
+    tried = [search.descend(at, count, flat) for at, count in begun if at is not None]
     if not tried:
         return None
     best = min(tried, key=lambda at: at[1][0])

@@ -27,14 +27,14 @@ class LocalValues:
         Parameters with a value in each group.
     later : tuple of str
         Parameters with another value in the last group.
-    later_values : tuple of int
-        Positions of values of terms, with another one in the last group.
+    later_values : tuple of tuple of int
+        Positions of values of terms, with others in the last group; those of one term together.
     """
 
     groups: tuple[str, ...] = ("",)
     each: tuple[str, ...] = ()
     later: tuple[str, ...] = ()
-    later_values: tuple[int, ...] = ()
+    later_values: tuple[tuple[int, ...], ...] = ()
 
     @property
     def last(self) -> int:
@@ -42,9 +42,14 @@ class LocalValues:
         return len(self.groups) - 1
 
     @property
-    def released(self) -> int:
-        """Values that differ in the last group, of parameters that are not local to each."""
+    def changes(self) -> int:
+        """Parameters and terms that differ in the last group, but for those local to each."""
         return len(self.later) + len(self.later_values)
+
+    @property
+    def released(self) -> int:
+        """Values that differ there."""
+        return len(self.later) + len(self.of_terms())
 
     def of_parameters(self, names: Sequence[str]) -> list[Copy]:
         """Return the further values of some parameters; those of others are left out."""
@@ -54,7 +59,7 @@ class LocalValues:
 
     def of_terms(self) -> list[Copy]:
         """Return the further values of terms."""
-        return [(position, self.last) for position in self.later_values]
+        return [(position, self.last) for term in self.later_values for position in term]
 
     def name(self, name: str, group: int) -> str:
         """Return the name of a parameter's value in a group: ``R1``, or ``R1@GROUP`` if local."""

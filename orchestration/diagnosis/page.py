@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
 
 import numpy as np
 
 from fmus.kit.titles import capitalised, in_words
+from fmus.kit.units import format_value
+from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.report import curves, terminal, wording
 from orchestration.diagnosis.term_names import sentence, shape_text, unit_of
 from orchestration.diagnosis.terms import Term
+from orchestration.identify.changes import CHANGE_HEAD, Change, change_rows, describe_changes
+from orchestration.records import Record
 from orchestration.reporting import flag, make_page, pictures
 from orchestration.reporting.html import (
     Bar,
@@ -31,8 +36,14 @@ _MARKS = 150  # samples that are marked below a curve
 _SET_HEAD = ("Terms", "Gain on fitted samples [nat]", "On unseen ones", "Score", "Error")
 
 
+@make_page.register(Changed)
+def changed_page(changed: Changed, command: str = "") -> Page:
+    """Make the page of a diagnosis with what changed in a later record; see `diagnosis_page`."""
+    return diagnosis_page(changed.before, command, changed)
+
+
 @make_page.register(Diagnosis)
-def diagnosis_page(diagnosis: Diagnosis, command: str = "") -> Page:
+def diagnosis_page(diagnosis: Diagnosis, command: str = "", changed: Changed | None = None) -> Page:
     """Make the page of a diagnosis.
 
     Parameters
@@ -40,8 +51,12 @@ def diagnosis_page(diagnosis: Diagnosis, command: str = "") -> Page:
     diagnosis : Diagnosis
     command : str
         That made it; unless given, one that makes the same.
+    changed : Changed, optional
+        What changed in a later record.
     """
-    sources = list(dict.fromkeys(r.source for r in (*diagnosis.records, *diagnosis.holdouts)))
+    later = [] if changed is None else [*changed.later.records]
+    used = (*diagnosis.records, *diagnosis.holdouts, *later)
+    sources = list(dict.fromkeys(record.source for record in used))
     files = ", ".join(source.name for source in sources)
     about = (
         f"Diagnosis of <code>{escaped(diagnosis.model.name)}</code> on"
@@ -57,6 +72,8 @@ def diagnosis_page(diagnosis: Diagnosis, command: str = "") -> Page:
     )
     if diagnosis.causes:
         _add_causes(page, diagnosis)
+    if changed is not None:
+        _add_changes(page, changed)
     _add_experiment(page, diagnosis)
     page.heading("The model beside the record")
     for course in curves.output_courses(diagnosis):
@@ -76,7 +93,7 @@ def diagnosis_page(diagnosis: Diagnosis, command: str = "") -> Page:
     _add_parameters(page, diagnosis)
     page.heading("How it was found")
     _add_sets(page, diagnosis)
-    page.reproduction(sources, command or _command(diagnosis))
+    page.reproduction(sources, command or _command(diagnosis, later))
     return page
 
 
@@ -94,6 +111,36 @@ def _add_causes(page: Page, diagnosis: Diagnosis) -> None:
         colour = pictures.FITTED if rung.parts else pictures.MODEL
         bars.append(Bar(capitalised(model), colour, length, error))
     page.parts.append(elements.bar_chart("Error on unseen samples, part by part", bars))
+
+
+def _add_changes(page: Page, changed: Changed) -> None:
+    """Add what changed in a later record, and the diagnosis of that record by itself."""
+    before, after = wording.files(changed.before), wording.files(changed.later)
+    page.heading(f"What changed from {before} to {after}")
+    page.text(describe_changes(changed.changes))
+    head = [capitalised(title) for title in CHANGE_HEAD]
+    page.table(head, [_change_row(one) for one in changed.changes])
+    page.parts.append(elements.muted_paragraph(wording.CHANGES_MEANING))
+    verdict = changed.later.verdict
+    chip = elements.chip(verdict, verdict)
+    told = format_quantities(wording.by_itself(changed))
+    page.text(Markup(f"{escaped(after)} by itself: {chip} {told}"))
+    if changed.later.notes:
+        page.items([message for _, _, message in changed.later.notes])
+
+
+def _change_row(change: Change) -> list[str]:
+    """Return a row of the table of changes, with intervals."""
+    name, before, after, *rest, verdict = change_rows([change])[0]
+    ends = [
+        wording.ends(interval, lambda value: format_value(value, change.declaration, 4))
+        for interval in (change.before_interval, change.after_interval)
+    ]
+    cells = [
+        elements.two_lines(format_quantities(value), format_quantities(end))
+        for value, end in zip((before, after), ends, strict=True)
+    ]
+    return [name, *cells, *rest, elements.chip("differs", verdict) if change.changed else verdict]
 
 
 def _add_experiment(page: Page, diagnosis: Diagnosis) -> None:
@@ -196,10 +243,12 @@ def _add_sets(page: Page, diagnosis: Diagnosis) -> None:
         page.table(_SET_HEAD, list(rows.values()))
 
 
-def _command(diagnosis: Diagnosis) -> str:
+def _command(diagnosis: Diagnosis, later: Sequence[Record]) -> str:
     """Return a command that makes the same diagnosis."""
     words = ["ppy", "diagnose", *(str(record.source) for record in diagnosis.records)]
     for record in diagnosis.holdouts:
         words += [flag("holdout"), str(record.source)]
+    for record in later:
+        words += [flag("compare"), str(record.source)]
     words += [flag("model"), diagnosis.model.name, flag("engine"), "new"]
     return shlex.join(words)

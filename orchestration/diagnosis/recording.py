@@ -13,8 +13,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import solveh_banded
-from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.ndimage import binary_dilation, median_filter, uniform_filter1d
 
 from fmus.kit.arrays import Array, Mask
 from orchestration.diagnosis.fitting import effective_samples
@@ -29,6 +30,11 @@ _WHITE = 0.8  # share of samples of noise that are independent, of the clock or 
 _JUMP = 6.0  # standard deviations of the noise, by which an input jumps beside its slope
 _NEIGHBOURS = 5  # differences of samples that show its slope
 _PLACE = 50  # samples over which an input is about as smooth
+_SMALL = 1e-3  # of the spread of an input, below which it has no noise beside its jumps
+_FAR = 8.0  # standard deviations of the noise, beyond which a single value is an outlier
+_BEND = 5.0  # distances of its neighbours, from which on a value is no bend of a smooth error
+_FEW = 0.05  # share of the samples, up to which some are outliers
+_TO_DEVIATION = 1.4826  # of the median of moduli, for normal noise
 _NOISY = 1e-6  # of a step or of a spread: less is rounding
 _HALF = 0.5  # of a step, up to which time stamps are of an even clock
 _STIFFNESS = 10.0 ** np.arange(-3.0, 8.0)  # weights of squared third differences
@@ -65,6 +71,45 @@ def with_quiet_inputs(model: LawModel, record: Record) -> Record:
             inputs[:, j] = _smooth(values, noise) if levels is None else levels
             names.append(variable.name)
     return replace(record, inputs=inputs, denoised=(*record.denoised, *names)) if names else record
+
+
+def without_outliers(model: LawModel, record: Record, errors: Array) -> Record:
+    """Return a record with gaps for outliers, by the errors (n, ny) that a model leaves.
+
+    These are single values far from what a model leaves beside them, but for those near a jump of
+    an input, where the model may be a sample late; and none of an output of which many are.
+    """
+    jumps = np.zeros(len(record.time), dtype=bool)
+    for values in record.inputs.T:
+        jumps[1:] |= _jumps(values, max(noise_of(values), _SMALL * float(np.std(values))))
+    near = binary_dilation(jumps, iterations=_NEIGHBOURS // 2)
+    outputs = record.outputs.copy()
+    for error, column in zip(errors.T, outputs.T, strict=True):
+        (known,) = np.nonzero(np.isfinite(error))
+        if known.size <= _NEIGHBOURS:
+            continue
+        far = _alone(error[known]) & ~near[known]
+        if far.mean() < _FEW:
+            column[known[far]] = np.nan
+    lost = np.isfinite(record.outputs) & ~np.isfinite(outputs)
+    names = [output.name for j, output in enumerate(model.outputs) if lost[:, j].any()]
+    if not names:
+        return record
+    return replace(record, outputs=outputs, denoised=(*record.denoised, *names))
+
+
+def _alone(errors: Array) -> Mask:
+    """Return which errors (n,) are far from the two before and the two after, which are near.
+
+    A bend of a smooth error is as near to these as they are to each other.
+    """
+    padded = np.pad(errors, _NEIGHBOURS // 2, mode="reflect")
+    beside = np.delete(sliding_window_view(padded, _NEIGHBOURS), _NEIGHBOURS // 2, axis=1)
+    middle = np.median(beside, axis=1)
+    away = np.abs(errors - middle)
+    # but for one of them, which may be an outlier too
+    apart = np.sort(np.abs(beside - middle[:, np.newaxis]), axis=1)[:, -2]
+    return (away > _FAR * _TO_DEVIATION * np.median(away)) & (away > _BEND * apart)
 
 
 def _levels(values: Array, noise: float) -> Array | None:

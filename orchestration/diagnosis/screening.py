@@ -704,3 +704,11 @@ def at_other_instants(term: Term) -> Iterator[Term]:
     if term.shape is Shape.STEP:
         for part in (-1.0 / 3.0, 1.0 / 3.0):
             yield replace(term, width=term.width + part / (_PLACES + 1.0))
+
+
+def with_shorter_lags(term: Term) -> Iterator[Term]:
+    """Yield the lag of a sensor, and shorter ones, to which a search from a long one goes not."""
+    yield term
+    if isinstance(term, SensorTerm) and term.has_memory:
+        for ratio in (10.0, 100.0):
+            yield replace(term, constants=tuple(lag / ratio for lag in term.constants))

@@ -32,7 +32,6 @@ from orchestration.diagnosis.fitting import (
     fit_start,
     located,
     mean_squares,
-    nominal_point,
     weights_of,
 )
 from orchestration.diagnosis.misreadings import misreadings
@@ -43,6 +42,7 @@ from orchestration.diagnosis.screening import (
     at_other_instants,
     other_memories,
     other_shapes,
+    with_shorter_lags,
 )
 from orchestration.diagnosis.subject import Subject
 from orchestration.diagnosis.terms import NamedTerm, SensorTerm, Term, effects_in
@@ -204,7 +204,7 @@ def search(
 
 
 def _between_samples(found: Found) -> Subject | None:
-    """Return the subject whose inputs go the other way between samples, if its fits are clearly likelier.
+    """Return the subject whose inputs go the other way between samples, if that is far likelier.
 
     A model that lacks a law hides it: what inputs do within a step is less than the law does, until
     that is there.
@@ -328,8 +328,9 @@ class _Rounds:
             Point(q, np.concatenate([base, *wanted]), starts),
         ]
         if np.any(np.abs(q - problem.mean) > _FAR * problem.deviation):
-            nominal = replace(nominal_point(problem), values=np.concatenate([base, *small]))
-            points.append(nominal)
+            for others in itertools.product(*map(with_shorter_lags, terms)):
+                small = [t.values(SMALL) for t in others]
+                points.append(Point(problem.mean, np.concatenate([base, *small]), starts))
         for k, term in enumerate(terms):
             for other in at_other_instants(term):
                 instead = [*wanted[:k], other.values(wanted[k][0]), *wanted[k + 1 :]]
@@ -447,7 +448,11 @@ def _extended(fitted: Fit, terms: Sequence[Term]) -> Point:
 def _by_quota(
     screen: Screen, quota: dict[int, int], most: int, there: Sequence[Term]
 ) -> Iterable[tuple[int, ...]]:
-    """Yield the best sets of each number of terms; a first term leads few of them, time fewer."""
+    """Yield the best sets of each number of terms; a first term leads few of them, time fewer.
+
+    Each fault of a sensor is tried alone first: parameters that do its work beside the truth may
+    hide it from the screen, and they are few.
+    """
     taken: dict[object, int] = {}
     sources = {t.source for t in there}
     for value, chosen in screen.propose(min(most, max(quota))):
@@ -459,6 +464,9 @@ def _by_quota(
         is_named = bool(effects_in(terms))
         own = _NAMED if is_named else quota
         kind = size, "named" if is_named else "laws"
+        if size == 1 and not there and isinstance(terms[0], SensorTerm):
+            yield chosen
+            continue
         if (
             size not in own
             or value <= _WORTH

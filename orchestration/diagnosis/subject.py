@@ -28,7 +28,8 @@ from orchestration.diagnosis.local_values import COMMON, LocalValues
 from orchestration.diagnosis.observer import Observer, Place, growth_of, observer_of
 from orchestration.diagnosis.prediction import Prediction, predict
 from orchestration.diagnosis.readings import Reading, ReadingKind
-from orchestration.diagnosis.recording import evenly, with_quiet_inputs
+from orchestration.diagnosis.recording import evenly, with_quiet_inputs, without_outliers
+from orchestration.diagnosis.remainder import noise_of
 from orchestration.diagnosis.runs import Record, Setting
 from orchestration.diagnosis.terms import Shape, Term
 
@@ -47,6 +48,8 @@ _DECAY = 1.0  # e-folds over a record, by which each mode decays of a model that
 _ROUNDS = 3  # of observers and fits by turns
 _NOTHING = 1e-12  # mean square of errors, in squared spreads
 _UNSEEN = 0.002  # of the spread, by which a run over fewer samples may differ
+_IN_NOISE = 0.1  # of the noise of an output, by which it may differ at most: ten nats of thousands
+_RESOLVED = 2e-4  # of the spread, by which it may differ where there is no noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,11 +250,27 @@ def start_prior(problem: Problem, record: Record) -> StartPrior:
     return StartPrior(mean, deviation)
 
 
-def thinned(problem: Problem, record: Record, q: Array, most: int = _MOST) -> Record:
+def thinned(
+    problem: Problem,
+    record: Record,
+    q: Array,
+    most: int = _MOST,
+    unseen: Array | float = _UNSEEN,
+) -> Record:
     """Return a record of fewer samples, if the model at `q` (p,) sees no difference.
 
     Samples at which an input jumps stay. Inputs that are held are averaged over the samples that
     fall between.
+
+    Parameters
+    ----------
+    problem : Problem
+    record : Record
+    q : ndarray, shape (p,)
+    most : int
+        Samples that are enough.
+    unseen : float or ndarray, shape (ny,)
+        Root mean square of what each measured output may differ by, in spreads.
     """
     if record.gain is not None:  # of the steps between its samples
         return record
@@ -266,10 +285,19 @@ def thinned(problem: Problem, record: Record, q: Array, most: int = _MOST) -> Re
         course = model.run(part, setting, start)
         if course is not None:
             gap = (whole.outputs[kept] - course.outputs) / problem.spread
-            if np.sqrt(np.mean(gap**2)) < _UNSEEN:
+            if (np.sqrt(np.mean(gap**2, axis=0)) < unseen)[record.measured].all():
                 return part
         step //= 2
     return record
+
+
+def _unseen(problem: Problem, record: Record) -> Array:
+    """Return differences of the outputs (ny,) that are none in their noise, in spreads.
+
+    A law would gain by larger ones, which are the same at every run.
+    """
+    noise = np.array([noise_of(column) for column in record.outputs.T])
+    return np.clip(_IN_NOISE * noise / problem.spread, _RESOLVED, _UNSEEN)
 
 
 def _setting(problem: Problem, q: Array, record: Record) -> Setting:
@@ -357,28 +385,55 @@ def subject_of(
     if first is None:
         return None
     if second is None:
-        return _denoised(first)
+        return _as_read(first, False)
     if likelihood_gain(second.subject.base, first.subject.base) > WEIGHTS.least:
         first, second = second, first
-    return replace(_denoised(first), otherwise=lambda: _denoised(second))
+    return replace(_as_read(first, True), otherwise=lambda: _as_read(second, False))
 
 
-def _denoised(recorded: _Recorded) -> Subject:
-    """Return a subject of records without noise of their clock and inputs, if it is clearly better.
+def _as_read(recorded: _Recorded, turns: bool) -> Subject:
+    """Return a subject of records as the model clearly follows them better.
 
-    Noise of the clock is that of every slope, and goes first.
+    Without noise of their clock, which is that of every slope and goes first, and of inputs. If it
+    `turns`, inputs go otherwise between samples, where that was decided by runs from a wrong start.
     """
     subject = _begun(_as_fitted(recorded))
     best = replace(recorded, subject=subject)
     bare, q = replace(subject.problem, records=(), starts=()), subject.base.point.q
-    for clean in (evenly, with_quiet_inputs):
+    ways = [evenly, with_quiet_inputs]
+    if turns and bare.begins_anywhere:
+        ways.insert(0, _turned)
+    for clean in ways:
         own, others = (
             [clean(bare.model, r) for r in part] for part in (best.records, best.held_out)
         )
         one = None if own == best.records else _as_recorded(bare, own, others, q)
         if one is not None and likelihood_gain(one.subject.base, best.subject.base) > WEIGHTS.least:
             best = one
-    return best.subject
+    return _without_outliers(best.subject)
+
+
+def _without_outliers(subject: Subject) -> Subject:
+    """Return a subject without single values far from what its model leaves around them."""
+    problem, base = subject.problem, subject.base
+    if subject.observer is not None:
+        return subject
+    pairs = zip(problem.records, base.errors, strict=True)
+    records = tuple(without_outliers(problem.model, r, e) for r, e in pairs)
+    left_out = []
+    for one in subject.left_out:
+        errors = np.full(one.record.outputs.shape, np.nan)
+        unseen = subject.errors(base, one)
+        if unseen is not None:
+            errors[one.first :] = unseen
+        left_out.append(replace(one, record=without_outliers(problem.model, one.record, errors)))
+    if records == problem.records and left_out == list(subject.left_out):
+        return subject
+    problem = replace(problem, records=records)
+    refitted = fit_base(problem, base.point.q)
+    if refitted is None:
+        return subject
+    return replace(subject, problem=problem, left_out=tuple(left_out), base=refitted)
 
 
 @dataclass(frozen=True, eq=False)
@@ -393,6 +448,11 @@ class _Recorded:
 def _inputs_go(records: Sequence[Record], smooth: bool) -> list[Record]:
     """Return records with inputs that go in straight lines between samples, or are held."""
     return [replace(r, smooth=(smooth,) * r.inputs.shape[1]) for r in records]
+
+
+def _turned(model: LawModel, record: Record) -> Record:
+    """Return a record with inputs in straight lines where they were held, or the reverse."""
+    return replace(record, smooth=tuple(not one for one in record.smooth))
 
 
 def _as_recorded(
@@ -583,10 +643,12 @@ def _divided(
     q = problem.mean if q is None else q
     problem = replace(problem, substeps=_substeps(problem, records, q))
     longest = max(_LONGEST // max(len(records), 1), _SHORTEST)
-    whole = [thinned(problem, r, q, most).part(0, longest) for r in records]
+    whole = [thinned(problem, r, q, most, _unseen(problem, r)).part(0, longest) for r in records]
     if held_out:
         fitted = whole
-        others = [thinned(problem, r, q).part(0, longest) for r in held_out]
+        others = [
+            thinned(problem, r, q, unseen=_unseen(problem, r)).part(0, longest) for r in held_out
+        ]
         left_out = [LeftOut(r, _beginning(r), None) for r in others]
     else:
         cuts = [int(_PART * len(r.time)) for r in whole]

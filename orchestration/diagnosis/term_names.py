@@ -167,7 +167,7 @@ def estimates(fitted: Fit, terms: Mapping[str, Term]) -> dict[str, Estimate]:
     for k in sorted(range(len(problem.free)), key=lambda k: problem.free[k]):
         i, scale = problem.free[k], problem.scales[k]
         declared = problem.model.parameters[i]
-        ends = _ends(fitted.point.q[k], deviation[k], problem.deviation[k])
+        ends = interval_of(fitted.point.q[k], deviation[k], problem.deviation[k])
         result[problem.names[k]] = Estimate(
             scale.value(fitted.point.q[k]),
             float(problem.nominal[i]),
@@ -185,15 +185,20 @@ def estimates(fitted: Fit, terms: Mapping[str, Term]) -> dict[str, Estimate]:
     return result | _start_states(fitted, deviation[own:])
 
 
+def covariance_of(fitted: Fit) -> Array:
+    """Return the covariance of the searched coordinates, in the order of the curvature."""
+    curvature = final_curvature(fitted)
+    size = np.sqrt(np.diag(curvature))
+    covariance = np.linalg.pinv(curvature / np.outer(size, size), hermitian=True)
+    return np.asarray(covariance / np.outer(size, size))
+
+
 def deviations(fitted: Fit) -> Array:
     """Return standard deviations of the searched coordinates, in the order of the curvature.
 
     Those of the values of a curve are about its mean, as its law has a level of its own.
     """
-    curvature = final_curvature(fitted)
-    size = np.sqrt(np.diag(curvature))
-    covariance = np.linalg.pinv(curvature / np.outer(size, size), hermitian=True)
-    covariance /= np.outer(size, size)
+    covariance = covariance_of(fitted)
     variance = np.diag(covariance).copy()
     for term, at in _places(fitted).items():
         if term.shape is Shape.CURVE:
@@ -213,8 +218,8 @@ def _places(fitted: Fit) -> dict[Term, int]:
     return places
 
 
-def _ends(value: float, deviation: float, prior: float) -> tuple[float, float]:
-    """Return the ends of an interval; infinite where the record says less than the prior."""
+def interval_of(value: float, deviation: float, prior: float) -> tuple[float, float]:
+    """Return the ends of an interval of 95 %; infinite where a record says less than the prior."""
     if deviation > _UNDETERMINED * prior:
         return -np.inf, np.inf
     return value - _INTERVAL * deviation, value + _INTERVAL * deviation

@@ -143,6 +143,12 @@ class Term:
         return not self.has_memory
 
     @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Both ends (k,) of the ranges of its values."""
+        wide = np.full(self.coefficients + len(self.start), np.inf)
+        return -wide, wide
+
+    @property
     def cause(self) -> tuple[str, str]:
         """Law and signal, by which a cause is named."""
         return self.law, self.signal
@@ -245,6 +251,13 @@ class NamedTerm(Term):
         """Where a search starts, but for the switch."""
         pairs = zip(self.constants, self.released[1:], strict=True)
         return np.array([one.scale.position(value) for value, one in pairs], dtype=float)
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Both ends (k,) of the ranges of its values."""
+        ends = [sorted((r.scale.position(r.low), r.scale.position(r.high))) for r in self.released]
+        low, high = np.array(ends).T
+        return low, high
 
     @property
     def cause(self) -> tuple[str, str]:

@@ -1,6 +1,5 @@
 from . import before_after as before_after
 from . import pipeline as pipeline
-from .changes import Change as Change
 from .conclude import Diagnosis as Diagnosis
 from .conclude import Verdict as Verdict
 from .diagnosis import diagnose as diagnose

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 from fmus.kit import UserError
 from orchestration.discrepancy.candidates import Candidate, FittedCandidate, own_parameters
-from orchestration.discrepancy.changes import AFTER, BEFORE, Change, find_changes
+from orchestration.discrepancy.changes import AFTER, BEFORE, find_changes
 from orchestration.discrepancy.conclude import Diagnosis
-from orchestration.discrepancy.data import Dataset, dataset_of, refuse_same
+from orchestration.discrepancy.data import Dataset, dataset_of
 from orchestration.discrepancy.diagnosis import diagnose as diagnose_data
 from orchestration.discrepancy.note import Note, UnusableRecordError
 from orchestration.discrepancy.pipeline import (
@@ -19,7 +19,8 @@ from orchestration.discrepancy.pipeline import (
     budget_of,
     parameters_given,
 )
-from orchestration.records import Record
+from orchestration.identify.changes import Change
+from orchestration.records import Record, refuse_same
 from orchestration.records.runs import base_name
 from orchestration.reporting import option
 

@@ -15,18 +15,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.special import chdtri, ndtri, stdtrit
 
-from fmus.kit.declare import ParameterDeclaration
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.candidates import Candidate, label, own_parameters
 from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.parallel import parallel_map
 from orchestration.discrepancy.selection import Search
-from orchestration.identify import finite_or_none
+from orchestration.identify.changes import Change
 from orchestration.identify.fitting import (
     FitResult,
     Problem,
@@ -52,80 +50,6 @@ RELEVANT = 0.02
 _PERHAPS = 2.0
 STRETCHES = 10  # of each record, that must agree about a change
 ALPHA = 0.01  # that anything is claimed by chance, of all parameters together
-
-
-@dataclass(frozen=True)
-class Change:
-    """A parameter in both records, SI.
-
-    Attributes
-    ----------
-    name : str
-    before, after : float
-    before_interval, after_interval : tuple of float
-        95 % confidence intervals.
-    changed : bool
-        Whether it is claimed to be another after than before.
-    uncertain : bool
-        Whether it surely is by the noise, but stretches of the records do not agree about it.
-    gain : float
-        Of the squared error that is gained by releasing all parameters, the share that releasing
-        this one gained when it was its turn; of one that is not needed, what it would gain beside
-        those that are. None where releasing all gains no more than chance makes.
-    declaration : ParameterDeclaration
-        Its unit and range.
-    effect : str
-        Of which it is a parameter; empty for those of the model.
-    neutral : float or None
-        Value at which that effect does nothing, if this is its strength.
-    """
-
-    name: str
-    before: float
-    after: float
-    before_interval: tuple[float, float]
-    after_interval: tuple[float, float]
-    changed: bool
-    uncertain: bool
-    gain: float | None
-    declaration: ParameterDeclaration
-    effect: str = ""
-    neutral: float | None = None
-
-    @property
-    def unit(self) -> str:
-        """Its SI unit."""
-        return self.declaration.unit
-
-    @property
-    def lacking(self) -> tuple[bool, bool]:
-        """True if the record, before and after, may do without the effect of this strength."""
-        return self._may_be_neutral(self.before_interval), self._may_be_neutral(self.after_interval)
-
-    def _may_be_neutral(self, interval: tuple[float, float]) -> bool:
-        """Return whether an interval holds the value at which the effect does nothing."""
-        low, high = interval
-        return self.neutral is not None and low <= self.neutral <= high
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return it ready for JSON."""
-        figures: dict[str, Any] = {
-            "parameter": self.name,
-            "unit": self.unit,
-            "changed": self.changed,
-            "uncertain": self.uncertain,
-            "gain": self.gain,
-        }
-        if self.effect:
-            figures["effect"] = self.effect
-        figures["before"] = _with_interval(self.before, self.before_interval)
-        figures["after"] = _with_interval(self.after, self.after_interval)
-        return figures
-
-
-def _with_interval(value: float, interval: tuple[float, float]) -> dict[str, Any]:
-    """Return a value with its interval, ready for JSON."""
-    return {"value": value, "ci95": [finite_or_none(end) for end in interval]}
 
 
 @dataclass(frozen=True)

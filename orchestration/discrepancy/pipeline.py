@@ -28,7 +28,6 @@ from orchestration.discrepancy.data import (
     gap_notes,
     joined_dataset,
     record_labels,
-    refuse_same,
 )
 from orchestration.discrepancy.design import design_experiment
 from orchestration.discrepancy.diagnosis import diagnose as diagnose_data
@@ -43,7 +42,7 @@ from orchestration.experiment.design import DiscriminatingExperiment, menu
 from orchestration.fmu import Model
 from orchestration.fmu.model import catalogue as known_effects
 from orchestration.fmu.model import families
-from orchestration.records import Record
+from orchestration.records import Record, refuse_same
 
 FAMILIES = "families"  # instead of a name: all that fits the model's laws too
 

@@ -1,7 +1,7 @@
+from . import changes as changes
 from . import comparison as comparison
 from . import parameter_set as parameter_set
 from .comparison import Comparison as Comparison
-from .comparison import GoodnessOfFit as GoodnessOfFit
 from .comparison import fit_model as fit_model
 from .comparison import read_for as read_for
 from .comparison import read_runs_for as read_runs_for

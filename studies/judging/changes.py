@@ -50,7 +50,13 @@ def pairs(count: int, seed: int) -> list[tuple[Case, Case]]:
     return found
 
 
-def judge(first: Case, second: Case, factor: float, effects: Sequence[str] | None = ()) -> Row:
+def judge(
+    first: Case,
+    second: Case,
+    factor: float,
+    effects: Sequence[str] | None = (),
+    engine: str = "old",
+) -> Row:
     """Draw two records, compare them, and return what was claimed and what changed."""
     import orchestration as ppy
 
@@ -79,6 +85,7 @@ def judge(first: Case, second: Case, factor: float, effects: Sequence[str] | Non
                 effects=effects,
                 settings=dict(plant.settings),
                 laws=False,
+                engine=engine,
             )
         except UserError as error:
             return row | {
@@ -88,10 +95,12 @@ def judge(first: Case, second: Case, factor: float, effects: Sequence[str] | Non
             }
     found = said.changes or []
     claimed = [c.name for c in found if c.changed]
+    uncertain = [c.name for c in found if c.uncertain]
     figures = {c.name: [c.before, c.after, c.gain] for c in found if c.changed or c.name == changed}
     return row | {
         "changed": changed,
         "claimed": claimed,
+        "uncertain": uncertain,
         "figures": figures,
         "seconds": clock.perf_counter() - began,
         "verdict": str(said.verdict),
@@ -126,10 +135,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "--factor", type=float, default=1.0, help="of one parameter in the second record"
     )
     parser.add_argument("--catalogue", action="store_true", help="with all effects; default none")
+    parser.add_argument("--engine", choices=["old", "new"], default="old")
     chosen = parser.parse_args(arguments)
     rows = []
     for first, second in pairs(chosen.pairs, chosen.seed):
-        rows.append(judge(first, second, chosen.factor, None if chosen.catalogue else ()))
+        effects = None if chosen.catalogue else ()
+        rows.append(judge(first, second, chosen.factor, effects, chosen.engine))
         print(rows[-1], flush=True)
     print("\n" + str(report(rows)))
 

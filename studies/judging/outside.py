@@ -18,7 +18,6 @@ import numpy as np
 from benchmarks.tables import Table, Topic
 from fmus.kit.arrays import Array
 from orchestration.diagnosis import (
-    Conclusion,
     Found,
     LawModel,
     Record,
@@ -99,7 +98,7 @@ def _is_right(cause: Pair, right: Sequence[Collection[Pair]]) -> bool:
     return any(cause in pairs for pairs in right)
 
 
-def _answer(conclusion: Conclusion, drawn: Drawn) -> Row:
+def _answer(conclusion: conclude.Conclusion, drawn: Drawn) -> Row:
     """Return the verdict with its causes, and which of them are right."""
     causes = conclusion.causes
     right = [_is_right((c.law, c.signal), drawn.right) for c in causes]
@@ -122,7 +121,7 @@ def _answer(conclusion: Conclusion, drawn: Drawn) -> Row:
     }
 
 
-def _errors(conclusion: Conclusion, drawn: Drawn, subject: Subject) -> Row:
+def _errors(conclusion: conclude.Conclusion, drawn: Drawn, subject: Subject) -> Row:
     """Return errors on the samples by which nothing was chosen, in widths of the noise."""
     noise = float(np.sqrt(np.mean((drawn.noise / subject.problem.spread) ** 2)))
     best = conclusion.causes[0].judged if conclusion.causes else conclusion.base
@@ -131,7 +130,7 @@ def _errors(conclusion: Conclusion, drawn: Drawn, subject: Subject) -> Row:
     return {"before": conclusion.base.left_out / noise, "after": best.left_out / noise}
 
 
-def _features(found: Found, conclusion: Conclusion) -> Row:
+def _features(found: Found, conclusion: conclude.Conclusion) -> Row:
     """Return the features of the first cause, if one is claimed."""
     claimed = conclusion.verdict != "consistent" and conclusion.causes
     return features_of(found, conclusion.causes[:1]) if claimed else {}

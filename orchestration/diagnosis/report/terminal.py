@@ -8,13 +8,15 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.report import wording
 from orchestration.diagnosis.term_names import memory_text, shape_text
 from orchestration.diagnosis.terms import Term
+from orchestration.identify.changes import CHANGE_HEAD, change_rows, describe_changes
 from orchestration.reporting import plain_table
 
-Rows = Sequence[tuple[str, ...]]
+Rows = Sequence[Sequence[str]]
 GROUP_HEAD = ("probability", "cause", "error", "shape", "memory", "together with")
 LADDER_HEAD = ("model", "error")
 REMAINDER_HEAD = ("output", "error", "noise widths", "pace", "correlation")
@@ -37,6 +39,23 @@ def overview(diagnosis: Diagnosis) -> Group:
     parts += [Text(f"  {wording.error_meaning(diagnosis)}")]
     parts += [Text(), _table("parameters", PARAMETER_HEAD, parameter_rows(diagnosis))]
     return Group(*parts)
+
+
+def comparison(changed: Changed) -> Group:
+    """Return what ``ppy diagnose --compare`` prints beside that."""
+    later = changed.later
+    return Group(
+        Text(),
+        Text(describe_changes(changed.changes)),
+        _table("before and after", CHANGE_HEAD, change_rows(changed.changes)),
+        Text(),
+        Text.assemble(
+            f"{wording.files(later)} by itself: ",
+            (later.verdict, "bold"),
+            f"  {wording.by_itself(changed)}",
+        ),
+        *(Text(f"  {message}") for _, _, message in later.notes),
+    )
 
 
 def _table(title: str, head: Sequence[str], rows: Rows) -> Table:

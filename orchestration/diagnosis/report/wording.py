@@ -7,6 +7,7 @@ from math import isfinite
 
 from fmus.kit.units import format_value
 from orchestration.diagnosis.cause import Cause
+from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.remainder import Remainder
@@ -15,6 +16,13 @@ from orchestration.diagnosis.terms import Term
 from orchestration.identify.uncertainty import Estimate
 from orchestration.reporting import option
 from orchestration.reporting.html import format_ends
+
+CHANGES_MEANING = (
+    "Changed is what differs significantly and noticeably, and without which the model is worse on"
+    " fitted samples and on others; uncertain, what differs but is not needed there, or does as"
+    " well in place of another. Gain is its share of the squared error that letting all values"
+    " differ takes off."
+)
 
 
 def error_meaning(diagnosis: Diagnosis) -> str:
@@ -232,7 +240,7 @@ def _experiment(diagnosis: Diagnosis) -> str:
     """Return the record that would tell the causes of a group apart."""
     if diagnosis.experiment is not None:
         return f"make the experiment that {option('experiment', 'next.toml')} writes"
-    if any(code == "no_experiment" for code, _, _ in diagnosis.notes):
+    if any(code == "futile_experiment" for code, _, _ in diagnosis.notes):
         return "record another signal as well, on which the causes act in another way"
     terms = [t for cause in diagnosis.causes for t in cause.parts[:1] if isinstance(t, Term)]
     signals = list(dict.fromkeys(t.signal or "the operating point" for t in terms))
@@ -255,14 +263,24 @@ def quantity(diagnosis: Diagnosis, name: str, value: float) -> str:
 
 def interval(diagnosis: Diagnosis, name: str, estimate: Estimate) -> str:
     """Return an interval of 95 %; an open one says at least or at most."""
-    low, high = estimate.interval
+    return ends(estimate.interval, lambda value: quantity(diagnosis, name, value))
+
+
+def ends(interval: tuple[float, float], written: Callable[[float], str]) -> str:
+    """Return the ends of an interval, each as a function writes it."""
+    low, high = interval
     if isfinite(low) and isfinite(high):
-        return format_ends(quantity(diagnosis, name, low), quantity(diagnosis, name, high))
+        return format_ends(written(low), written(high))
     if isfinite(low) and low != 0.0:
-        return f"at least {quantity(diagnosis, name, low)}"
+        return f"at least {written(low)}"
     if isfinite(high):
-        return f"at most {quantity(diagnosis, name, high)}"
+        return f"at most {written(high)}"
     return "not determined"
+
+
+def by_itself(changed: Changed) -> str:
+    """Return what is wrong with a later record alone."""
+    return f"{headline(changed.later)}. {support(changed.later)}".strip()
 
 
 def _structured_first(remainders: Sequence[Remainder]) -> list[Remainder]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fmus.kit.arrays import Array
-from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import figures, sections, wording
 from orchestration.discrepancy.report.laws import LawReport, add_laws, headline
+from orchestration.identify.changes import Change
 from orchestration.records.runs import base_name
 from orchestration.reporting.html import Markup, Page, elements, escaped
 

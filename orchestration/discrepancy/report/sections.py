@@ -20,7 +20,6 @@ from fmus.kit.titles import (
 )
 from fmus.kit.units import unit_of_differences, write_prefixed
 from orchestration.discrepancy.candidates import FittedCandidate, label
-from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.note import Action, Note, notes_by_action
@@ -31,11 +30,8 @@ from orchestration.discrepancy.report.figures import Parts, ShownModel, Simulate
 from orchestration.discrepancy.report.html_elements import AxisScale, format_estimate
 from orchestration.discrepancy.report.sizes import told_of_parameter
 from orchestration.discrepancy.report.tables import (
-    CHANGE_HEAD,
     TriedEffect,
-    change_verdict,
     error_table,
-    format_gain,
     least_squares_table,
     tried_effects,
 )
@@ -47,7 +43,8 @@ from orchestration.discrepancy.residuals import (
     residual_tests,
 )
 from orchestration.discrepancy.validation import simulated_outputs
-from orchestration.identify import rms
+from orchestration.identify import changes, rms
+from orchestration.identify.changes import Change
 from orchestration.identify.uncertainty import Estimate
 from orchestration.records import Record
 from orchestration.records.runs import base_name, shown_name
@@ -408,10 +405,10 @@ def _add_residual_figures(
     page.parts.append("</div>")
 
 
-def add_changes(page: Page, changes: Sequence[Change]) -> None:
+def add_changes(page: Page, found: Sequence[Change]) -> None:
     """Add a table of what changed in a later record, with intervals."""
-    page.text(wording.describe_changes(changes))
-    page.table(CHANGE_HEAD, [_change_row(change) for change in changes])
+    page.text(changes.describe_changes(found))
+    page.table(changes.CHANGE_HEAD, [_change_row(change) for change in found])
     page.parts.append(
         elements.muted_paragraph(
             "Claimed is what is surely another in the noise of both records, and about which ten"
@@ -423,7 +420,7 @@ def add_changes(page: Page, changes: Sequence[Change]) -> None:
 
 
 def _change_row(change: Change) -> list[str]:
-    verdict = change_verdict(change)
+    verdict = changes.change_verdict(change)
     return [
         elements.named(
             capitalised(variable_title(change.declaration)),
@@ -432,7 +429,7 @@ def _change_row(change: Change) -> list[str]:
         ),
         _changed_value(change, change.before, change.before_interval),
         _changed_value(change, change.after, change.after_interval),
-        format_gain(change),
+        changes.format_gain(change),
         elements.chip("differs", verdict) if change.changed else verdict,
     ]
 

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from fmus.kit.titles import effect_title, within_sentence
-from fmus.kit.units import format_value
 from orchestration.discrepancy.candidates import FittedCandidate
-from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.note import NoteCode
@@ -24,7 +21,6 @@ from orchestration.records.runs import MeasuredRun
 
 _MODELS = {"untouched": NOMINAL, "refitted": REFITTED, "extended": EXTENDED}
 _NOTICED = 0.05  # relative difference of two errors that says something to a reader
-CHANGE_HEAD = ["parameter", "before", "after", "gain", "verdict"]
 
 
 @dataclass(frozen=True)
@@ -263,26 +259,3 @@ def _unseen_evidence(diagnosis: Diagnosis, chosen: FittedCandidate) -> str:
     score = confirmation.score
     outcome = wording.confirmation(diagnosis, chosen.effect_name)
     return f"{outcome} (log-likelihood {score.gain:+.3g} ± {score.standard_error:.2g})"
-
-
-def change_rows(changes: Sequence[Change]) -> list[list[str]]:
-    """Return the rows of a table of changes below `CHANGE_HEAD`, as plain text."""
-    rows = []
-    for change in changes:
-        name = f"{change.name} ({change.effect})" if change.effect else change.name
-        before = format_value(change.before, change.declaration)
-        after = format_value(change.after, change.declaration)
-        rows.append([name, before, after, format_gain(change), change_verdict(change)])
-    return rows
-
-
-def format_gain(change: Change) -> str:
-    """Return the share of the squared error that a change explains; empty where it is unknown."""
-    return "" if change.gain is None else f"{100 * change.gain:.1f} %"
-
-
-def change_verdict(change: Change) -> str:
-    """Return in a word whether a change is claimed."""
-    if change.changed:
-        return "changed"
-    return "uncertain" if change.uncertain else "not claimed"

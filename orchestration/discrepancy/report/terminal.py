@@ -11,7 +11,6 @@ from rich.text import Text
 
 from fmus.kit.titles import effect_title
 from fmus.kit.units import format_value
-from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.note import notes_by_action
 from orchestration.discrepancy.pipeline import Result
@@ -20,13 +19,13 @@ from orchestration.discrepancy.report.laws import LawReport, headline
 from orchestration.discrepancy.report.laws import terminal as law_terminal
 from orchestration.discrepancy.report.sizes import told_of_parameter
 from orchestration.discrepancy.report.tables import (
-    CHANGE_HEAD,
     RunError,
-    change_rows,
     error_table,
     run_errors,
     tried_effects,
 )
+from orchestration.identify import changes
+from orchestration.identify.changes import Change
 from orchestration.records.runs import shown_name
 from orchestration.reporting import plain_table
 
@@ -51,20 +50,20 @@ def overview(result: Result) -> Group:
     return Group(*parts)
 
 
-def comparison(changes: Sequence[Change], later: Result) -> Group:
+def comparison(found: Sequence[Change], later: Result) -> Group:
     """Return what ``ppy diagnose --compare`` prints beside that.
 
     Parameters
     ----------
-    changes : sequence of Change
+    found : sequence of Change
         Differences between the record and a later one.
     later : Result
         Diagnosis of the later record.
     """
-    table = plain_table("before and after", *CHANGE_HEAD)
-    for row in change_rows(changes):
+    table = plain_table("before and after", *changes.CHANGE_HEAD)
+    for row in changes.change_rows(found):
         table.add_row(*row)
-    sentence = Text(wording.describe_changes(changes))
+    sentence = Text(changes.describe_changes(found))
     by_itself = Text(f"{later.files} by itself:")
     return Group(Text(), sentence, table, Text(), by_itself, *_verdict(later))
 

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 from fmus.kit.titles import capitalised, effect_title, in_words, law_title, within_sentence
 from fmus.kit.units import format_prefixed
 from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
-from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.note import MIXED_UP, Note, NoteCode
 from orchestration.discrepancy.pipeline import Result
@@ -832,29 +831,3 @@ def why_not(
     if gains[-1] > 0.0:
         return f"too little: {ACCEPT:g} would be evidence"
     return "it explains less than its parameters cost"
-
-
-def describe_changes(changes: Sequence[Change]) -> str:
-    """Return in one sentence what changed from one record to another."""
-    claimed = [_describe_change(change) for change in changes if change.changed]
-    uncertain = ", ".join(_changed_name(change) for change in changes if change.uncertain)
-    if claimed:
-        text = f"What changed: {'; '.join(claimed)}."
-    elif uncertain:
-        text = "Nothing surely changed."
-    else:
-        text = "Nothing changed beyond noise."
-    return f"{text} Uncertain: {uncertain}." if uncertain else text
-
-
-def _describe_change(change: Change) -> str:
-    """Return one change in words; an effect that only one record lacks has come or gone."""
-    lacking_before, lacking_after = change.lacking
-    if lacking_before != lacking_after:
-        return f"{change.effect} {'appeared' if lacking_before else 'vanished'}"
-    name = _changed_name(change)
-    return f"{name}, times {change.after / change.before:.3g}" if change.before else name
-
-
-def _changed_name(change: Change) -> str:
-    return f"{change.effect} ({change.name})" if change.effect else change.name

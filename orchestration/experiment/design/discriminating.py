@@ -119,9 +119,11 @@ class DiscriminatingExperiment:
             f"{_percent(share)} if it is {self.titles.get(name, name)}"
             for name, share in self.probabilities.items()
         ]
+        shares = {*map(_percent, self.probabilities.values())}
+        each = ", ".join(reached) if len(shares) > 1 else f"{shares.pop()}, whichever it is"
         return (
             "With the experiment the true one of these is expected to have a probability of"
-            f" {', '.join(reached)}."
+            f" {each}."
         )
 
     def _alike_sentences(self) -> list[str]:

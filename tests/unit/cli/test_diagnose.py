@@ -254,6 +254,22 @@ def _rubbing(folder: Path) -> list[str]:
     return ["diagnose", "1.csv", "--holdout", "2.csv", *model, "--engine", "new"]
 
 
+def test_a_later_record_is_compared_by_the_new_engine(tmp_path):
+    words = _rubbing(tmp_path)
+    only = ("--no-laws", "--effects", "none")
+    written = ("--json", "d.json", "--report", "d.html")
+    record, _, holdout = words[1:4]
+    words = [word for word in words if word not in ("--holdout", holdout)]
+    text = works(*words, *only, "--compare", holdout, *written, cwd=tmp_path)
+    assert f"{holdout} by itself: " in text
+    figures = json.loads((tmp_path / "d.json").read_text(encoding="utf-8"))
+    assert {one["parameter"] for one in figures["comparison"]} == {"mass", "damping", "stiffness"}
+    assert figures["later"]["verdict"] in text
+    page = words_of((tmp_path / "d.html").read_text(encoding="utf-8"))
+    assert f"What changed from {record} to {holdout}" in page
+    assert f"SHA-256 of {holdout}" in page
+
+
 @pytest.mark.slow
 def test_the_new_engine_goes_end_to_end(tmp_path):
     words = _rubbing(tmp_path)
@@ -271,13 +287,15 @@ def test_the_new_engine_goes_end_to_end(tmp_path):
     assert failed.returncode == 1
 
 
-def test_options_of_one_engine_are_refused_by_the_other(tmp_path):
+def test_options_that_the_new_engine_cannot_use_are_refused(tmp_path):
     words = _rubbing(tmp_path)
     text = works(*words, "--no-laws", "--effects", "none", cwd=tmp_path)
     assert "parameters" in text
     assert "causes" not in text
     message = fails(*words, "--compare", "2.csv", cwd=tmp_path)
-    assert "--compare: the new engine does not take it, as it does not diagnose changes" in message
+    assert "--compare 2.csv: this is the same record as 2.csv" in message
+    message = fails(*words, "--each", "mas", cwd=tmp_path)
+    assert "--each mas: no parameter named 'mas'" in message
     message = fails(*words, "--fit", "mas", cwd=tmp_path)
     assert "--fit mas: no parameter named 'mas'" in message
     message = fails(*words, "--effects", "stiction", cwd=tmp_path)

@@ -117,6 +117,7 @@ def judged(errors: Array, *terms: Term) -> Judged:
         misfit=0.5,
         distance=0.0,
         freedom=len(terms),
+        explanations=len(terms),
         problem=SimpleNamespace(model=tank()),
     )
     return Judged(fit, errors, errors, errors, 0.0)
@@ -127,7 +128,9 @@ ELSEWHERE = Term("inlet", "inflow", Shape.CUBE)
 
 
 SCALE = Scale(False, 1.0)
-PLAIN = SimpleNamespace(errors=(WHITE,), terms=(), misfit=1.0, distance=0.0, freedom=0)
+PLAIN = SimpleNamespace(
+    errors=(WHITE,), terms=(), misfit=1.0, distance=0.0, freedom=0, explanations=0
+)
 BASE = Judged(PLAIN, SEEN, SEEN, SEEN, 0.0)
 
 

@@ -33,6 +33,7 @@ NONE = Comparison(0.0, 0.0, 0.0, 1.0, 0.0, 0, 0.0, 0.0)
 def judged(fitted: Array, left_out: Array, prior: float = 0.0, **fit: Any) -> Judged:
     """Return errors as those of a fit with so much freedom."""
     given = {"freedom": 0, "distance": 0.0, "terms": (), "misfit": fitted.std()} | fit
+    given = {"explanations": len(given["terms"])} | given
     return Judged(SimpleNamespace(errors=(fitted,), **given), *3 * [left_out], prior)
 
 
@@ -81,6 +82,12 @@ def test_columns_distance_and_words_are_those_beyond_the_other() -> None:
     assert found.columns == pytest.approx(0.5 * 3 * np.log(150.0))
     assert (found.terms, found.distance, found.words) == (1, 1.5, 2.0)
     assert found.fitted == 0.0
+
+
+def test_a_change_in_a_later_record_counts_as_a_term() -> None:
+    errors = RNG.standard_normal((200, 1))
+    one = judged(errors, errors, explanations=2)
+    assert compare(one, judged(errors, errors), shared([150.0], [50.0])).terms == 2
 
 
 def test_the_error_of_a_rise_is_that_of_a_mean() -> None:

@@ -43,6 +43,7 @@ def judged(
         terms=terms,
         misfit=fitted,
         freedom=freedom,
+        explanations=len(terms),
         distance=0.0,
         problem=SimpleNamespace(model=MODEL),
     )

@@ -156,6 +156,7 @@ def test_one_model_in_two_parametrisations_has_no_experiment() -> None:
     held = ("lag",)
     design = designed(fitted(LAGGED, 0.5, 1.0, held), fitted(FADING, -0.5, 1.5, held))
     assert design.experiment is None
+    assert design.is_futile
     assert "tells shown(x), shown(u) apart: the evidence would be 0.0 nat at most" in design.reason
 
 
@@ -184,7 +185,7 @@ def test_where_nothing_is_to_be_told_apart_nothing_is_designed() -> None:
     assert designed(*fits, verdict="cause") == Design()
     assert designed(fits[0]) == Design()
     still = designed(*fits, rig=Excitation({"u": (1.0, 1.0)}, 1.0))
-    assert still == Design(reason="no input of the model may move")
+    assert still == Design(reason="no experiment is designed: no input of the model may move")
     with pytest.raises(UserError, match="limits of w: there is no such input; there are u"):
         designed(*fits, rig=Excitation({"w": (0.0, 1.0)}, 1.0))
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fmus.kit import Component, Discrete, Output, UserError
+from fmus.kit.registry import Excitation
 from orchestration.diagnosis import (
     Found,
     Options,
@@ -22,7 +23,7 @@ from orchestration.diagnosis import (
 from orchestration.diagnosis import Record as KernelRecord
 from orchestration.fmu.model import declared_model_of
 from orchestration.records import Record
-from tests.support.oscillator import CUBE, DRY, diagnosis_with, oscillator_record
+from tests.support.oscillator import CUBE, DRY, diagnosis_with, oscillator_record, with_group
 from tests.support.oscillator_model import Oscillator
 
 MODEL = declared_model_of(Oscillator)
@@ -251,3 +252,22 @@ def test_a_clock_whose_noise_is_left_out_is_noted():
     assert (code, column) == ("denoised", "time")
     assert "its steps are taken to be even" in text
     assert not diagnose([record], MODEL).notes
+
+
+def test_an_experiment_is_as_long_as_the_longest_record_within_its_range():
+    long, short = oscillator_record(1, dry=1.5), oscillator_record(2, samples=300)
+    dry = diagnosis_with(long, (DRY,))
+    group = with_group(dry, "ambiguous", 0.5, 0.45).conclusion
+    designed = engine._designed(dry.found, group, [short, long], MODEL, Options())
+    experiment = designed.experiment
+    assert experiment.duration == pytest.approx(long.time[-1])
+    assert experiment.step == pytest.approx(0.02)
+    force = long.signals["force"]
+    assert experiment.limits == {"force": (force.min(), force.max())}
+    given = engine._designed(dry.found, group, [long], MODEL, Options(given={"force": 0.0}))
+    assert given.notes == [
+        ("no_experiment", "", "no experiment is designed: no input of the model may move")
+    ]
+    wrong = Options(excitation=Excitation({"push": (0.0, 1.0)}, 1.0))
+    refused = engine._designed(dry.found, group, [long], MODEL, wrong)
+    assert "limits of push: there is no such input" in refused.reason

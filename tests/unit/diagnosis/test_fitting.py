@@ -15,6 +15,7 @@ from orchestration.diagnosis.fitting import (
     Point,
     Problem,
     StartPrior,
+    _Search,
     effective_samples,
     fit,
     fit_base,
@@ -25,6 +26,8 @@ from orchestration.diagnosis.fitting import (
     weights_of,
 )
 from orchestration.diagnosis.local_values import LocalValues
+from orchestration.diagnosis.terms import NamedTerm, Released
+from orchestration.identify.fitting import Scale
 from tests.support.diagnosed_mass import START, D, K, M, exact, mass, problem_of, pushed
 
 OFFSET = Term("spring", "", Shape.CONSTANT, size=2.0)
@@ -82,6 +85,18 @@ def test_a_fit_is_that_of_scipy(gaps: int) -> None:
     assert [int(np.isnan(e).sum()) for e in found.errors] == [gaps, gaps]
 
 
+def test_a_strength_stays_in_its_range_where_it_has_slopes() -> None:
+    released = Released("stiffening", "1/m^2", Scale(False, 1.0), 0.0, 10.0)
+    term = NamedTerm("spring", "x", Shape.LINEAR, effect="stiffening", released=(released,))
+    assert [end.tolist() for end in term.bounds] == [[0.0], [10.0]]
+    search = _Search(drawn(0.01), (term,), [np.array([30.0])] * 2)
+    begin = nominal_point(search.problem, (term,))
+    down = np.zeros(search.size + 4)
+    down[len(begin.q)] = -5.0
+    assert search.moved(begin, down).values.tolist() == [0.0]
+    assert search.moved(begin, -10.0 * down).values.tolist() == [10.0]
+
+
 def local_by_scipy(problem: Problem, weights: list[Array]) -> OptimizeResult:
     """Minimise the same residuals with a stiffness and an offset of each of two records."""
 
@@ -106,7 +121,7 @@ def test_a_fit_with_local_values_is_that_of_scipy(way: str) -> None:
     plain = drawn(0.01, 1.2)
     records = tuple(replace(record, group=r) for r, record in enumerate(plain.records))
     named = {way: ("stiffness",)}
-    local = LocalValues(("a", "b"), later_values=(0,), **named)
+    local = LocalValues(("a", "b"), later_values=((0,),), **named)
     problem = replace(plain, records=records, local=local)
     weights = [np.array([30.0]), np.array([12.0])]
     begin = nominal_point(problem, (OFFSET,))
@@ -213,6 +228,30 @@ def test_the_lowest_of_several_starts_goes_on() -> None:
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
+def test_nominal_parameters_are_tried_though_other_starts_are_nearer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of four nearer starts three are tried, the nearest; nominal parameters get more steps."""
+    problem = drawn(0.01)
+    best = fit_base(problem)
+    assert best is not None
+    near = [replace(best.point, q=best.point.q + 0.01 * k) for k in range(4)]
+    tried: list[tuple[bool, int]] = []
+    descend = _Search.descend
+
+    def watched(self: _Search, at: tuple[Point, object], most: int, flat: float) -> object:
+        tried.append((bool(np.array_equal(at[0].q, problem.mean)), most))
+        return descend(self, at, most, flat)
+
+    monkeypatch.setattr(_Search, "descend", watched)
+    weights = weights_of(best.errors)
+    fitted = fit(problem, (), [nominal_point(problem), *near], weights)
+    assert fitted is not None
+    assert fitted.cost == pytest.approx(best.cost, rel=1e-3)
+    assert [is_nominal for is_nominal, _ in tried[:-1]] == [False] * 3 + [True]
+    assert tried[3][1] > tried[0][1]
+
+
 def test_effective_samples_of_an_autoregression(rho: float) -> None:
     """n (1 - rho) / (1 + rho), in the mean of many."""
     counts = []

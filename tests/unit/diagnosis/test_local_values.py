@@ -7,7 +7,7 @@ import pytest
 from orchestration.diagnosis.local_values import COMMON, LocalValues, columns
 
 NAMES = ["mass", "stiffness", "damping"]
-THREE = LocalValues(("a", "b", "c"), each=("stiffness",), later=("mass",), later_values=(1,))
+THREE = LocalValues(("a", "b", "c"), each=("stiffness",), later=("mass",), later_values=((1,),))
 
 
 @pytest.mark.parametrize(("group", "places"), [(0, [0, 1, 2]), (1, [0, 3, 2]), (2, [5, 4, 2])])
@@ -21,7 +21,8 @@ def test_a_value_of_a_term_differs_in_the_last_group_alone():
         [0, 1],
         [0, 2],
     ]
-    assert THREE.released == 2
+    assert (THREE.changes, THREE.released) == (2, 2)
+    assert LocalValues(("a", "b"), later_values=((0, 1), (2,))).changes == 2
 
 
 def test_a_parameter_that_is_not_searched_has_no_copies():

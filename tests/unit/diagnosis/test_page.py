@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.readings import Reading, ReadingKind
+from orchestration.identify.changes import Change
 from orchestration.reporting import make_page
 from tests.support.oscillator import (
     CUBE,
@@ -49,6 +51,26 @@ def test_the_page_of_a_cause(dry):
         assert text in html
     assert html.count('class="chart"') == 2
     assert "<script" not in html
+
+
+def test_the_page_shows_what_changed_with_both_intervals(dry):
+    declared = dry.subject.problem.model.parameters[1]
+    ends = (0.7, 0.9), (-np.inf, np.inf)
+    change = Change(declared.name, 0.8, 1.2, *ends, True, False, 0.9, declared)
+    source = dry.records[0].source.with_name("later.csv")
+    source.write_text("later", encoding="utf-8")
+    later = replace(dry, records=(replace(dry.records[0], source=source),))
+    html = make_page(Changed(dry, later, (change,))).html()
+    for text in (
+        "What changed from rubbing.csv to later.csv",
+        "What changed: damping, times 1.5.",
+        "0.7 … 0.9",
+        "not determined",
+        "later.csv by itself: ",
+        "SHA-256 of later.csv",
+        "--compare",
+    ):
+        assert text in html
 
 
 def test_the_page_of_a_group_has_the_experiment_that_tells_it_apart(dry):

@@ -9,7 +9,7 @@ import pytest
 
 from fmus.kit.arrays import Array
 from orchestration.diagnosis import Record, subject_of
-from orchestration.diagnosis.recording import evenly, with_quiet_inputs
+from orchestration.diagnosis.recording import evenly, with_quiet_inputs, without_outliers
 from orchestration.diagnosis.subject import Subject
 from tests.support.diagnosed_mass import START, D, K, M, exact, mass, pushed
 
@@ -153,3 +153,36 @@ def test_time_stamps_that_are_true_stay() -> None:
     noise = 1e-4 * np.random.default_rng(5).standard_normal((300, 1))
     own = replace(record, inputs=force[:, None], outputs=positions + noise)
     assert made(own).problem.records[0].denoised == ()
+
+
+def test_single_values_far_from_their_neighbours_are_gaps() -> None:
+    """A run of such, what is left at a jump of the input, and the tails of noise stay."""
+    force = np.where(np.arange(400) < 200, 0.0, 3.0)
+    errors = noisy(0.0 * force)[:, None]
+    errors[[50, 120, 301], 0] += [20.0 * NOISE, -40.0 * NOISE, 12.0 * NOISE]
+    errors[200, 0] += 30.0 * NOISE
+    errors[330:350, 0] += 20.0 * NOISE
+    read = without_outliers(mass(), forced(force), errors)
+    assert np.flatnonzero(np.isnan(read.outputs[:, 0])).tolist() == [50, 120, 301]
+    assert read.denoised == ("position",)
+
+
+def test_many_are_no_outliers() -> None:
+    """Nor is any of an output that was not measured."""
+    errors = noisy(np.zeros(400))[:, None]
+    record = forced(np.zeros(400))
+    assert without_outliers(mass(), record, np.full((400, 1), np.nan)) is record
+    errors[::10] += 30.0 * NOISE
+    assert without_outliers(mass(), record, errors) is record
+
+
+def test_outliers_are_fitted_by_nothing() -> None:
+    """Neither on fitted samples nor on those that are left out."""
+    record = measured(5.0 * np.sin(0.7 * 0.05 * np.arange(300)))
+    plain = made(record)
+    spoilt = record.outputs.copy()
+    spoilt[[30, 111, 250]] += 0.02
+    subject = made(replace(record, outputs=spoilt))
+    assert subject.problem.records[0].denoised == ("position",)
+    assert np.flatnonzero(np.isnan(subject.left_out[0].record.outputs[200:, 0])).tolist() == [50]
+    assert subject.base.misfit == pytest.approx(plain.base.misfit, rel=0.05)

@@ -25,7 +25,7 @@ from orchestration.diagnosis.fitting import (
 )
 from orchestration.diagnosis.local_values import LocalValues
 from orchestration.diagnosis.runs import Setting
-from orchestration.diagnosis.screening import Screen, alike, other_shapes
+from orchestration.diagnosis.screening import Screen, alike, other_shapes, with_shorter_lags
 from orchestration.diagnosis.terms import DelayTerm, SensorTerm
 from tests.support.diagnosed_mass import (
     FREE,
@@ -474,6 +474,13 @@ def test_a_product_of_two_signals_is_a_candidate_once() -> None:
     for own in products.values():
         for k, one in enumerate(own):
             assert all(abs(one @ other) < 0.9999 for other in own[:k])
+
+
+def test_the_lag_of_a_sensor_is_searched_from_shorter_ones_too() -> None:
+    lag = SensorTerm("place", "place", Shape.LINEAR, Memory.FADING, (50.0,))
+    assert [term.constants for term in with_shorter_lags(lag)] == [(50.0,), (5.0,), (0.5,)]
+    gain = SensorTerm("place", "place", Shape.LINEAR)
+    assert list(with_shorter_lags(gain)) == [gain]
 
 
 def test_a_product_has_no_other_shape_that_is_the_product_the_other_way() -> None:

@@ -14,6 +14,7 @@ from orchestration.diagnosis import Found, Memory, Shape, Term, subject_of
 from orchestration.diagnosis.fitting import Point
 from orchestration.diagnosis.search import search
 from orchestration.diagnosis.term_names import sentence
+from orchestration.diagnosis.terms import SensorTerm
 from tests.support.diagnosed_mass import START, D, K, M, integrated, mass, pushed
 from tests.support.dry_mass import drawn, dry, nothing, outside, searched, small_search
 
@@ -145,7 +146,13 @@ def test_a_quota_limits_sets_of_one_size_and_one_lead() -> None:
     )
     assert screen is not None
     chosen = list(NAMES._by_quota(screen, {1: 3, 2: 4}, 2, ()))
-    assert [len(c) for c in chosen].count(1) == 3
+    alone = [screen.candidates[c[0]].term for c in chosen if len(c) == 1]
+    faults = [term.name for term in alone if isinstance(term, SensorTerm)]
+    assert len(alone) - len(faults) == 3
+    kinds = ("offset", "gain", "drift", "lag")
+    assert sorted(faults) == sorted(
+        ["transport_delay(position)", *(f"sensor_{kind}(position)" for kind in kinds)]
+    ), "each alone, whatever the screen says of it"
     pairs = [c for c in chosen if len(c) == 2]
     leads = [screen.candidates[max(c, key=lambda i: screen.value([i]))].term.source for c in pairs]
     assert 2 <= len(pairs) <= 4

@@ -12,6 +12,7 @@ from orchestration.diagnosis.local_values import COMMON, LocalValues
 from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.subject import (
     Subject,
+    _unseen,
     depends,
     divided_as_read,
     likelihood_gain,
@@ -136,6 +137,36 @@ def test_how_inputs_go_between_samples_is_what_fits_better() -> None:
         subject = made(record)
         assert subject.problem.records[0].smooth == (smooth,)
         assert subject.left_out[0].record.smooth == (smooth,)
+
+
+def test_how_inputs_go_is_decided_by_runs_from_where_the_record_begins() -> None:
+    """Of a slow drive of a mass that moves already, of which the start is the largest error."""
+    record = pushed(150, 0.1, True)
+
+    def rates(x: np.ndarray, u: float, t: float) -> list[float]:
+        return [x[1], (u - K * x[0] - D * x[1]) / M]
+
+    states = integrated(record, rates, np.array([0.1, 4.0]), 1e-6)
+    noise = 0.002 * np.random.default_rng(0).standard_normal((150, 1))
+    subject = made(replace(record, outputs=states[:, :1] + noise, smooth=(False,)))
+    assert subject.problem.begins_anywhere
+    assert subject.problem.records[0].smooth == (True,)
+
+
+def test_fewer_samples_make_no_difference_beside_the_noise() -> None:
+    """A tenth of the noise, within bounds; an output that is not measured does not count."""
+    record = pushed(2000, 0.02)
+    for noise, unseen in ((0.01, 1e-3), (1.0, 2e-3), (1e-5, 2e-4)):
+        values = noise * np.random.default_rng(0).standard_normal((2000, 1))
+        noisy = replace(record, outputs=values)
+        problem = replace(problem_of([noisy]), spread=np.array([1.0]))
+        assert _unseen(problem, noisy) == pytest.approx([unseen], rel=0.1)
+    slow = pushed(400, 0.005)
+    slow.inputs[:] = 5.0 * np.sin(slow.time)[:, None]
+    slow = replace(slow, outputs=np.sin(slow.time)[:, None])
+    problem = problem_of([slow])
+    assert len(thinned(problem, slow, problem.mean, 100).time) == 100
+    assert thinned(problem, slow, problem.mean, 100, np.array([1e-9])) is slow
 
 
 def test_an_output_in_which_a_law_is_missing_hides_no_other() -> None:

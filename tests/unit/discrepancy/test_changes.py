@@ -13,7 +13,7 @@ import pytest
 from orchestration.discrepancy.candidates.candidate import Candidate
 from orchestration.discrepancy.changes import AFTER, BEFORE, find_changes
 from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.report.tables import change_rows
+from orchestration.identify.changes import change_rows
 from tests.support.pace import slow_but
 from tests.support.several import TRUE, Cell, measured
 

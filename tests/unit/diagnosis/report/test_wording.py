@@ -40,7 +40,7 @@ def test_the_next_step_is_the_experiment_with_what_it_should_tell(dry):
 
 
 def test_where_no_experiment_tells_causes_apart_another_signal_does(dry):
-    note = ("no_experiment", "", "no experiment tells them apart")
+    note = ("futile_experiment", "", "no experiment tells them apart")
     one = replace(with_group(dry, "ambiguous", 0.6, 0.35), notes=(note,))
     assert wording.next_step(one).startswith("record another signal as well")
 

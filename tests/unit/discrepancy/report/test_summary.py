@@ -12,7 +12,6 @@ import pytest
 from fmus.kit.sensors import transport_delay
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
-from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.diagnosis import Verdict
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.pipeline import DiagnosisOptions, diagnose
@@ -26,6 +25,7 @@ from orchestration.discrepancy.validation.prediction import predict
 from orchestration.experiment.design import DiscriminatingExperiment, ExpectedEvidence, Rehearsal
 from orchestration.experiment.design.menu import Stimulus
 from orchestration.fmu.model import find_model
+from orchestration.identify.changes import Change
 from tests.support.command import works
 from tests.support.diagnosis import rig_record
 from tests.support.reference import DOCS, documented, documented_codes, fields

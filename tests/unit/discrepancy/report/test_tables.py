@@ -9,17 +9,15 @@ import numpy as np
 import pytest
 
 from fmus.kit.sensors import sensor_lag, transport_delay
-from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.discrepancy.report.tables import (
-    change_rows,
     error_table,
     least_squares_table,
     run_errors,
     tried_effects,
 )
 from orchestration.discrepancy.selection import Selection, Step
-from tests.support.several import TRUE, Cell, several
+from tests.support.several import Cell, several
 
 R0 = {p.name: p for p in Cell.layout.parameters}["R0"]
 
@@ -84,12 +82,3 @@ def test_what_corrects_the_shape_of_a_cause_is_told_as_that(diagnosis):
     assert (cause.candidate.effect_name, cause.verdict) == ("sensor_lag(voltage)", "named")
     assert (shape.candidate.effect_name, shape.verdict) == ("transport_delay(voltage)", "shape")
     assert shape.reason == "of a lag of the voltage sensor"
-
-
-@pytest.mark.parametrize(
-    ("changed", "uncertain", "verdict"),
-    [(True, False, "changed"), (False, True, "uncertain"), (False, False, "not claimed")],
-)
-def test_a_change_is_a_row_with_its_verdict(changed, uncertain, verdict):
-    change = Change("R0", TRUE["R0"], 0.06, (0.02, 0.04), (0.05, 0.07), changed, uncertain, 0.5, R0)
-    assert change_rows([change]) == [["R0", "0.03 ohm", "0.06 ohm", "50.0 %", verdict]]

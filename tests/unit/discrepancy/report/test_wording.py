@@ -23,7 +23,6 @@ from orchestration.discrepancy import conclude as conclusion
 from orchestration.discrepancy import diagnosis as diagnosing
 from orchestration.discrepancy import final_model, pipeline
 from orchestration.discrepancy.budget import Budget
-from orchestration.discrepancy.changes import Change
 from orchestration.discrepancy.data import stretch
 from orchestration.discrepancy.data.causality import ahead_of_inputs
 from orchestration.discrepancy.data.dataset import Dataset
@@ -767,27 +766,6 @@ def test_evidence_that_varying_noise_takes_away_is_no_matter_of_another_effect()
         wording.why_not([50.0, 3.0], "a", unsure=True)
         == "alone it lowers BIC by 50.0; beside a it is not needed"
     )
-
-
-def change(name, changed=False, uncertain=False):
-    declared = {p.name: p for p in PpyActuator.layout.parameters}[name]
-    return Change(name, 1.0, 1.5, (0.9, 1.1), (1.4, 1.6), changed, uncertain, 0.5, declared)
-
-
-@pytest.mark.parametrize(
-    ("found", "told"),
-    [
-        ([change("R1")], "Nothing changed beyond noise."),
-        ([change("R1", uncertain=True)], "Nothing surely changed. Uncertain: R1."),
-        ([change("R1", changed=True), change("C")], "What changed: R1, times 1.5."),
-        (
-            [change("R1", changed=True), change("C", uncertain=True)],
-            "What changed: R1, times 1.5. Uncertain: C.",
-        ),
-    ],
-)
-def test_what_is_uncertain_is_not_said_to_be_unchanged(found, told):
-    assert wording.describe_changes(found) == told
 
 
 # --- what must be known to read a verdict

@@ -47,6 +47,8 @@ def test_it_says_what_is_expected_and_which_pair_stays():
         "With the experiment the true one of these is expected to have a probability of > 99 % if"
         " it is one, 70 % if it is other. It does not tell one from third."
     )
+    alike = replace(EXPERIMENT, probabilities={"one": 0.998, "other": 0.999})
+    assert "a probability of > 99 %, whichever it is." in alike.sentence
     text = EXPERIMENT.toml("ppy_actuator", "what for")
     assert "# If other is right, its probability among these should be 70 %." in text
     assert not EXPERIMENT.is_worthwhile

@@ -1,0 +1,136 @@
+"""A parameter in a record and in a later one of the same specimen, and what is said of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fmus.kit.declare import ParameterDeclaration
+from fmus.kit.units import format_value
+from orchestration.identify.metrics import finite_or_none
+
+CHANGE_HEAD = ["parameter", "before", "after", "gain", "verdict"]
+
+
+@dataclass(frozen=True)
+class Change:
+    """A parameter in both records, SI.
+
+    Attributes
+    ----------
+    name : str
+    before, after : float
+    before_interval, after_interval : tuple of float
+        95 % confidence intervals.
+    changed : bool
+        Whether it is claimed to be another after than before.
+    uncertain : bool
+        Whether it surely is by the noise, but stretches of the records do not agree about it.
+    gain : float
+        Of the squared error that is gained by releasing all parameters, the share that releasing
+        this one gained when it was its turn; of one that is not needed, what it would gain beside
+        those that are. None where releasing all gains no more than chance makes.
+    declaration : ParameterDeclaration
+        Its unit and range.
+    effect : str
+        Of which it is a parameter; empty for those of the model.
+    neutral : float or None
+        Value at which that effect does nothing, if this is its strength.
+    """
+
+    name: str
+    before: float
+    after: float
+    before_interval: tuple[float, float]
+    after_interval: tuple[float, float]
+    changed: bool
+    uncertain: bool
+    gain: float | None
+    declaration: ParameterDeclaration
+    effect: str = ""
+    neutral: float | None = None
+
+    @property
+    def unit(self) -> str:
+        """Its SI unit."""
+        return self.declaration.unit
+
+    @property
+    def lacking(self) -> tuple[bool, bool]:
+        """True if the record, before and after, may do without the effect of this strength."""
+        return self._may_be_neutral(self.before_interval), self._may_be_neutral(self.after_interval)
+
+    def _may_be_neutral(self, interval: tuple[float, float]) -> bool:
+        """Return whether an interval holds the value at which the effect does nothing."""
+        low, high = interval
+        return self.neutral is not None and low <= self.neutral <= high
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it ready for JSON."""
+        figures: dict[str, Any] = {
+            "parameter": self.name,
+            "unit": self.unit,
+            "changed": self.changed,
+            "uncertain": self.uncertain,
+            "gain": self.gain,
+        }
+        if self.effect:
+            figures["effect"] = self.effect
+        figures["before"] = _with_interval(self.before, self.before_interval)
+        figures["after"] = _with_interval(self.after, self.after_interval)
+        return figures
+
+
+def _with_interval(value: float, interval: tuple[float, float]) -> dict[str, Any]:
+    """Return a value with its interval, ready for JSON."""
+    return {"value": value, "ci95": [finite_or_none(end) for end in interval]}
+
+
+def change_rows(changes: Sequence[Change]) -> list[list[str]]:
+    """Return the rows of a table of changes below `CHANGE_HEAD`, as plain text."""
+    rows = []
+    for change in changes:
+        name = f"{change.name} ({change.effect})" if change.effect else change.name
+        before = format_value(change.before, change.declaration)
+        after = format_value(change.after, change.declaration)
+        rows.append([name, before, after, format_gain(change), change_verdict(change)])
+    return rows
+
+
+def format_gain(change: Change) -> str:
+    """Return the share of the squared error that a change explains; empty where it is unknown."""
+    return "" if change.gain is None else f"{100 * change.gain:.1f} %"
+
+
+def change_verdict(change: Change) -> str:
+    """Return in a word whether a change is claimed."""
+    if change.changed:
+        return "changed"
+    return "uncertain" if change.uncertain else "not claimed"
+
+
+def describe_changes(changes: Sequence[Change]) -> str:
+    """Return in one sentence what changed from one record to another."""
+    claimed = [_describe_change(change) for change in changes if change.changed]
+    uncertain = ", ".join(_changed_name(change) for change in changes if change.uncertain)
+    if claimed:
+        text = f"What changed: {'; '.join(claimed)}."
+    elif uncertain:
+        text = "Nothing surely changed."
+    else:
+        text = "Nothing changed beyond noise."
+    return f"{text} Uncertain: {uncertain}." if uncertain else text
+
+
+def _describe_change(change: Change) -> str:
+    """Return one change in words; an effect that only one record lacks has come or gone."""
+    lacking_before, lacking_after = change.lacking
+    if lacking_before != lacking_after:
+        return f"{change.effect} {'appeared' if lacking_before else 'vanished'}"
+    name = _changed_name(change)
+    return f"{name}, times {change.after / change.before:.3g}" if change.before else name
+
+
+def _changed_name(change: Change) -> str:
+    return f"{change.effect} ({change.name})" if change.effect else change.name

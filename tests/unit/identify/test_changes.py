@@ -1,0 +1,57 @@
+"""Claims: a change is a row with its verdict, and what is uncertain is not denied."""
+
+from __future__ import annotations
+
+import pytest
+
+from fmus.ppy_actuator import PpyActuator
+from orchestration.identify.changes import Change, change_rows, describe_changes
+
+DECLARED = {p.name: p for p in PpyActuator.layout.parameters}
+
+
+@pytest.mark.parametrize(
+    ("changed", "uncertain", "verdict"),
+    [(True, False, "changed"), (False, True, "uncertain"), (False, False, "not claimed")],
+)
+def test_a_change_is_a_row_with_its_verdict(changed, uncertain, verdict):
+    change = Change(
+        "R1", 0.5, 0.6, (0.4, 0.55), (0.58, 0.7), changed, uncertain, 0.5, DECLARED["R1"]
+    )
+    assert change_rows([change]) == [["R1", "0.5 ohm", "0.6 ohm", "50.0 %", verdict]]
+
+
+def change(name, changed=False, uncertain=False):
+    ends = (0.9, 1.1), (1.4, 1.6)
+    return Change(name, 1.0, 1.5, *ends, changed, uncertain, 0.5, DECLARED[name])
+
+
+@pytest.mark.parametrize(
+    ("found", "told"),
+    [
+        ([change("R1")], "Nothing changed beyond noise."),
+        ([change("R1", uncertain=True)], "Nothing surely changed. Uncertain: R1."),
+        ([change("R1", changed=True), change("C")], "What changed: R1, times 1.5."),
+        (
+            [change("R1", changed=True), change("C", uncertain=True)],
+            "What changed: R1, times 1.5. Uncertain: C.",
+        ),
+    ],
+)
+def test_what_is_uncertain_is_not_said_to_be_unchanged(found, told):
+    assert describe_changes(found) == told
+
+
+@pytest.mark.parametrize(
+    ("intervals", "told"),
+    [
+        (((-0.1, 0.1), (0.9, 1.1)), "What changed: stiction appeared."),
+        (((0.9, 1.1), (-0.1, 0.1)), "What changed: stiction vanished."),
+        (((0.4, 0.6), (0.9, 1.1)), "What changed: stiction (R1), times 2."),
+    ],
+)
+def test_an_effect_appears_or_vanishes_where_its_strength_may_be_none(intervals, told):
+    middle = [sum(ends) / 2.0 for ends in intervals]
+    one = Change("R1", *middle, *intervals, True, False, 0.5, DECLARED["R1"], "stiction", 0.0)
+    assert describe_changes([one]) == told
+    assert one.to_dict()["effect"] == "stiction"
