@@ -227,7 +227,6 @@ def test_the_lowest_of_several_starts_goes_on() -> None:
     assert fit(problem, (OFFSET,), [far, good], weights, 0).cost == best.cost
 
 
-@pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
 def test_nominal_parameters_are_tried_though_other_starts_are_nearer(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -252,6 +251,7 @@ def test_nominal_parameters_are_tried_though_other_starts_are_nearer(
     assert tried[3][1] > tried[0][1]
 
 
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
 def test_effective_samples_of_an_autoregression(rho: float) -> None:
     """n (1 - rho) / (1 + rho), in the mean of many."""
     counts = []
