@@ -68,7 +68,7 @@ class Weights:
     confidence : Mapping of str to float
         Log odds that the true cause is among some, by their `features.features_of`: fitted to
         records of five plants, half of them with truths outside of what can be searched, and to
-        records with effects of a catalogue (decisions 91 and 94).
+        records with effects of a catalogue (decisions 91 and 98).
     sure, group : float
         Probability from which a cause is named, and which a group reaches.
     most : int
@@ -102,11 +102,11 @@ class Weights:
     temper_of_gain: float = 0.05
     confidence: Mapping[str, float] = field(
         default_factory=lambda: {
-            "constant": -0.15,
-            "margin": 4.1,
-            "ratio": -1.3,
-            "share": 2.0,
-            "named": 1.2,
+            "constant": -0.9,
+            "margin": 3.5,
+            "share": 3.5,
+            "words": -0.4,
+            "rise": -2.0,
         }
     )
     sure: float = 0.9

@@ -107,7 +107,7 @@ class Diagnosis:
         """The verdict, by the conclusion and by what is left."""
         if self.conclusion.verdict != "consistent":
             return cast("Verdict", self.conclusion.verdict)
-        if any(one.share > _LARGE and one.is_slow for one in self.remainders):
+        if _drifts(self.found.base):
             return "unexplained"
         is_changed = bool(self.changed) or self.begins_elsewhere
         return "recalibrate" if is_changed else "consistent"

@@ -12,6 +12,7 @@ from orchestration.diagnosis.comparison import WEIGHTS
 from orchestration.diagnosis.search import Found
 
 _LEAST = 1e-12
+_USUAL = 0.5  # logarithm of errors on what is left out over those that are fitted
 _CHANCE = 3.0  # tempers of scores that a first cause may gain by chance
 
 
@@ -29,21 +30,21 @@ def features_of(found: Found, causes: Sequence[Cause]) -> dict[str, float]:
     dict of str to float
         ``margin``: by which the score falls from the first cause to the best fit without any of
         them, or to no term, as a share of the gain of the first and of what chance may give,
-        between -1 and 1. ``ratio``: logarithm of the error of the first on what is left out, beyond
-        uncertain parameters, over that on fitted samples. ``share``: of them all in the probability
-        by scores alone. ``named``: the same share if the first is an effect of the catalogue, else
-        0.
+        between -1 and 1. ``share``: of them all in the probability by scores alone. ``words``:
+        prior of the words of the first, nats: what is told plainly is more often true, though in
+        scores that is nothing beside a large gain. ``rise``: logarithm of the error of the first on
+        what is left out, beyond uncertain parameters, over that on fitted samples; 0 up to what
+        chance and another stimulus may give.
     """
     first = causes[0]
     gain = max(first.comparison.gain, 0.0) + _CHANCE * found.temper
     without = _best_without(found, set().union(*(cause.members for cause in causes)))
     unseen = float(np.sqrt(np.nanmean(first.judged.beyond**2)))
-    share = float(sum(cause.probability for cause in causes))
     return {
         "margin": float(np.clip((first.score - without) / gain, -1.0, 1.0)),
-        "ratio": float(np.log(unseen / max(first.judged.fit.misfit, _LEAST))),
-        "share": share,
-        "named": share * first.is_effect,
+        "share": float(sum(cause.probability for cause in causes)),
+        "words": first.judged.words,
+        "rise": max(float(np.log(unseen / max(first.judged.fit.misfit, _LEAST))) - _USUAL, 0.0),
     }
 
 

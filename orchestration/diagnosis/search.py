@@ -145,9 +145,13 @@ class Found:
         return common_of(self.fits).structure if self.fits else 0.0
 
     def gain_where_fitted(self) -> float:
-        """Return the largest gain on fitted samples beyond what the terms cost, nats."""
+        """Return the largest gain on fitted samples beyond what the terms cost, nats.
+
+        Less the logarithm of the number of fits: the best of so many gains as much by chance.
+        """
         comparisons = [ranked.comparison for ranked in self.compared()]
-        return max((c.fitted - c.cost for c in comparisons), default=0.0)
+        largest = max((c.fitted - c.cost for c in comparisons), default=0.0)
+        return largest - float(np.log(max(len(comparisons), 1)))
 
     def best(self, count: int) -> list[Judged]:
         """Return the best fits, of which no two have the same sources, and the lowest left out."""

@@ -19,7 +19,7 @@ from benchmarks.tables import Table, Topic
 from fmus.kit.arrays import Array
 from studies.judging.study import Row
 
-USED = ("margin", "ratio", "share", "named")
+USED = ("margin", "share", "words", "rise")
 BINS = 10
 _PRIOR = 1.0  # precision of a coefficient of a feature in its standard deviations
 _LARGEST = 3.0  # standard deviations beyond which a feature says nothing more

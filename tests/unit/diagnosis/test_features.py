@@ -50,17 +50,19 @@ def _cause(judged, score, gain):
     )  # fmt: skip
 
 
-def _features(*others, more=(), temper=0.0):
+def _features(*others, more=(), temper=0.0, size=2.0):
     """Return the features of a first cause by two terms, which gains 100, beside others."""
-    best = _Fitted((_FADING, _DRY), 2.0)
+    best = _Fitted((_FADING, _DRY), size)
     compared = [Ranked(best, _gained(100.0), 80.0), *others]
     found = SimpleNamespace(compared=lambda: compared, temper=temper)
     return features_of(found, [_cause(best, 80.0, 100.0), *more])
 
 
-def test_errors_are_compared_with_those_fitted_and_shares_are_added():
+def test_words_and_rise_are_those_of_the_first_and_shares_are_added():
     values = _features()
-    assert values["ratio"] == pytest.approx(np.log(2.0), abs=0.05)
+    assert values["words"] == 1.0
+    assert values["rise"] == pytest.approx(np.log(2.0) - 0.5, abs=0.05)
+    assert _features(size=1.5)["rise"] == 0.0
     assert values["share"] == pytest.approx(0.4)
     assert _features(more=[_cause(_Fitted((_DRY,), 1.0), 5.0, 6.0)])["share"] == pytest.approx(0.8)
 
@@ -78,14 +80,14 @@ def test_the_margin_is_to_the_best_fit_that_is_not_worse_and_lacks_the_causes():
     assert _features(worse, with_it, other, more=[second])["margin"] == pytest.approx(0.8)
 
 
-def test_a_wide_margin_is_trusted_and_a_rise_on_what_was_not_seen_is_not():
-    plain = {"margin": 0.0, "ratio": 0.0, "share": 0.5, "named": 0.0}
-    assert confidence(plain | {"margin": 0.9}) > 0.9
-    assert confidence(plain) > confidence(plain | {"ratio": 2.0})
-    assert confidence(plain) < confidence(plain | {"named": 1.0})
+def test_a_wide_margin_is_trusted_and_many_words_are_not():
+    plain = {"margin": 0.0, "share": 0.5, "words": 0.0, "rise": 0.0}
+    assert confidence(plain | {"margin": 0.9, "share": 0.9}) > 0.9
+    assert confidence(plain) > confidence(plain | {"words": 2.0})
+    assert confidence(plain) > confidence(plain | {"rise": 1.0})
     assert confidence(plain) > confidence(plain | {"share": 0.2})
     odds = WEIGHTS.confidence
-    at = {"constant": 1.0, "margin": 0.5, "ratio": 0.3, "share": 0.7, "named": 1.0}
+    at = {"constant": 1.0, "margin": 0.5, "share": 0.7, "words": 1.5, "rise": 0.2}
     expected = 1.0 / (1.0 + np.exp(-sum(odds[n] * v for n, v in at.items())))
     del at["constant"]
     assert confidence(at) == pytest.approx(expected)

@@ -246,7 +246,7 @@ def test_nominal_parameters_are_tried_though_other_starts_are_nearer(
     weights = weights_of(best.errors)
     fitted = fit(problem, (), [nominal_point(problem), *near], weights)
     assert fitted is not None
-    assert fitted.cost == pytest.approx(best.cost, rel=1e-3)
+    assert fitted.misfit == pytest.approx(best.misfit, rel=1e-3)
     assert [is_nominal for is_nominal, _ in tried[:-1]] == [False] * 3 + [True]
     assert tried[3][1] > tried[0][1]
 
