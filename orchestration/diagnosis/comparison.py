@@ -102,11 +102,11 @@ class Weights:
     temper_of_gain: float = 0.05
     confidence: Mapping[str, float] = field(
         default_factory=lambda: {
-            "constant": -0.9,
-            "margin": 3.5,
-            "share": 3.5,
-            "words": -0.4,
-            "rise": -2.0,
+            "constant": -0.4,
+            "margin": 4.2,
+            "share": 3.3,
+            "words": -0.45,
+            "rise": -3.0,
         }
     )
     sure: float = 0.9

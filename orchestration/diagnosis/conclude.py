@@ -105,6 +105,9 @@ def _causes(top: Sequence[Ranked], shares: Sequence[float], found: Found) -> lis
             law, signal, 0.0, ranked.judged, parts, ranked.comparison, ranked.score, members
         )
         known = causes.setdefault((law, signal), new)
+        is_plainer = ranked.judged.freedom < known.judged.freedom
+        if is_plainer and ranked.score > known.score - found.temper:
+            known = replace(known, judged=ranked.judged, parts=parts, comparison=ranked.comparison)
         causes[law, signal] = replace(
             known, probability=known.probability + share, members=known.members | members
         )

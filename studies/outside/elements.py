@@ -95,10 +95,11 @@ def lag_by_direction(of: Signal, up: float, down: float) -> Element:
 
 
 def spread_lags(of: Signal, times: Sequence[float]) -> Element:
-    """Return the mean of lags of a signal."""
+    """Return the mean of lags of a signal; behind their states may stand those of others."""
+    count = len(times)
     return Element(
-        lambda s, z: sum(z) / len(times),
-        lambda s, z: tuple((of(s) - x) / t for x, t in zip(z, times, strict=True)),
+        lambda s, z: sum(z[:count]) / count,
+        lambda s, z: tuple((of(s) - x) / t for x, t in zip(z[:count], times, strict=True)),
         lambda s: (of(s),) * len(times),
     )
 
