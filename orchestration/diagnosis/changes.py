@@ -176,7 +176,7 @@ def _explaining(
         joint = Joint(subject, terms)
         start = start_values(joint, before.final.fit, later.final.fit)
         common = joint.fit((), [start])
-        every = () if common is None else tuple(joint.all_differences(common.fit))
+        every = tuple(joint.all_differences([before.final.fit, later.final.fit]))
         here = [] if common is None else [start, joint.values(common.fit, ())]
         separate = joint.fit(every, here) if here else None
         if common is not None and separate is not None:

@@ -154,14 +154,27 @@ class Joint:
             points, weights = [fitted.point], weights_of(fitted.errors)
         return None if best is None else self.subject.judge(best)
 
-    def all_differences(self, fitted: Fit) -> list[Difference]:
-        """Return all that may differ: terms, and parameters of which some record says something."""
+    def all_differences(self, alone: Sequence[Fit]) -> list[Difference]:
+        """Return all that may differ: terms, and parameters of which some record says something.
+
+        Parameters
+        ----------
+        alone : sequence of Fit
+            Of the records by themselves: in one fit of all, what differs is noise.
+        """
         problem = self.subject.problem
-        information = np.diag(final_curvature(fitted))[: len(problem.free)]
-        told = information * problem.deviation**2 - 1.0 > 1.0
         names = [problem.model.parameters[i].name for i in problem.searched]
-        own = [name for name, is_told in zip(names, told, strict=False) if is_told]
-        return [*self.terms, *(name for name in own if name not in problem.local.each)]
+        told = [name for fitted in alone for name in _told(fitted)]
+        own = [name for name in names if name in told and name not in problem.local.each]
+        return [*self.terms, *own]
+
+
+def _told(fitted: Fit) -> list[str]:
+    """Return the parameters of which a fit says more than their prior."""
+    problem = fitted.problem
+    information = np.diag(final_curvature(fitted))[: len(problem.free)]
+    told = information * problem.deviation**2 - 1.0 > 1.0
+    return [problem.model.parameters[i].name for i in problem.free[told]]
 
 
 def start_values(joint: Joint, before: Fit, after: Fit) -> Values:

@@ -84,6 +84,12 @@ def test_columns_distance_and_words_are_those_beyond_the_other() -> None:
     assert found.fitted == 0.0
 
 
+def test_a_change_in_a_later_record_counts_as_a_term() -> None:
+    errors = RNG.standard_normal((200, 1))
+    one = judged(errors, errors, explanations=2)
+    assert compare(one, judged(errors, errors), shared([150.0], [50.0])).terms == 2
+
+
 def test_the_error_of_a_rise_is_that_of_a_mean() -> None:
     """Of white errors: the deviation of the squares over the root of their number."""
     base = np.zeros((6000, 1))

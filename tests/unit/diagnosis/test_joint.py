@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from orchestration.diagnosis import Shape, Term
-from orchestration.diagnosis.joint import Joint, difference, start_values, strengths
+from orchestration.diagnosis.joint import (
+    Joint,
+    Selection,
+    Values,
+    difference,
+    start_values,
+    strengths,
+)
 from orchestration.diagnosis.local_values import LocalValues
 from orchestration.diagnosis.subject import Subject, subject_of
 from tests.support.diagnosed_mass import START, D, K, M, exact, mass, pushed
@@ -65,10 +72,36 @@ def test_a_fit_may_start_from_values_of_another_set():
     assert (problem.local.changes, problem.local.released) == (3, 5)
 
 
+def test_of_two_that_explain_alike_neither_is_sure():
+    """Without force and damping a stiffer spring is a smaller mass."""
+    records = []
+    for group, stiffness in enumerate((K, 1.2 * K)):
+        record = replace(pushed(240), group=group, inputs=np.zeros((240, 1)))
+        states = exact(record, (M, stiffness, 0.0), START, record.inputs[:, 0])
+        noise = 1e-4 * np.random.default_rng(group).standard_normal((240, 1))
+        records.append(replace(record, outputs=states[:, :1] + noise))
+    made = subject_of(
+        mass(),
+        records,
+        hold=["damping"],
+        values={"damping": 0.0},
+        interpolate=False,
+        local=LocalValues(("before", "after")),
+    )
+    joint = Joint(made, ())
+    begin = Values(made.base.point.q, np.zeros(0), {}, made.base.point.starts)
+    every = ("mass", "stiffness")
+    common, separate = joint.fit((), [begin]), joint.fit(every, [begin])
+    selected = Selection(joint, common, separate, every).select()
+    assert len(selected.chosen) == 1
+    assert not selected.sure
+    assert selected.doubtful == set(every)
+
+
 def test_what_is_held_or_local_to_each_record_is_no_candidate():
     made = subject(hold=["damping"])
     problem = made.problem
     local = replace(problem.local, each=("mass",))
-    assert Joint(made, (OFFSET,)).all_differences(made.base) == [OFFSET, "mass", "stiffness"]
+    assert Joint(made, (OFFSET,)).all_differences([made.base]) == [OFFSET, "mass", "stiffness"]
     own = subject_of(mass(), problem.records, local=local, interpolate=False)
-    assert Joint(own, ()).all_differences(own.base) == ["stiffness", "damping"]
+    assert Joint(own, ()).all_differences([own.base]) == ["stiffness", "damping"]

@@ -12,6 +12,7 @@ from scipy.stats import multivariate_normal
 
 from orchestration.diagnosis import prediction
 from orchestration.diagnosis.fitting import StartPrior, effective_samples, independent_weights
+from orchestration.diagnosis.local_values import LocalValues
 from orchestration.diagnosis.prediction import Prediction, predict
 from orchestration.diagnosis.subject import subject_of
 from tests.support.diagnosed_mass import START, exact, mass, pushed
@@ -83,6 +84,27 @@ def test_the_beginning_of_another_record_says_where_it_starts() -> None:
     assert uncertain(40) < 0.5 * uncertain(6) < 0.5 * uncertain(2)
     first = predict(subject.base, record, START, prior, record.part(0, 0)).directions[0, 0]
     assert np.linalg.norm(first) == pytest.approx(0.05 / subject.problem.spread[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("is_followed", [True, False])
+def test_a_local_value_is_as_uncertain_as_its_own_record_leaves_it(is_followed: bool) -> None:
+    """The first record is a sixteenth of the second, by which its stiffness is hardly told."""
+    records = []
+    for group, count in enumerate((15, 240)):
+        record = replace(pushed(count), group=group)
+        noise = 0.005 * np.random.default_rng(group).standard_normal((count, 1))
+        states = exact(record, tuple(TRUTH), START, record.inputs[:, 0])
+        records.append(replace(record, outputs=states[:, :1] + noise))
+    local = LocalValues(("short", "long"), each=("stiffness",))
+    subject = subject_of(mass(), records, interpolate=False, local=local)
+    point, priors = subject.base.point, subject.problem.starts
+    widths = []
+    for group in (0, 1):
+        record = replace(records[1], group=group)
+        by = group if is_followed else record.part(0, 1)
+        made = predict(subject.base, record, point.starts[group], priors[group], by)
+        widths.append(np.sqrt(np.mean(made.directions**2)))
+    assert widths[0] > 3.0 * widths[1]
 
 
 def test_errors_beyond_uncertainty_are_as_likely_as_those_of_the_whole_covariance() -> None:
