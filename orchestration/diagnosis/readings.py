@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import re
 from collections.abc import Iterator, Sequence
@@ -210,8 +209,10 @@ def readings_of(model: LawModel, records: Sequence[Record]) -> list[Reading]:
     still = [v for v in model.inputs if v.name not in moving]
     result += [reading for v in still for reading in _units(v.name, v.unit) if reading.shift]
     result += [
-        Reading(kinds.EXCHANGED, pair)  # of whatever units: a header names columns, and not values
-        for pair in itertools.combinations(moving, 2)
+        Reading(kinds.EXCHANGED, (one, other))
+        for i, (one, unit) in enumerate(moving.items())
+        for other, its in list(moving.items())[i + 1 :]
+        if unit == its
     ]
     # an offset of an output is one of its sensor, which is a term
     own = [v for v in model.inputs if v.name in moving]
