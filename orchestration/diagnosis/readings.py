@@ -206,6 +206,9 @@ def readings_of(model: LawModel, records: Sequence[Record]) -> list[Reading]:
     result = [Reading(kinds.SIGN, (name,), factor=-1.0) for name in moving]
     for name, unit in moving.items():
         result += _units(name, unit)
+    # of an input that stands still another zero acts, while a factor is one of what it drives
+    still = [v for v in model.inputs if v.name not in moving]
+    result += [reading for v in still for reading in _units(v.name, v.unit) if reading.shift]
     result += [  # of whatever units: a header names columns, and not values
         Reading(kinds.EXCHANGED, pair) for pair in itertools.combinations(moving, 2)
     ]

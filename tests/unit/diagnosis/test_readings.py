@@ -131,7 +131,9 @@ def test_only_columns_that_move_are_read_otherwise(model: LawModel) -> None:
     outputs[:, 1] = np.nan
     readings = readings_of(model, [replace(record, inputs=inputs, outputs=outputs)])
     columns = {name for reading in readings for name in reading.columns}
-    assert columns == {"power", "first", "time"}
+    assert columns == {"power", "first", "ambient", "time"}
+    still = [(reading.kind, reading.shift) for reading in readings if "ambient" in reading.columns]
+    assert still == [(ReadingKind.UNIT, 273.15), (ReadingKind.UNIT, -273.15)]
     exchanged = [r.columns for r in readings if r.kind is ReadingKind.EXCHANGED]
     assert exchanged == [("power", "first")], "of whatever units"
 
