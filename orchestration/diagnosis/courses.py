@@ -141,7 +141,8 @@ def are_interchangeable(along: Courses, law: str, other: str, signal: str = "") 
 def _follows(ours: Array, theirs: Array, shares: Array) -> bool:
     """Return whether actions (n, channels) are others times a piecewise linear function."""
     size = np.maximum(np.sqrt(np.mean(ours**2, axis=0)), np.finfo(float).tiny)
-    columns = (theirs / size)[:, :, np.newaxis] * shares[:, np.newaxis]
+    with np.errstate(over="ignore", invalid="ignore"):  # of an action that one law has not at all
+        columns = (theirs / size)[:, :, np.newaxis] * shares[:, np.newaxis]
     columns = columns.reshape(-1, shares.shape[1])
     target = (ours / size).ravel()
     norm = float(target @ target)
