@@ -39,7 +39,7 @@ def bilinear(b0, b1, a, period=0.1):
 def test_table_3_1_by_another_route(number):
     theta, entries = TABLE[number - 1]
     for name, value, entry in zip(("R1", "R2", "C"), bilinear(*theta), entries, strict=True):
-        found = claim(actuator, name, f"table 3-1, set {number}")
+        found = claim(identification, name, f"table 3-1, set {number}")
         assert found.reproduced == pytest.approx(value, rel=1e-9)
         assert float(found.published) == entry
         assert found.holds
@@ -50,16 +50,16 @@ def test_means_and_deviations_of_table_3_1():
     for name, column in zip(
         ("b0", "b1", "a", "R1", "R2", "C"), zip(*rows, strict=True), strict=True
     ):
-        assert claim(actuator, f"mean of {name}").reproduced == pytest.approx(
+        assert claim(identification, f"mean of {name}").reproduced == pytest.approx(
             statistics.mean(column), rel=1e-9
         )
-        assert claim(actuator, f"standard deviation of {name}").reproduced == pytest.approx(
+        assert claim(identification, f"standard deviation of {name}").reproduced == pytest.approx(
             statistics.stdev(column), rel=1e-9
         )
     differing = [
         c.what
         for c in (
-            claim(actuator, f"{m} of {n}")
+            claim(identification, f"{m} of {n}")
             for m in ("mean", "standard deviation")
             for n in ("b0", "b1", "a", "R1", "R2", "C")
         )

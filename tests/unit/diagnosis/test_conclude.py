@@ -87,12 +87,19 @@ def test_a_model_that_fits_worse_than_one_that_does_not_hold_is_unexplained() ->
     assert conclude(found(judged(0.99, 1.5, DRY))).verdict == "consistent", "no more than its cost"
 
 
+def test_the_best_of_many_fits_gains_on_what_is_fitted_by_chance() -> None:
+    """Some 5 nats beyond its cost are evidence of one fit, and none of the best of 200."""
+    one = judged(0.955, 1.5, DRY)
+    assert conclude(found(one)).verdict == "unexplained"
+    assert conclude(found(*[one] * 200)).verdict == "consistent"
+
+
 def test_of_fits_of_a_cause_that_are_as_likely_the_plainer_is_told() -> None:
     """A further term that gains less than scores of true causes may differ by is not told."""
-    conclusion = conclude(found(judged(0.5, 0.497, DRY, SPRING), judged(0.503, 0.5, DRY)))
+    conclusion = conclude(found(judged(0.475, 0.5, DRY, SPRING), judged(0.5, 0.5, DRY)))
     assert [c.name for c in conclusion.causes] == ["friction(v)"]
     assert conclusion.causes[0].parts == (DRY,)
-    conclusion = conclude(found(judged(0.4, 0.4, DRY, SPRING), judged(0.503, 0.5, DRY)))
+    conclusion = conclude(found(judged(0.4, 0.5, DRY, SPRING), judged(0.5, 0.5, DRY)))
     assert conclusion.causes[0].parts == (DRY, SPRING)
 
 

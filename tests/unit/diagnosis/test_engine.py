@@ -90,6 +90,22 @@ def test_a_large_slow_error_is_never_consistent():
     assert left.share > 0.15
 
 
+def test_slow_noise_of_a_record_that_rests_is_consistent():
+    """It is five times what the output moves there, and a twentieth of what it moved before."""
+    diagnosis = diagnosis_with(oscillator_record(1), (DRY,))
+    found = diagnosis.found
+    slow = np.cumsum(np.random.default_rng(2).standard_normal(len(found.base.measuring)))
+    slow *= 0.05 / np.sqrt(np.mean(slow**2))
+    found.base = replace(found.base, measuring=slow[:, np.newaxis])
+    (one,) = found.subject.left_out
+    rest = replace(one, record=replace(one.record, outputs=0.01 * one.record.outputs))
+    found.subject = replace(found.subject, left_out=(rest,))
+    resting = replace(diagnosis, found=found)
+    assert resting.remainders[0].share > 1.0
+    assert resting.remainders[0].is_slow
+    assert resting.verdict == "consistent"
+
+
 @pytest.fixture
 def without_search(monkeypatch):
     """Fit the model as it is, and nothing else."""

@@ -11,7 +11,13 @@ import pytest
 
 from orchestration.diagnosis import Diagnosis, Found, Shape, Term
 from orchestration.diagnosis.conclude import conclude
-from orchestration.diagnosis.misreadings import _HOPELESS, _hope, misreadings, reading_that_runs
+from orchestration.diagnosis.misreadings import (
+    _HOPELESS,
+    _hope,
+    _Screen,
+    misreadings,
+    reading_that_runs,
+)
 from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.report import summary, terminal, wording
 from orchestration.records import Record
@@ -124,6 +130,14 @@ def test_a_delay_is_estimated() -> None:
     first, *_ = read(force=np.roll(RIGHT.signals["force"], 9))
     assert (first.kind, first.columns) == (ReadingKind.LATE, ("force",))
     assert first.shift == pytest.approx(0.18)
+
+
+def test_an_early_input_of_a_model_with_one_output_is_no_reading() -> None:
+    """It is a late output, which is a term."""
+    screen = _Screen(diagnosis_with(RIGHT).found.subject)
+    shifts = screen._shifts(Reading(ReadingKind.LATE, ("force",)))
+    assert len(shifts) > 3
+    assert min(shifts) > 0.0
 
 
 def test_a_reading_with_a_value_is_not_preferred_to_terms_that_do_the_same() -> None:

@@ -118,3 +118,15 @@ def test_a_fast_effect_has_shorter_steps() -> None:
     course = tank().run(record, given, np.array([START]))
     assert course is not None
     np.testing.assert_allclose(course.outputs, record.outputs, atol=1e-3)
+
+
+def test_an_effect_that_is_faster_than_any_record_shows_has_twelve_steps_in_a_sample() -> None:
+    record = drawn(40)
+    quick = replace(setting(SILTING, values=np.array([1.5, np.log(1e-4)])), substeps=1)
+    stacked = tank().stacked((SILTING.effect,))
+    plain = stacked._setting(record, quick, np.array([START]))
+    assert plain is not None
+    assert plain.substeps == 12
+    slower = stacked._setting(record, replace(quick, substeps=20), np.array([START]))
+    assert slower is not None
+    assert slower.substeps == 20, "which the model asks for itself"

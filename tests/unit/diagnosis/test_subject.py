@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from orchestration.diagnosis import Record, Shape, Term, subject_of
 from orchestration.diagnosis.local_values import COMMON, LocalValues
@@ -183,6 +184,12 @@ def test_an_output_in_which_a_law_is_missing_hides_no_other() -> None:
     assert likelihood_gain(better, worse) == pytest.approx(expected, rel=0.1)
     assert likelihood_gain(worse, better) == pytest.approx(-expected, rel=0.1)
     assert better.misfit > worse.misfit
+    slow = lfilter([1.0], [1.0, -0.9], rng.standard_normal(1000))
+    held = replace(first, errors=(2.0 * (slow / slow.std())[:, np.newaxis],))
+    straight = replace(first, errors=(exact[:, np.newaxis],))
+    independent = 1000.0 * (1.0 - 0.9) / (1.0 + 0.9)
+    expected = independent * np.log(2.0)
+    assert likelihood_gain(straight, held) == pytest.approx(expected, rel=0.4), "of the slow ones"
 
 
 def test_parameters_that_are_held_and_values_that_are_given() -> None:
