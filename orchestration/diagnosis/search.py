@@ -194,7 +194,7 @@ def search(
     other = _between_samples(rounds.found)
     if other is not None:
         progress("inputs go otherwise between samples")
-        return search(other, progress, is_over)
+        return search(other, *ways)
     for one in rounds.found.best(_BEST)[:_BEST]:
         if len(one.terms) < _MOST_TERMS:
             rounds.propose(one.fit, (1,), {1: _SECOND})

@@ -197,6 +197,19 @@ def test_how_inputs_go_is_seen_once_the_missing_law_is_there(smooth: bool) -> No
     assert NAMES._between_samples(rounds.found) is (other if smooth else None)
 
 
+def test_a_search_that_begins_anew_has_the_same_candidates(monkeypatch: pytest.MonkeyPatch) -> None:
+    subject = subject_of(mass(), [drawn(dry, 120)])
+    assert subject is not None
+    others = iter([replace(subject)])
+    monkeypatch.setattr(NAMES, "_between_samples", lambda found: next(others, None))
+    monkeypatch.setattr(NAMES, "misreadings", lambda one, base: [])
+    told: list[str] = []
+    found = search(subject, told.append, is_candidate=lambda term: False)
+    assert found is not None
+    assert found.fits == []
+    assert "inputs go otherwise between samples" in told
+
+
 @pytest.mark.slow
 def test_a_whole_search_names_friction_and_nothing_else() -> None:
     found, conclusion = searched(dry)
