@@ -707,7 +707,7 @@ def at_other_instants(term: Term) -> Iterator[Term]:
 
 
 def with_shorter_lags(term: Term) -> Iterator[Term]:
-    """Yield the lag of a sensor, and shorter ones, to which a search from a long one goes not."""
+    """Yield a term and, of the lag of a sensor, shorter lags, which a long one hides."""
     yield term
     if isinstance(term, SensorTerm) and term.has_memory:
         for ratio in (10.0, 100.0):
