@@ -340,7 +340,7 @@ def weights_of(errors: Sequence[Array]) -> list[Array]:
     """
     count = max(int(np.isfinite(np.concatenate(errors)).sum()), 1)
     share = float(np.sum(_independent(errors))) / count
-    return [share / _variance(errors)] * len(errors)
+    return [share / variance_of(errors)] * len(errors)
 
 
 def independent_weights(errors: Sequence[Array]) -> list[Array]:
@@ -350,7 +350,7 @@ def independent_weights(errors: Sequence[Array]) -> list[Array]:
     """
     counts = [np.maximum(np.isfinite(e).sum(axis=0), 1) for e in errors]
     pairs = zip(_independent(errors), counts, strict=True)
-    return [n_eff / n / _variance(errors) for n_eff, n in pairs]
+    return [n_eff / n / variance_of(errors) for n_eff, n in pairs]
 
 
 def _independent(errors: Sequence[Array]) -> list[Array]:
@@ -358,8 +358,11 @@ def _independent(errors: Sequence[Array]) -> list[Array]:
     return [np.array([effective_samples(column) for column in e.T]) for e in errors]
 
 
-def _variance(errors: Sequence[Array]) -> Array:
-    """Return the mean squares (ny,) of errors of all records, of which none vanishes."""
+def variance_of(errors: Sequence[Array]) -> Array:
+    """Return the mean squares (ny,) of errors of all records, of which none vanishes.
+
+    NaN of an output that was not measured.
+    """
     return np.maximum(mean_squares(np.concatenate(errors)), 1e-10)
 
 

@@ -31,7 +31,7 @@ from orchestration.diagnosis.fitting import (
     fit,
     fit_start,
     located,
-    mean_squares,
+    variance_of,
     weights_of,
 )
 from orchestration.diagnosis.misreadings import misreadings
@@ -64,7 +64,6 @@ _LAST_STEPS = 25
 _NEARLY_FLAT = 1e-3  # fall of the cost that ends a fit before the last ones: a nat of thousands
 _SUBSETS, _SHAPES = 6, 2  # of the best fits, that are fitted with fewer terms, or other shapes
 _SHORTEST = 12  # samples of a piece
-_NOTHING = 1e-12  # mean square of errors, in squared spreads
 _PIECE_WEIGHT = 0.5 / 0.1**2 / 5.0  # of squared errors of a piece: within a tenth of the spread
 
 
@@ -220,7 +219,7 @@ def _between_samples(found: Found) -> Subject | None:
     samples = np.sum(common_of(found.fits).fitted, axis=0)
 
     def evidence(fitted: Fit) -> float:
-        left = np.log(np.maximum(mean_squares(np.concatenate(fitted.errors)), _NOTHING))
+        left = np.log(variance_of(fitted.errors))
         columns = fitted.freedom * np.log(max(samples.sum(), 1.0))
         return -0.5 * float(np.nansum(samples * left) + columns)
 

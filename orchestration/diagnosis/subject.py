@@ -20,7 +20,7 @@ from orchestration.diagnosis.fitting import (
     fit_base,
     fit_start,
     joined_by,
-    mean_squares,
+    variance_of,
     weights_of,
 )
 from orchestration.diagnosis.law_model import LawModel
@@ -46,7 +46,6 @@ _SHORTEST = _MOST // 2  # of one of many, to which it is cut at most
 _JUMP = 0.01  # standard deviations, from which on an input jumps that stands still at most samples
 _DECAY = 1.0  # e-folds over a record, by which each mode decays of a model that forgets errors
 _ROUNDS = 3  # of observers and fits by turns
-_NOTHING = 1e-12  # mean square of errors, in squared spreads
 _UNSEEN = 0.002  # of the spread, by which a run over fewer samples may differ
 _IN_NOISE = 0.1  # of the noise of an output, by which it may differ at most: ten nats of thousands
 _RESOLVED = 2e-4  # of the spread, by which it may differ where there is no noise
@@ -625,10 +624,9 @@ def likelihood_gain(one: Fit, other: Fit) -> float:
     That of each output counts: one in which a law is missing hides no other. It has as many
     samples as are independent in the fit that leaves more structure there.
     """
-    ours, theirs = (mean_squares(np.concatenate(f.errors)) for f in (one, other))
     counts = [[[effective_samples(c) for c in e.T] for e in f.errors] for f in (one, other)]
     samples = np.min(np.sum(counts, axis=1), axis=0)
-    shares = np.log(np.maximum(theirs, _NOTHING) / np.maximum(ours, _NOTHING))
+    shares = np.log(variance_of(other.errors) / variance_of(one.errors))
     return float(0.5 * np.nansum(samples * shares))
 
 
