@@ -14,6 +14,7 @@ import numpy as np
 from fmus.kit.arrays import Array, single_threaded
 from orchestration.diagnosis.comparison import (
     WEIGHTS,
+    Common,
     Comparison,
     Contrast,
     Judged,
@@ -84,7 +85,7 @@ class Ranked:
     score: float
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class Found:
     """All fits of a record, with their comparisons to the model without terms.
 
@@ -93,16 +94,21 @@ class Found:
     subject : Subject
         Of the file as it was read.
     base : Judged
-    fits : list of Judged
-    read : list of Subject
+    fits : tuple of Judged
+    read : tuple of Subject
         Of the file in other readings.
     """
 
     subject: Subject
     base: Judged
-    fits: list[Judged] = field(default_factory=list)
-    read: list[Subject] = field(default_factory=list)
-    _contrasts: list[Contrast] = field(default_factory=list, init=False)  # of the first fits
+    fits: tuple[Judged, ...] = ()
+    read: tuple[Subject, ...] = ()
+    # to the base, which those that are found later share
+    _contrasts: dict[tuple[Judged, Judged], Contrast] = field(default_factory=dict, repr=False)
+
+    def with_fits(self, fits: Iterable[Judged], read: Iterable[Subject] = ()) -> Found:
+        """Return this with further fits, and with further readings of the file."""
+        return replace(self, fits=(*self.fits, *fits), read=(*self.read, *read))
 
     def subject_of(self, reading: Reading | None) -> Subject:
         """Return the subject of a reading."""
@@ -116,32 +122,41 @@ class Found:
 
     def compared(self) -> list[Ranked]:
         """Return each fit with its comparison to the base, the highest score first."""
-        comparisons = self._comparisons()
-        part = inexact(comparisons, self.structure)
-        pairs = zip(self.fits, comparisons, strict=True)
-        ranked = [Ranked(one, c, c.score(part)) for one, c in pairs]
+        return list(self._ranked)
+
+    @cached_property
+    def _ranked(self) -> list[Ranked]:
+        pairs = zip(self.fits, self._comparisons, strict=True)
+        ranked = [Ranked(one, c, c.score(self._inexact)) for one, c in pairs]
         return sorted((r for r in ranked if np.isfinite(r.score)), key=lambda r: -r.score)
 
+    @cached_property
     def _comparisons(self) -> list[Comparison]:
-        """Return the comparison of each fit to the base."""
-        if not self.fits:
-            return []
-        common = common_of(self.fits)
-        fresh = self.fits[len(self._contrasts) :]
-        self._contrasts += [contrast(one, self.base) for one in fresh]
-        known = zip(self.fits, self._contrasts, strict=True)
-        return [compare(one, self.base, common, between) for one, between in known]
+        """Comparison of each fit to the base."""
+        known = self._contrasts
+        for one in self.fits:
+            if (one, self.base) not in known:
+                known[one, self.base] = contrast(one, self.base)
+        return [compare(one, self.base, self.common, known[one, self.base]) for one in self.fits]
+
+    @cached_property
+    def common(self) -> Common:
+        """Effective samples of all comparisons; of the base where nothing was fitted."""
+        return common_of(self.fits or [self.base])
+
+    @cached_property
+    def _inexact(self) -> float:
+        return inexact(self._comparisons, self.structure)
 
     @property
     def temper(self) -> float:
         """Nats by which scores differ of causes that may both be true."""
-        part = inexact(self._comparisons(), self.structure)
-        return WEIGHTS.temper + WEIGHTS.temper_of_gain * part
+        return WEIGHTS.temper + WEIGHTS.temper_of_gain * self._inexact
 
     @property
     def structure(self) -> float:
         """Share of the fitted samples that are not independent; see `Common`."""
-        return common_of(self.fits).structure if self.fits else 0.0
+        return self.common.structure if self.fits else 0.0
 
     def gain_where_fitted(self) -> float:
         """Return the largest gain on fitted samples beyond what the terms cost, nats.
@@ -202,8 +217,7 @@ def search(
     rounds.owners()
     rounds.polish()
     rounds.subsets()
-    _read_otherwise(rounds.found, *ways)
-    return rounds.found
+    return _read_otherwise(rounds.found, *ways)
 
 
 def _between_samples(found: Found) -> Subject | None:
@@ -216,7 +230,7 @@ def _between_samples(found: Found) -> Subject | None:
     other = found.subject.otherwise() if ours else None
     if other is None:
         return None
-    samples = np.sum(common_of(found.fits).fitted, axis=0)
+    samples = np.sum(found.common.fitted, axis=0)
 
     def evidence(fitted: Fit) -> float:
         left = np.log(variance_of(fitted.errors))
@@ -238,10 +252,10 @@ def _read_otherwise(
     progress: Callable[[str], None],
     is_over: Callable[[], bool],
     is_candidate: Callable[[Term], bool],
-) -> None:
-    """Add fits of the file in other readings, without terms and with a few."""
+) -> Found:
+    """Return what is found with fits of the file in other readings, with a few terms or none."""
     if is_over():
-        return
+        return found
     progress("other readings of the file")
     for subject in misreadings(found.subject, found.base):
         base = subject.judge(subject.base)
@@ -251,8 +265,8 @@ def _read_otherwise(
         rounds.propose(subject.base, tuple(_OF_READING), _OF_READING)
         rounds.subsets()
         rounds.polish()
-        found.read.append(subject)
-        found.fits += [base, *rounds.found.fits]
+        found = found.with_fits([base, *rounds.found.fits], [subject])
+    return found
 
 
 class _Rounds:
@@ -366,7 +380,8 @@ class _Rounds:
             return None if fitted is None else subject.judge(located(fitted))
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            self.found.fits += [judged for judged in pool.map(one, new) if judged is not None]
+            judged = [one for one in pool.map(one, new) if one is not None]
+        self.found = self.found.with_fits(judged)
 
     def _nested(self, terms: tuple[Term, ...]) -> list[Point]:
         """Return points of fits whose terms are some of these, the others being small."""
@@ -429,7 +444,7 @@ class _Rounds:
             fitted = fit(subject.problem, one.terms, [one.fit.point], weights, _LAST_STEPS)
             judged = None if fitted is None else subject.judge(fitted)
             if judged is not None:
-                self.found.fits.append(judged)
+                self.found = self.found.with_fits([judged])
 
 
 def _with_one_less(terms: tuple[Term, ...]) -> list[tuple[Term, ...]]:

@@ -45,6 +45,25 @@ def test_fits_are_compared_best_first(found: Found) -> None:
     assert len(scores) == len(found.fits)
 
 
+def test_fits_are_compared_once(found: Found, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However often they are asked for; what is found later is contrasted alone."""
+    calls: list[str] = []
+
+    def counted(name: str) -> None:
+        plain = getattr(NAMES, name)
+        monkeypatch.setattr(NAMES, name, lambda *given: calls.append(name) or plain(*given))
+
+    counted("compare")
+    counted("contrast")
+    few = Found(found.subject, found.base, found.fits[:3])
+    assert few.compared() == few.compared()
+    assert few.temper >= 3.0
+    assert calls == 3 * ["contrast"] + 3 * ["compare"]
+    more = few.with_fits(found.fits[3:4])
+    assert {id(one.judged) for one in more.compared()} == set(map(id, found.fits[:4]))
+    assert (calls.count("contrast"), calls.count("compare")) == (4, 3 + 4)
+
+
 def test_the_best_differ_by_sources_and_are_not_worse(found: Found) -> None:
     best = found.best(4)
     worse = {id(r.judged) for r in found.compared() if r.comparison.is_worse}
@@ -97,14 +116,14 @@ def test_the_lowest_on_what_is_left_out_is_among_the_best(found: Found) -> None:
     """Even where the score of another is higher."""
     first, second = found.best(2)[:2]
     low = replace(second, choosing=0.99 * first.choosing, words=1e3)
-    best = Found(found.subject, found.base, [first, low]).best(1)
+    best = Found(found.subject, found.base, (first, low)).best(1)
     assert [one.terms for one in best] == [first.terms, low.terms]
 
 
 def test_a_larger_set_starts_from_its_parts_too(found: Found) -> None:
     one = found.compared()[0].judged
     other = Term("spring", "x", Shape.CUBE, size=3.0)
-    rounds = NAMES._Rounds(Found(found.subject, found.base, [one]), print)
+    rounds = NAMES._Rounds(Found(found.subject, found.base, (one,)), print)
     (point,) = rounds._nested((other, *one.terms))
     assert point.values[1:] == pytest.approx(one.fit.point.values)
     assert point.q == pytest.approx(one.fit.point.q)
@@ -206,7 +225,7 @@ def test_a_search_that_begins_anew_has_the_same_candidates(monkeypatch: pytest.M
     told: list[str] = []
     found = search(subject, told.append, is_candidate=lambda term: False)
     assert found is not None
-    assert found.fits == []
+    assert not found.fits
     assert "inputs go otherwise between samples" in told
 
 
