@@ -23,9 +23,9 @@ from orchestration.discrepancy.conclude import conclude
 from orchestration.discrepancy.data import (
     Dataset,
     DividedData,
-    ahead_of_inputs,
     has_transient,
     is_excited,
+    note_of,
     screen_and_divide,
     searched_stretch,
     stretch_notes,
@@ -51,6 +51,7 @@ from orchestration.discrepancy.selection import (
     solver_error_notes,
 )
 from orchestration.discrepancy.validation import ConfirmedSelection, confirm, errors_in_variables
+from orchestration.records.quality import ahead_of_inputs
 
 _ALIKE = 1.2  # times the least error, up to which explanations of a record cannot be told apart
 # of the error that a record read otherwise leaves, up to which causes must come to be named
@@ -402,7 +403,8 @@ def _misuse_notes(fitted: BaseFit) -> list[Note]:
     those that cannot be told from that.
     """
     explanations = [by_another_clock, filtered_both_ways]
-    ahead = ahead_of_inputs(fitted.search.data)
+    data = fitted.search.data
+    ahead = [] if data.several else list(map(note_of, ahead_of_inputs(data.channels)))
     if not ahead:
         explanations += [pieced_together, mixed_up_columns]
     notes = [note for explain in explanations for note in explain(fitted.search, fitted.base)]

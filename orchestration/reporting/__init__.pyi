@@ -7,6 +7,7 @@ from .drawing import draw as draw
 from .drawing import make_page as make_page
 from .notebook import Displayable as Displayable
 from .notebook import one_line as one_line
+from .percent import format_percent as format_percent
 from .phrasing import flag as flag
 from .phrasing import in_shell as in_shell
 from .phrasing import option as option

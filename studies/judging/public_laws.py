@@ -280,7 +280,8 @@ def _map(result: LawsResult) -> Table:
 
 def _figures(result: LawsResult) -> str:
     """Return shape, parameters, errors on unseen data, and what these mean for a correction."""
-    from orchestration.discrepancy.report.laws.wording import format_percent, unseen_data_outcome
+    from orchestration.discrepancy.report.laws.wording import unseen_data_outcome
+    from orchestration.reporting import format_percent
 
     best = result.law_map[0]  # type: ignore[union-attr]
     correction = result.details.corrections[0]  # type: ignore[union-attr]

@@ -1,4 +1,3 @@
-from .causality import ahead_of_inputs as ahead_of_inputs
 from .dataset import PIECE as PIECE
 from .dataset import Dataset as Dataset
 from .dataset import dataset_of as dataset_of
@@ -11,12 +10,11 @@ from .holdout import is_at_rest as is_at_rest
 from .intersample import IntersampleCourse as IntersampleCourse
 from .intersample import classify_course as classify_course
 from .intersample import white_noise as white_noise
-from .quality import is_on_grid as is_on_grid
-from .quality import resolution_of as resolution_of
 from .screening import OVER_RECORD as OVER_RECORD
 from .screening import DividedData as DividedData
 from .screening import has_transient as has_transient
 from .screening import is_excited as is_excited
+from .screening import note_of as note_of
 from .screening import screen_and_divide as screen_and_divide
 from .screening import telling_of_simulation as telling_of_simulation
 from .stretch import longer_stretch as longer_stretch

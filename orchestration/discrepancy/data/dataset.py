@@ -16,6 +16,7 @@ from fmus.kit.arrays import Array, Indices, Mask
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.fmu import Model
 from orchestration.records import Record
+from orchestration.records.quality import Channels
 from orchestration.records.runs import MeasuredRun, join_records, sampled_alike
 from orchestration.records.sampling import gaps
 
@@ -122,6 +123,17 @@ class Dataset:
     def even(self) -> bool:
         """True if samples are equally spaced, and as far from each other in all runs."""
         return sampled_alike(self.time, self.runs)
+
+    @property
+    def channels(self) -> Channels:
+        """The channels in which faults are looked for."""
+        named = self.linear or ()
+        smooth = frozenset(self.inputs if isinstance(named, bool) else named)
+        return Channels(self.time, self.inputs, self.measured, smooth)
+
+    def with_channels(self, channels: Channels) -> Dataset:
+        """Return the dataset of one run with other samples."""
+        return replace(self, time=channels.time, inputs=channels.inputs, measured=channels.outputs)
 
     def only(self, outputs: Collection[str]) -> Dataset:
         """Return the dataset with some of its outputs."""

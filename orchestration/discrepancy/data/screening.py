@@ -13,11 +13,10 @@ from fmus.kit import Component, UserError
 from fmus.kit.arrays import Array
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import HELD_OUT, ValidationData
-from orchestration.discrepancy.data.quality import assess
-from orchestration.discrepancy.data.resampling import as_measured
 from orchestration.discrepancy.note import Note, NoteCode, UnusableRecordError
 from orchestration.identify.fitting import ModelOverRuns
 from orchestration.identify.noise import ORDER, noise_std, segments
+from orchestration.records.quality import Fault, as_measured, assess, check_sizes
 from orchestration.reporting import option
 
 _SHORTEST = 150  # samples to fit to
@@ -27,8 +26,6 @@ _LOST = 0.05  # of the noise, below which a response is lost even in thousands o
 _SEEN = 5.0  # times the noise, from which on a movement is none of noise, be it of some colour
 OVER_RECORD = "the record from where it starts"
 _DERIVATIVE = re.compile(r"\bd\(\w+\)/d\(")  # in the message of a simulation that fails
-_HUGE = 1e30  # no measurement is that large, and its square is still a number
-_TINY = 1e-100  # nor is any that small, likewise
 
 
 @dataclass(frozen=True)
@@ -89,8 +86,7 @@ def screen_and_divide(
         If a value is no measurement, the record is too short, or no output can be both fitted and
         judged.
     """
-    _check_sizes(data)
-    data, notes = as_measured(data)
+    data, notes = _measured(data)
     least = round(_SHORTEST / (1.0 - HELD_OUT)) if holdout is None else _SHORTEST
     samples = int(data.within.sum())
     if samples < least:
@@ -126,22 +122,31 @@ def _screened_holdout(
 ) -> tuple[Dataset, list[Note]]:
     """Screen records to judge by, of which an error says so."""
     try:
-        _check_sizes(holdout)
-        data, notes = as_measured(holdout)
+        data, notes = _measured(holdout)
         usable, faults = screened(cls, data, fixed)
         return usable, notes + faults
     except UnusableRecordError as error:
         raise UnusableRecordError([note.of_holdout() for note in error.notes]) from error
 
 
-def _check_sizes(data: Dataset) -> None:
-    """Refuse values whose powers may be no number; nothing is computed of a record before."""
-    for name, values in (*data.inputs.items(), *data.measured.items()):
-        largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
-        if largest > _HUGE:
-            raise UserError(f"{name}: values beyond {_HUGE:g} are no measurement")
-        if 0.0 < largest < _TINY:
-            raise UserError(f"{name}: values all within {_TINY:g} of zero are no measurement")
+def _measured(data: Dataset) -> tuple[Dataset, list[Note]]:
+    """Return the samples that were measured; those of several runs stay.
+
+    Raises
+    ------
+    UserError
+        If a value is no measurement.
+    """
+    check_sizes(data.channels)
+    if data.several:
+        return data, []
+    kept, faults = as_measured(data.channels)
+    return data.with_channels(kept), list(map(note_of, faults))
+
+
+def note_of(fault: Fault) -> Note:
+    """Return the note on a fault."""
+    return Note(NoteCode(fault.code), fault.channel, fault.facts)
 
 
 def screened(
@@ -158,13 +163,15 @@ def screened(
         simulated = _simulated(cls, data, fixed)
     except UserError:
         simulated = {}
-    usable, faults = assess(data, {o: simulated[o] for o in data.measured if o in simulated})
-    notes = [fault.note for fault in sorted(faults, key=lambda fault: bool(fault.channel))]
-    enough = {o: y for o, y in usable.measured.items() if np.isfinite(y).sum() >= _FEWEST}
-    notes += [Note(NoteCode.TOO_FEW_SAMPLES, o) for o in usable.measured if o not in enough]
+    usable, faults = assess(
+        data.channels, {o: simulated[o] for o in data.measured if o in simulated}
+    )
+    notes = [note_of(fault) for fault in sorted(faults, key=lambda fault: bool(fault.channel))]
+    enough = {o: y for o, y in usable.outputs.items() if np.isfinite(y).sum() >= _FEWEST}
+    notes += [Note(NoteCode.TOO_FEW_SAMPLES, o) for o in usable.outputs if o not in enough]
     if not enough:
         raise UnusableRecordError(notes)
-    return replace(usable, measured=enough), notes
+    return replace(data, measured=enough), notes
 
 
 def drop_truncated(data: Dataset) -> tuple[Dataset, list[Note]]:

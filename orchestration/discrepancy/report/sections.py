@@ -48,6 +48,7 @@ from orchestration.identify.changes import Change
 from orchestration.identify.uncertainty import Estimate
 from orchestration.records import Record
 from orchestration.records.runs import base_name, shown_name
+from orchestration.reporting import format_percent
 from orchestration.reporting.html import Bar, Markup, Page, elements, escaped
 
 _DRAWN = 3  # effects of which there is a picture
@@ -130,7 +131,7 @@ def _error_bar(result: Result, shown: SimulatedModel, output: str) -> Bar:
     errors = (validation.data.measured[output] - values)[validation.judged]
     share = validation.nrmse({**validation.data.measured, output: values})[output]
     size = write_prefixed(rms(errors), result.model.outputs[output].unit)
-    percent = wording.format_percent(share)
+    percent = format_percent(share)
     text = f"{percent} · {size}" if np.isfinite(share) else size
     return Bar(shown.label, shown.colour, share, text)
 

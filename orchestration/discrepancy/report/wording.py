@@ -19,8 +19,9 @@ from orchestration.discrepancy.residuals import (
 )
 from orchestration.discrepancy.selection import ACCEPT, Step
 from orchestration.discrepancy.validation import Outcome
+from orchestration.records.quality import FAULTS, Fault
 from orchestration.records.runs import base_name, shown_name
-from orchestration.reporting import option
+from orchestration.reporting import format_percent, option
 
 # models that a diagnosis compares
 NOMINAL, REFITTED, EXTENDED = "as it is", "parameters refitted", "with the effect"
@@ -31,7 +32,6 @@ UNSEEN = "data that no fit has seen"
 REFUTED = "unseen data refute it"
 _LISTED = 5  # names of many that are listed
 _MORE_DIGITS = 4  # that may tell two shares apart; beyond it is no gain
-_UNCOUNTED = 1e4  # percent, from which on a share is not written out
 _NO_DIFFERENCE = 0.05  # of BIC, below which a choice makes none
 # notes without which a verdict is misread
 IN_HEADLINE = (
@@ -80,11 +80,6 @@ _NOTES = {
         "{columns} looks to be an integral of what the model shows{others}: the model misses"
         " {share}, and with it differentiated {instead}"
     ),
-    NoteCode.MOVES_AHEAD: (
-        "moves before inputs step, which nothing does that follows them: it was filtered forwards"
-        " and backwards, or differentiated about every sample, or its clock is ahead of theirs;"
-        " what was measured is needed as it was"
-    ),
     NoteCode.FILTERED: (
         "outputs have nothing beyond {frequency:.3g} Hz, no noise either, and look to have been"
         " filtered forwards and backwards: the model misses {share}, and with inputs filtered alike"
@@ -117,48 +112,6 @@ _NOTES = {
         " whatever its parameters, and no other unit, sign, column or clock brings it near; are"
         " inputs and outputs of one run, and is it this plant?"
     ),
-    NoteCode.CLIPPED: "cut off at its {end} {level:.6g}, {share} of the samples",
-    NoteCode.CLIPPED_REPEATEDLY: (
-        "cut off at its {end} {level:.6g}, {times} times, {share} of the samples"
-    ),
-    NoteCode.STUCK: "stands still for up to {samples} samples in a row, {share} of the samples",
-    NoteCode.STUCK_WHILE_DRIVEN: (
-        "stands still at {level:.6g} for {samples} samples in a row while inputs move, {share} of"
-        " the samples"
-    ),
-    NoteCode.DEAD_CONSTANT: (
-        "constant at {level:.6g} while inputs move: a dead sensor, or nothing drives it; it is not"
-        " used"
-    ),
-    NoteCode.DEAD_TOGGLING: (
-        "only toggles between neighbouring steps of {resolution:.4g} whatever the inputs do: it is"
-        " not used"
-    ),
-    NoteCode.DEAD_TO_THE_END: (
-        "stands still at {level:.6g} to the end: a dead sensor, {share} of the samples"
-    ),
-    NoteCode.DEAD_WHILE_DRIVEN: (
-        "stands still at {level:.6g} to the end while inputs move, {share} of the samples"
-    ),
-    NoteCode.STANDS_STILL: (
-        "stands still at {level:.6g} for up to {samples} samples in a row while inputs move,"
-        " {share} of the samples: kept, as what a dead zone, dry friction or a stop does"
-    ),
-    NoteCode.COPIED: "has the very values of {input}: a column was copied, and it is not used",
-    NoteCode.OUTLIERS: "{count} single samples far from their neighbours",
-    NoteCode.QUANTISED: (
-        "steps of {resolution:.4g}, coarser than its noise: nothing finer can be judged"
-    ),
-    NoteCode.RESAMPLED: (
-        "all outputs are straight lines over {times} samples each: the record was resampled, and"
-        " only the {samples} samples between them are used"
-    ),
-    NoteCode.OVERSAMPLED: (
-        "no column has anything as fast as its samples, nor any noise: the record was filtered or"
-        " sampled far too finely, and only {samples} samples, one of {times}, are used"
-    ),
-    NoteCode.UNUSABLE: "{usable} of its samples are left: it is not used at all",
-    NoteCode.NOTHING_USABLE: "no output is left that could be trusted: nothing can be judged",
     NoteCode.INTERSAMPLE: (
         "taken to {course} between samples, {basis}{margin}; {LINEAR} or {HELD} forces it"
     ),
@@ -184,14 +137,6 @@ _NOTES = {
         "causes were searched for in {samples} of {of} samples, from {first:.6g} s to {last:.6g} s;"
         " the models with them are fitted to all samples and judged by all, and what acts elsewhere"
         " only shows there as structure without a cause"
-    ),
-    NoteCode.CONSTANT_INPUT: (
-        "constant at {value:.6g} throughout: what only answers to its changes cannot be judged, and"
-        " effects that need them cannot be told apart"
-    ),
-    NoteCode.NO_EXCITATION: (
-        "no input moves, and no output by more than its noise: neither a cause nor a parameter can"
-        " be judged"
     ),
     NoteCode.EXCITATION_BELOW_NOISE: (
         "no input moves by more than is lost in the noise of the outputs: nothing can be judged"
@@ -629,12 +574,18 @@ def _unexplained_findings(diagnosis: Diagnosis) -> list[str]:
 
 def message(note: Note) -> str:
     """Return a note in one sentence."""
+    if note.code in FAULTS:
+        text = Fault(note.code, note.subject, note.facts).sentence
+    else:
+        text = _message(note)
+    return f"in the record held out: {text}" if note.held_out else text
+
+
+def _message(note: Note) -> str:
     template = _NOTES[note.code]
     facts = {name: _format_fact(name, value) for name, value in note.facts.items()}
     text = template.format(subject=note.subject, **facts, **_options(note.subject))
-    if note.subject and "{subject}" not in template:
-        text = f"{note.subject}: {text}"
-    return f"in the record held out: {text}" if note.held_out else text
+    return f"{note.subject}: {text}" if note.subject and "{subject}" not in template else text
 
 
 def _options(subject: str) -> dict[str, str]:
@@ -720,22 +671,6 @@ def format_interval(interval: tuple[float, float], write: Callable[[float], str]
     return " … ".join(map(write, interval))
 
 
-def format_percent(share: float, more: int = 0) -> str:
-    """Return a share in percent, with one decimal; below 1 % with two digits, from 100 % on whole.
-
-    With `more` digits it has these besides. A simulation that runs away misses a record by any
-    number, which tells no more; of a constant signal there is no share.
-    """
-    value = 100.0 * share
-    if math.isnan(value):
-        return "–"
-    if not value < _UNCOUNTED:
-        return f"more than {_UNCOUNTED:.0f} %"
-    if value >= 99.95:
-        return f"{value:.{more}f} %"
-    return f"{value:.{1 + more}f} %" if value >= 1.0 else f"{value:.{2 + more}g} %"
-
-
 def _told_apart(before: float, after: float) -> tuple[str, str]:
     """Return two shares with as many digits as tell them apart, or as usual if these are many."""
     pairs = [
@@ -781,7 +716,6 @@ _FACT_FORMATS: dict[str, Callable[[Any], str]] = {
     "instants": _format_instants,
     "share": format_percent,
     "instead": format_percent,
-    "usable": format_percent,
 }
 
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from fmus.kit.arrays import Array, Mask
-from orchestration.discrepancy.data import Dataset, resolution_of
+from orchestration.discrepancy.data import Dataset
 from orchestration.discrepancy.residuals.correlation import (
     CrossCorrelation,
     Feedback,
@@ -29,6 +29,7 @@ from orchestration.discrepancy.residuals.outliers import (
 )
 from orchestration.discrepancy.residuals.regressors import Regressor
 from orchestration.identify.noise import ORDER, Noise, estimate_noise, segments
+from orchestration.records.quality import resolution_of
 
 _ENOUGH = 3.2  # steps of noise, with which nothing is left of the error of rounding
 

@@ -10,8 +10,9 @@ import numpy as np
 
 from fmus.kit.arrays import Array
 from orchestration.discrepancy.candidates import FittedCandidate
-from orchestration.discrepancy.data import is_on_grid, resolution_of, white_noise
+from orchestration.discrepancy.data import white_noise
 from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.records.quality import is_on_grid, resolution_of
 
 # Of the spread of an output: what forward Euler errs by with a hundred steps to a time constant,
 # which is half a step (Hairer, Norsett, Wanner: Solving Ordinary Differential Equations I, section

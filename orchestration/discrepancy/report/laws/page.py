@@ -20,6 +20,7 @@ from orchestration.discrepancy.report.laws.law_report import (
 from orchestration.discrepancy.report.sections import add_data, add_notes
 from orchestration.discrepancy.report.wording import EXTENDED, REFITTED, format_interval
 from orchestration.discrepancy.validation import parameter_estimates
+from orchestration.reporting import format_percent
 from orchestration.reporting.html import Bar, Markup, Page, elements, escaped, format_quantities
 
 _CHIPS = {"confirmed": "named", "refuted": "cause", "not confirmed": "ambiguous", "not asked": ""}
@@ -201,10 +202,8 @@ def _add_errors(page: Page, law_report: LawReport, best: Correction) -> None:
     before, after = best.errors
     for output in before:
         bars = [
-            Bar(
-                "without", COLOURS[REFITTED], before[output], wording.format_percent(before[output])
-            ),
-            Bar("with it", COLOURS[EXTENDED], after[output], wording.format_percent(after[output])),
+            Bar("without", COLOURS[REFITTED], before[output], format_percent(before[output])),
+            Bar("with it", COLOURS[EXTENDED], after[output], format_percent(after[output])),
         ]
         page.parts.append(elements.bar_chart(capitalised(in_words(output)), bars))
     page.parts.append(

@@ -29,9 +29,9 @@ from orchestration.discrepancy.report.laws.law_report import (
     shape_width,
     signal_unit,
 )
-from orchestration.discrepancy.report.wording import Answer, format_move, format_percent
+from orchestration.discrepancy.report.wording import Answer, format_move
 from orchestration.identify.uncertainty import Estimate
-from orchestration.reporting import option
+from orchestration.reporting import format_percent, option
 
 _NOTHING = "No law is found to lack anything."
 _LETTERS = {"": "a", "_width": "w", "_beside": "b"}  # by what the name of a parameter ends with

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from demonstrations.records import draw
 from fmus.kit.errors import UserError
 from fmus.ppy_actuator.model import PpyActuator
 from orchestration.discrepancy.data.dataset import Dataset
@@ -18,10 +19,15 @@ from orchestration.discrepancy.data.screening import (
     has_transient,
     telling_of_simulation,
 )
-from orchestration.discrepancy.diagnosis import diagnose
+from orchestration.discrepancy.diagnosis import Verdict, diagnose
 from orchestration.discrepancy.note import Note, NoteCode, UnusableRecordError
 from orchestration.discrepancy.report.wording import message
+from orchestration.records.quality import FAULTS
 from tests.support.diagnosis import FEW, coloured, short_record
+from tests.support.pace import slow_but
+from tests.support.wired_motor import FRICTION, Motor, wired
+
+LIMIT = 0.8  # V, of a recorder
 
 
 def test_a_record_that_is_too_short_is_refused():
@@ -142,3 +148,37 @@ def test_a_start_that_cannot_be_simulated_is_told_with_the_model(reason, part):
     ):
         raise UserError(reason)
     assert str(told.value).startswith("ppy_actuator cannot be simulated over the record")
+
+
+@pytest.mark.parametrize("fault", slow_but(["clipped", "dead", "stuck"], "clipped"))
+def test_a_fault_of_the_data_is_no_cause(fault):
+    data = short_record(rate=10.0)
+    outputs = {name: values.copy() for name, values in data.measured.items()}
+    if fault == "clipped":
+        outputs["voltage"] = np.clip(outputs["voltage"], -LIMIT, LIMIT)
+    else:
+        first = round(0.6 * data.time.size) if fault == "dead" else 0
+        outputs["displacement"][first:] = outputs["displacement"][first]
+    diagnosis = diagnose(PpyActuator, replace(data, measured=outputs), FEW)
+    assert fault in {FAULTS[note.code].kind for note in diagnosis.notes if note.code in FAULTS}
+    assert diagnosis.causes == []
+    assert diagnosis.verdict == "recalibrate"  # the rig is off nominal by up to 15 %
+    if fault == "clipped":
+        low, high = diagnosis.estimates["R1"].interval
+        truth = draw(None, 1, duration=300.0, rate=10.0).truth.parameters
+        assert low < truth.R1 < high
+
+
+def test_a_resampled_record_gets_the_verdict_of_the_one_that_was_measured():
+    """Lines between held inputs look like a delay of half a sample."""
+    data = wired()
+    fine = np.linspace(data.time[0], data.time[-1], 6 * (data.time.size - 1) + 1)
+
+    def lines(columns):
+        return {name: np.interp(fine, data.time, values) for name, values in columns.items()}
+
+    resampled = Dataset(fine, lines(data.inputs), lines(data.measured))
+    diagnosis = diagnose(Motor, resampled, [FRICTION])
+    assert diagnosis.verdict is diagnose(Motor, wired(), [FRICTION]).verdict
+    assert diagnosis.verdict in (Verdict.CONSISTENT, Verdict.RECALIBRATE)
+    assert NoteCode.RESAMPLED in {note.code for note in diagnosis.notes}

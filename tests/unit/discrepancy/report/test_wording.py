@@ -24,12 +24,14 @@ from orchestration.discrepancy import diagnosis as diagnosing
 from orchestration.discrepancy import final_model, pipeline
 from orchestration.discrepancy.budget import Budget
 from orchestration.discrepancy.data import stretch
-from orchestration.discrepancy.data.causality import ahead_of_inputs
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.data.holdout import ValidationData
-from orchestration.discrepancy.data.quality import assess
-from orchestration.discrepancy.data.resampling import as_measured
-from orchestration.discrepancy.data.screening import drop_truncated, screen_and_divide, screened
+from orchestration.discrepancy.data.screening import (
+    drop_truncated,
+    note_of,
+    screen_and_divide,
+    screened,
+)
 from orchestration.discrepancy.diagnosis import Verdict, diagnose
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.discrepancy.report import wording
@@ -40,6 +42,7 @@ from orchestration.discrepancy.validation.confirmation import FreeRunGain, confi
 from orchestration.discrepancy.validation.estimates import identifiability_notes
 from orchestration.discrepancy.validation.prediction import predict
 from orchestration.fmu.model import find_model
+from orchestration.records.quality import FAULTS, Channels, ahead_of_inputs, as_measured, assess
 from tests.support.battery import analysed
 from tests.support.diagnosis import coloured, rig_record, short_record
 from tests.support.intersample_records import record
@@ -104,7 +107,7 @@ def with_output(data: Dataset, output: str, values: np.ndarray) -> Dataset:
 
 
 def faults(data: Dataset) -> list[Note]:
-    return [fault.note for fault in assess(data)[1]]
+    return list(map(note_of, assess(data.channels)[1]))
 
 
 class Relaxing(Component):
@@ -570,7 +573,7 @@ def integrated(monkeypatch):
 def moves_ahead(monkeypatch):
     data = products(1.0)
     smooth = sosfiltfilt(butter(4, 0.2, output="sos"), data.measured["y"])
-    return ahead_of_inputs(with_output(data, "y", smooth))
+    return list(map(note_of, ahead_of_inputs(with_output(data, "y", smooth).channels)))
 
 
 @makes(NoteCode.FILTERED)
@@ -624,7 +627,7 @@ def other_specimen(monkeypatch):
 
 @makes(NoteCode.OVERSAMPLED)
 def oversampled(monkeypatch):
-    return as_measured(Dataset(0.1 * np.arange(2000), {}, wave().measured))[1]
+    return list(map(note_of, as_measured(Channels(wave().time, {}, wave().measured))[1]))
 
 
 @makes(NoteCode.COPIED)
@@ -726,7 +729,8 @@ def test_every_note_has_a_sentence_with_all_its_facts(code, monkeypatch):
     sentence = wording.message(note)
     assert not re.search(r"\{\w*\}", sentence)  # nothing is left to be filled in
     assert note.subject in sentence
-    named = {name for _, name, _, _ in Formatter().parse(wording._NOTES[code]) if name}
+    template = FAULTS[code].sentence if code in FAULTS else wording._NOTES[code]
+    named = {name for _, name, _, _ in Formatter().parse(template) if name}
     needed = named - {"subject", *wording._options(note.subject)}  # options are no facts
     assert needed <= set(note.facts)
     for name in needed:
@@ -736,7 +740,8 @@ def test_every_note_has_a_sentence_with_all_its_facts(code, monkeypatch):
 
 
 def test_every_code_and_every_verdict_has_its_words():
-    assert set(wording._NOTES) == set(NoteCode)
+    assert {*wording._NOTES, *FAULTS} == set(NoteCode)
+    assert not wording._NOTES.keys() & FAULTS.keys()
     assert set(wording._VERDICTS) == set(Verdict)
 
 
@@ -812,22 +817,6 @@ def test_an_input_that_is_forced_against_its_course_is_in_the_headline(actuator,
         rig_record(), actuator, options=pipeline.DiagnosisOptions(effects=[], interpolate=asked)
     )
     assert ("its course is one of steps" in str(wording.headline(result))) is asked
-
-
-@pytest.mark.parametrize(
-    ("share", "text"),
-    [
-        (0.365, "36.5 %"),
-        (0.0123, "1.2 %"),
-        (0.00123, "0.12 %"),
-        (0.9996, "100 %"),
-        (1.234, "123 %"),
-        (np.inf, "more than 10000 %"),
-        (np.nan, "–"),
-    ],
-)
-def test_a_share_is_a_number_that_people_read(share, text):
-    assert wording.format_percent(share) == text
 
 
 @pytest.mark.parametrize(

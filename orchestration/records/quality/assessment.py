@@ -16,16 +16,17 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri
 
+from fmus.kit import UserError
 from fmus.kit.arrays import Array, Mask
-from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.records.quality.fault import Channels, Fault
 from orchestration.records.sampling import true_runs
 
 Span = tuple[int, int]  # first sample, and the one after the last
 _SAME = 1e-9  # of the range: what unit conversion may split one value into
 _RUN = 5  # equal samples that are looked at
 _USABLE = 0.1  # share of the samples below which an output is not used
-_EVIDENCE = ("quantised", "standing")  # reported, and used all the same
+_HUGE = 1e30  # no measurement is that large, and its square is still a number
+_TINY = 1e-100  # nor is any that small, likewise
 
 # Noise
 _QUIET = 30  # samples without movement of the inputs that it takes to know the noise
@@ -51,115 +52,96 @@ _SPIKES = 0.02  # share of the samples above which they are no outliers
 
 
 @dataclass(frozen=True)
-class DataFault:
-    """One fault of the data.
-
-    Attributes
-    ----------
-    channel : str
-        Empty if it is about all of them.
-    kind : str
-        "clipped", "stuck", "dead", "standing", "outlier", "quantised", "copied", "unusable",
-        "still" or "nothing".
-    code : NoteCode
-        How it was recognised.
-    facts : Mapping of str to Any
-        Figures that its sentence needs.
-    first, last : int
-        Samples between which it was seen, both of them included.
-    start, end : float
-        Their times, s.
-    share : float
-        Of the samples of the channel.
-    left_out : bool
-        Whether these samples are not used.
-    """
-
-    channel: str
-    kind: str
-    code: NoteCode
-    facts: Mapping[str, Any]
-    first: int
-    last: int
-    start: float
-    end: float
-    share: float
-    left_out: bool
-
-    @property
-    def note(self) -> Note:
-        """The fault as a remark of the diagnosis."""
-        return Note(self.code, self.channel, {**self.facts, "share": self.share})
-
-
-@dataclass(frozen=True)
-class Symptom:
+class _Symptom:
     """A fault of one output as its samples show it.
 
     Attributes
     ----------
-    kind : str
-        See `DataFault`.
-    code : NoteCode
+    code : str
+        See `Fault`.
     mask : ndarray of bool, shape (n,)
         The samples.
     facts : Mapping of str to Any
         Figures that its sentence needs.
     """
 
-    kind: str
-    code: NoteCode
+    code: str
     mask: Mask
     facts: Mapping[str, Any] = field(default_factory=dict)
 
+    def fault(self, channel: str, values: Array) -> Fault:
+        """Return the fault of a channel of values (n,)."""
+        share = float(self.mask.sum() / max(np.isfinite(values).sum(), 1))
+        return Fault(self.code, channel, {**self.facts, "share": share})
+
+
+def check_sizes(channels: Channels) -> None:
+    """Refuse values whose powers may be no number; nothing is computed of a record before.
+
+    Raises
+    ------
+    UserError
+    """
+    for name, values in (*channels.inputs.items(), *channels.outputs.items()):
+        largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
+        if largest > _HUGE:
+            raise UserError(f"{name}: values beyond {_HUGE:g} are no measurement")
+        if 0.0 < largest < _TINY:
+            raise UserError(f"{name}: values all within {_TINY:g} of zero are no measurement")
+
 
 def assess(
-    data: Dataset, simulated: Mapping[str, Array] | None = None
-) -> tuple[Dataset, list[DataFault]]:
+    channels: Channels, simulated: Mapping[str, Array] | None = None
+) -> tuple[Channels, list[Fault]]:
     """Look for faults of the data.
 
     Parameters
     ----------
-    data : Dataset
+    channels : Channels
     simulated : Mapping of str to ndarray, shape (n,), optional
         Outputs as a model shows them under the same inputs. What they do themselves, such as
         resting at a limit or not moving at all, is no fault of the data.
 
     Returns
     -------
-    Dataset
+    Channels
         With NaN where an output cannot be trusted, and without outputs that say nothing.
-    list of DataFault
+    list of Fault
         In the order of the channels, inputs first.
     """
-    faults = list(_still_inputs(data))
-    moved = {name: _changes(values) for name, values in data.inputs.items()}
+    inputs = channels.inputs
+    faults = list(_still_inputs(channels))
+    moved = {name: _changes(values) for name, values in inputs.items()}
     modelled = simulated or {}
     usable = {}
-    for name, values in data.measured.items():
-        kinds_of_model = set()
-        if name in modelled:
-            of_model = (*_copies(modelled[name], data.inputs), *_symptoms(modelled[name], moved))
-            kinds_of_model = {symptom.kind for symptom in of_model}
+    for name, values in channels.outputs.items():
+        own = modelled.get(name)
+        of_model = set() if own is None else {x.kind for x, _ in _faults(name, own, inputs, moved)}
         bad = np.zeros(len(values), dtype=bool)
-        for symptom in (*_copies(values, data.inputs), *_symptoms(values, moved)):
-            if symptom.kind in kinds_of_model:
+        for fault, mask in _faults(name, values, inputs, moved):
+            if fault.kind in of_model:
                 continue
-            left_out = symptom.kind not in _EVIDENCE
-            faults.append(_fault(data, name, symptom, values, left_out))
-            if left_out:
-                bad |= symptom.mask
+            faults.append(fault)
+            if not fault.is_evidence:
+                bad |= mask
         present = np.isfinite(values)
         share = float((present & ~bad).sum() / max(present.sum(), 1))
         if share >= _USABLE:
             usable[name] = np.where(bad, np.nan, values)
         elif share > 0.0:
-            unusable = Symptom("unusable", NoteCode.UNUSABLE, present, {"usable": share})
-            faults.append(_fault(data, name, unusable, values, True))
+            unusable = _Symptom("unusable", present, {"usable": share})
+            faults.append(unusable.fault(name, values))
     if not usable:
-        nothing = Symptom("nothing", NoteCode.NOTHING_USABLE, _everywhere(data.time))
-        faults.append(_fault(data, "", nothing, data.time, False))
-    return replace(data, measured=usable), faults
+        faults.append(_of_record("nothing_usable", channels))
+    return replace(channels, outputs=usable), faults
+
+
+def _faults(
+    name: str, values: Array, inputs: Mapping[str, Array], moved: Mapping[str, Mask]
+) -> Iterator[tuple[Fault, Mask]]:
+    """Yield the faults of one output (n,) with their samples, given where each input moves."""
+    for symptom in (*_copies(values, inputs), *_symptoms(values, moved)):
+        yield symptom.fault(name, values), symptom.mask
 
 
 def resolution_of(values: Array) -> float:
@@ -182,48 +164,30 @@ def resolution_of(values: Array) -> float:
     return float(steps.min()) if len(steps) else 0.0
 
 
-def _fault(
-    data: Dataset, channel: str, symptom: Symptom, values: Array, left_out: bool
-) -> DataFault:
-    samples = np.flatnonzero(symptom.mask)
-    first = int(samples[0])
-    last = int(samples[-1])
-    return DataFault(
-        channel,
-        symptom.kind,
-        symptom.code,
-        symptom.facts,
-        first,
-        last,
-        start=float(data.time[first]),
-        end=float(data.time[last]),
-        share=float(symptom.mask.sum() / max(np.isfinite(values).sum(), 1)),
-        left_out=left_out,
-    )
+def _of_record(code: str, channels: Channels) -> Fault:
+    """Return a fault that is about all channels."""
+    return _Symptom(code, _everywhere(channels.time)).fault("", channels.time)
 
 
-def _still_inputs(data: Dataset) -> Iterator[DataFault]:
+def _still_inputs(channels: Channels) -> Iterator[Fault]:
     """Yield a fault for every input that does not move, and one more if none does."""
-    everywhere = _everywhere(data.time)
-    still = {name: values for name, values in data.inputs.items() if not _changes(values).any()}
+    still = {name: u for name, u in channels.inputs.items() if not _changes(u).any()}
     for name, values in still.items():
         facts = {"value": float(values[0])}
-        constant = Symptom("still", NoteCode.CONSTANT_INPUT, everywhere, facts)
-        yield _fault(data, name, constant, values, False)
-    if len(still) == len(data.inputs):
-        unexcited = Symptom("still", NoteCode.NO_EXCITATION, everywhere)
-        yield _fault(data, "", unexcited, data.time, False)
+        yield _Symptom("constant_input", _everywhere(values), facts).fault(name, values)
+    if len(still) == len(channels.inputs):
+        yield _of_record("no_excitation", channels)
 
 
-def _copies(values: Array, inputs: Mapping[str, Array]) -> Iterator[Symptom]:
+def _copies(values: Array, inputs: Mapping[str, Array]) -> Iterator[_Symptom]:
     """Yield the symptom of an output (n,) that has the values of an input, if it has."""
     for name, u in inputs.items():
         if np.ptp(u) > 0.0 and np.allclose(values, u, rtol=0.0, atol=_SAME * float(np.ptp(u))):
-            yield Symptom("copied", NoteCode.COPIED, _everywhere(values), {"input": name})
+            yield _Symptom("copied", _everywhere(values), {"input": name})
             return
 
 
-def _symptoms(values: Array, moved: Mapping[str, Mask]) -> Iterator[Symptom]:
+def _symptoms(values: Array, moved: Mapping[str, Mask]) -> Iterator[_Symptom]:
     """Yield the faults of one output (n,), given where each input moves."""
     present = np.flatnonzero(np.isfinite(values))
     inputs_moved = {name: mask[present] for name, mask in moved.items()}
@@ -233,7 +197,7 @@ def _symptoms(values: Array, moved: Mapping[str, Mask]) -> Iterator[Symptom]:
         yield replace(symptom, mask=whole)
 
 
-def _symptoms_without_gaps(y: Array, moved: Mapping[str, Mask]) -> Iterator[Symptom]:
+def _symptoms_without_gaps(y: Array, moved: Mapping[str, Mask]) -> Iterator[_Symptom]:
     n = len(y)
     if n < 2 * _RUN:
         return
@@ -251,18 +215,18 @@ def _symptoms_without_gaps(y: Array, moved: Mapping[str, Mask]) -> Iterator[Symp
     coarse = not is_noisy and 4 * len(np.unique(y)) <= n and is_on_grid(y, resolution)
     spikes = _outliers(y, resolution, bad, moved)
     if (coarse or is_noisy) and 0 < spikes.sum() <= max(1, _SPIKES * n):
-        yield Symptom("outlier", NoteCode.OUTLIERS, spikes, {"count": int(spikes.sum())})
+        yield _Symptom("outliers", spikes, {"count": int(spikes.sum())})
     if coarse:
-        yield Symptom("quantised", NoteCode.QUANTISED, _everywhere(y), {"resolution": resolution})
+        yield _Symptom("quantised", _everywhere(y), {"resolution": resolution})
 
 
-def _dead_throughout(y: Array, resolution: float, moved: Mapping[str, Mask]) -> Symptom | None:
+def _dead_throughout(y: Array, resolution: float, moved: Mapping[str, Mask]) -> _Symptom | None:
     """Return the symptom of an output that says nothing at all while inputs move, if it is one."""
     inputs = _any_moved(moved, len(y))
     if not inputs.any():
         return None
     if resolution == 0.0:
-        return Symptom("dead", NoteCode.DEAD_CONSTANT, _everywhere(y), {"level": float(y[0])})
+        return _Symptom("dead_constant", _everywhere(y), {"level": float(y[0])})
     changes = np.flatnonzero(np.diff(y)) + 1
     near_move = inputs | np.roll(inputs, 1) | np.roll(inputs, -1)
     if (
@@ -271,7 +235,7 @@ def _dead_throughout(y: Array, resolution: float, moved: Mapping[str, Mask]) -> 
         and not near_move.all()
         and near_move[changes].mean() < 0.5
     ):
-        return Symptom("dead", NoteCode.DEAD_TOGGLING, _everywhere(y), {"resolution": resolution})
+        return _Symptom("dead_toggling", _everywhere(y), {"resolution": resolution})
     return None
 
 
@@ -302,7 +266,7 @@ def _tie_probability(y: Array, resolution: float, moved: Mapping[str, Mask]) -> 
 
 def _repeated_values(
     y: Array, resolution: float, tie_probability: float | None, moved: Mapping[str, Mask]
-) -> Iterator[Symptom]:
+) -> Iterator[_Symptom]:
     """Return the faults that repeat a value of an output: clipped, stuck, dead or standing.
 
     They are told by how often its noise would repeat a sample, or, where it has none to judge by,
@@ -313,7 +277,7 @@ def _repeated_values(
     return _repeats_in_noise(y, resolution, tie_probability)
 
 
-def _repeats_in_noise(y: Array, resolution: float, tie_probability: float) -> Iterator[Symptom]:
+def _repeats_in_noise(y: Array, resolution: float, tie_probability: float) -> Iterator[_Symptom]:
     """Find values that noise could not have repeated.
 
     Parameters
@@ -327,7 +291,7 @@ def _repeats_in_noise(y: Array, resolution: float, tie_probability: float) -> It
 
     Yields
     ------
-    Symptom
+    _Symptom
     """
     same = _SAME * float(np.ptp(y))
     longest = 1.0 + _COLOURED * np.log(_ALARM / len(y)) / np.log(tie_probability)
@@ -335,7 +299,7 @@ def _repeats_in_noise(y: Array, resolution: float, tie_probability: float) -> It
     tail = _dead_tail(y, frozen, same)
     if tail:
         mask = _mask(len(y), [tail])
-        yield Symptom("dead", NoteCode.DEAD_TO_THE_END, mask, {"level": float(y[-1])})
+        yield _Symptom("dead_to_the_end", mask, {"level": float(y[-1])})
         frozen.remove(tail)
     for end, level in (("maximum", float(y.max())), ("minimum", float(y.min()))):
         facts = {"end": end, "level": level}
@@ -345,7 +309,7 @@ def _repeats_in_noise(y: Array, resolution: float, tie_probability: float) -> It
         dead_there = tail is not None and abs(y[-1] - level) <= same
         # at the end of what noise reaches there are fewer samples than beside it
         if at_level.sum() > _RUN + _BESIDE * beside and not dead_there:
-            yield Symptom("clipped", NoteCode.CLIPPED, _closed(at_level), facts)
+            yield _Symptom("clipped", _closed(at_level), facts)
             frozen = [span for span in frozen if not at_level[span[0]]]
     yield from _stuck_or_standing(y, frozen, same)
 
@@ -360,7 +324,7 @@ def _dead_tail(y: Array, frozen: Sequence[Span], same: float) -> Span | None:
     return None
 
 
-def _stuck_or_standing(y: Array, frozen: Sequence[Span], same: float) -> Iterator[Symptom]:
+def _stuck_or_standing(y: Array, frozen: Sequence[Span], same: float) -> Iterator[_Symptom]:
     """Yield the runs of a stuck sensor, and those of a plant that stands.
 
     A plant stands where it has stood before; a sensor hangs anywhere.
@@ -378,17 +342,17 @@ def _stuck_or_standing(y: Array, frozen: Sequence[Span], same: float) -> Iterato
     if stuck:
         samples = _mask(len(y), stuck)
         first, last = _longest(true_runs(samples))
-        yield Symptom("stuck", NoteCode.STUCK, samples, {"samples": last - first})
+        yield _Symptom("stuck", samples, {"samples": last - first})
     if standing:
         samples = _mask(len(y), standing)
         first, last = _longest(true_runs(samples))
         facts = {"level": float(y[first]), "samples": last - first}
-        yield Symptom("standing", NoteCode.STANDS_STILL, samples, facts)
+        yield _Symptom("stands_still", samples, facts)
 
 
 def _repeats_without_noise(
     y: Array, resolution: float, moved: Mapping[str, Mask]
-) -> Iterator[Symptom]:
+) -> Iterator[_Symptom]:
     """Find cuts and standstills of an output that has no noise to judge by.
 
     Parameters
@@ -402,7 +366,7 @@ def _repeats_without_noise(
 
     Yields
     ------
-    Symptom
+    _Symptom
     """
     equal = _equal_runs(y)
     if not equal:
@@ -424,7 +388,7 @@ def _repeats_without_noise(
         long = sum(last - first > 1.5 * between for first, last in spans) if varied else 0
         if (cuts >= 2 and 2 * cuts >= len(spans)) or long >= 3:
             facts = {"end": end, "level": level, "times": len(spans)}
-            yield Symptom("clipped", NoteCode.CLIPPED_REPEATEDLY, _closed(at_level), facts)
+            yield _Symptom("clipped_repeatedly", _closed(at_level), facts)
 
 
 def _stops_while_driven(
@@ -444,16 +408,16 @@ def _stops_while_driven(
     return last - first > 3 * max(others, default=0)
 
 
-def _standstill(y: Array, span: Span, at_rest: bool) -> Symptom:
+def _standstill(y: Array, span: Span, at_rest: bool) -> _Symptom:
     """Return the symptom of a standstill: of a plant at rest, or of a dead or stuck sensor."""
     first, last = span
     mask = _mask(len(y), [span])
     facts = {"level": float(y[first]), "samples": last - first}
     if at_rest:
-        return Symptom("standing", NoteCode.STANDS_STILL, mask, facts)
+        return _Symptom("stands_still", mask, facts)
     if last == len(y):
-        return Symptom("dead", NoteCode.DEAD_WHILE_DRIVEN, mask, facts)
-    return Symptom("stuck", NoteCode.STUCK_WHILE_DRIVEN, mask, facts)
+        return _Symptom("dead_while_driven", mask, facts)
+    return _Symptom("stuck_while_driven", mask, facts)
 
 
 def _is_cut(

@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from fmus.kit.arrays import Array, Indices
-from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.records.quality.fault import Channels, Fault
 
 _STEP = 0.2  # of the range of an input, from which on a change within a sample is a step of it
 _WIDEST = 25  # samples before a step that are looked at,
@@ -22,37 +21,35 @@ _FEWEST = 4  # steps to judge by
 _MOVES = 4.0
 
 
-def ahead_of_inputs(data: Dataset) -> list[Note]:
-    """Return a note on every output that moves before inputs step.
+def ahead_of_inputs(channels: Channels) -> list[Fault]:
+    """Return a fault of every output that moves before inputs step.
 
     Parameters
     ----------
-    data : Dataset
+    channels : Channels
 
     Returns
     -------
-    list of Note
+    list of Fault
         None where inputs do not step, or one step comes right after the other.
     """
-    if data.several:
-        return []
-    steps = _steps(data)
+    steps = _steps(channels)
     spaces = np.diff(steps, prepend=0)
     width = int(min(_WIDEST, np.median(spaces) // _BEFORE)) if len(steps) else 0
     alone = steps[spaces >= _BEFORE * width]
     if width < _NARROWEST or len(alone) < _FEWEST:
         return []
     return [
-        Note(NoteCode.MOVES_AHEAD, output)
-        for output, y in data.measured.items()
+        Fault("moves_ahead", output)
+        for output, y in channels.outputs.items()
         if np.isfinite(y).all() and np.median(_rise(y, alone, width)) > _MOVES
     ]
 
 
-def _steps(data: Dataset) -> Indices:
+def _steps(channels: Channels) -> Indices:
     """Return the samples at which any input steps."""
-    stepped = np.zeros(len(data.time), dtype=bool)
-    for u in data.inputs.values():
+    stepped = np.zeros(len(channels.time), dtype=bool)
+    for u in channels.inputs.values():
         change = np.abs(np.diff(u, prepend=u[:1]))
         stepped |= change > _STEP * max(float(np.ptp(u)), np.finfo(float).tiny)
     return np.flatnonzero(stepped)

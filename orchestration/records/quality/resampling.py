@@ -14,8 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from fmus.kit.arrays import Array
-from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.records.quality.fault import Channels, Fault
 
 _FINEST = 50  # samples on a line
 _KNOTS = 20  # that it takes to know
@@ -26,44 +25,36 @@ _FEWEST = 200  # samples that are kept at least
 _EVEN = 0.1  # scatter of their size over its mean, below which a signal is a triangle by itself
 
 
-def as_measured(data: Dataset) -> tuple[Dataset, list[Note]]:
+def as_measured(channels: Channels) -> tuple[Channels, list[Fault]]:
     """Return the samples of a record that tell something that others do not tell.
 
     Parameters
     ----------
-    data : Dataset
+    channels : Channels
 
     Returns
     -------
-    data : Dataset
-        Those between which all outputs are lines, or as many as tell all that is in the columns;
-        the same where an output has gaps, or where there are several runs.
-    notes : list of Note
+    Channels
+        Those samples between which all outputs are lines, or as many as tell all that is in the
+        columns; all of them where an output has gaps.
+    list of Fault
         On samples that were left out.
     """
-    outputs = list(data.measured.values())
-    if data.several or not outputs or not all(np.isfinite(y).all() for y in outputs):
-        return data, []
+    outputs = list(channels.outputs.values())
+    if not outputs or not all(np.isfinite(y).all() for y in outputs):
+        return channels, []
     for times in range(_FINEST, 1, -1):
         firsts = {_first_knot(y, times) for y in outputs}
         if len(firsts) == 1 and None not in firsts:
-            kept = slice(firsts.pop(), None, times)
-            note = Note(NoteCode.RESAMPLED, "", {"times": times, "samples": len(data.time[kept])})
-            return _every(data, kept), [note]
-    times = _oversampling(data)
+            kept = _every(channels, slice(firsts.pop(), None, times))
+            return kept, [Fault("resampled", "", {"times": times, "samples": len(kept.time)})]
+    times = _oversampling(channels)
     if times > 1:
-        kept = slice(0, None, times)
-        note = Note(NoteCode.OVERSAMPLED, "", {"times": times, "samples": len(data.time[kept])})
-        held = {n: _means(u, times) for n, u in data.inputs.items() if not _is_linear(data, n)}
-        thinned = _every(data, kept)
-        return replace(thinned, inputs={**thinned.inputs, **held}), [note]
-    return data, []
-
-
-def _is_linear(data: Dataset, name: str) -> bool:
-    if isinstance(data.linear, bool):
-        return data.linear
-    return name in (data.linear or ())
+        kept = _every(channels, slice(0, None, times))
+        held = {n: _means(u, times) for n, u in channels.inputs.items() if n not in channels.smooth}
+        fault = Fault("oversampled", "", {"times": times, "samples": len(kept.time)})
+        return replace(kept, inputs={**kept.inputs, **held}), [fault]
+    return channels, []
 
 
 def _means(held: Array, times: int) -> Array:
@@ -73,13 +64,13 @@ def _means(held: Array, times: int) -> Array:
     return np.asarray(np.add.reduceat(held, firsts) / counts)
 
 
-def _oversampling(data: Dataset) -> int:
+def _oversampling(channels: Channels) -> int:
     """Return how many times as many samples a record has as its columns need; 1 if all count."""
-    count = len(data.time)
-    moving = [u for u in data.inputs.values() if np.ptp(u) > 0.0]
-    if not data.even or count < 2 * _FEWEST:
+    count = len(channels.time)
+    moving = [u for u in channels.inputs.values() if np.ptp(u) > 0.0]
+    if not channels.is_even or count < 2 * _FEWEST:
         return 1
-    highest = max(_highest_frequency(column) for column in (*moving, *data.measured.values()))
+    highest = max(_highest_frequency(column) for column in (*moving, *channels.outputs.values()))
     return max(1, min(int(1.0 / (_A_PERIOD * highest)), count // _FEWEST))
 
 
@@ -109,10 +100,10 @@ def _first_knot(y: Array, times: int) -> int | None:
     return (place + 1) % times
 
 
-def _every(data: Dataset, kept: slice) -> Dataset:
+def _every(channels: Channels, kept: slice) -> Channels:
     return replace(
-        data,
-        time=data.time[kept],
-        inputs={name: values[kept] for name, values in data.inputs.items()},
-        measured={name: values[kept] for name, values in data.measured.items()},
+        channels,
+        time=channels.time[kept],
+        inputs={name: values[kept] for name, values in channels.inputs.items()},
+        outputs={name: values[kept] for name, values in channels.outputs.items()},
     )

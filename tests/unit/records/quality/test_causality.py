@@ -6,22 +6,20 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter, sosfiltfilt
 
-from orchestration.discrepancy.data.causality import ahead_of_inputs
-from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.note import Note, NoteCode
+from orchestration.records.quality import Channels, Fault, ahead_of_inputs
 
 RNG = np.random.default_rng(3)
 
 
-def driven(level: float, space: int = 150) -> Dataset:
+def driven(level: float, space: int = 150) -> Channels:
     """A first-order lag under steps, on paper, with noise of a level."""
     u = np.repeat(np.resize([1.0, -0.5, 0.3, -1.0], 3000 // space), space).astype(float)
     y = lfilter([0.1], [1.0, -0.9], u)
-    return Dataset(np.arange(3000.0), {"u": u}, {"y": y + level * RNG.standard_normal(3000)})
+    return Channels(np.arange(3000.0), {"u": u}, {"y": y + level * RNG.standard_normal(3000)})
 
 
-def with_output(data: Dataset, y: np.ndarray) -> Dataset:
-    return Dataset(data.time, data.inputs, {"y": y})
+def with_output(data: Channels, y: np.ndarray) -> Channels:
+    return Channels(data.time, data.inputs, {"y": y})
 
 
 @pytest.mark.parametrize("level", [0.0, 1e-3, 0.1])
@@ -41,12 +39,12 @@ def test_a_plant_that_swings_does_not_move_ahead():
 def test_what_was_filtered_both_ways_moves_ahead():
     """Oracle: SciPy's filter, which is symmetrical in time."""
     data = driven(0.01)
-    smooth = sosfiltfilt(butter(4, 0.05, output="sos"), data.measured["y"])
-    assert ahead_of_inputs(with_output(data, smooth)) == [Note(NoteCode.MOVES_AHEAD, "y")]
+    smooth = sosfiltfilt(butter(4, 0.05, output="sos"), data.outputs["y"])
+    assert ahead_of_inputs(with_output(data, smooth)) == [Fault("moves_ahead", "y")]
 
 
 def test_without_steps_nothing_is_said():
     data = driven(0.01)
     wave = np.sin(0.02 * data.time)
-    assert ahead_of_inputs(Dataset(data.time, {"u": wave}, data.measured)) == []
-    assert ahead_of_inputs(Dataset(data.time, {}, data.measured)) == []
+    assert ahead_of_inputs(Channels(data.time, {"u": wave}, data.outputs)) == []
+    assert ahead_of_inputs(Channels(data.time, {}, data.outputs)) == []

@@ -7,11 +7,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 
-from orchestration.discrepancy.data.dataset import Dataset
-from orchestration.discrepancy.data.resampling import as_measured
-from orchestration.discrepancy.diagnosis import Verdict, diagnose
-from orchestration.discrepancy.note import NoteCode
-from tests.support.wired_motor import FRICTION, Motor, wired
+from orchestration.records.quality import Channels, as_measured
+from tests.support.wired_motor import wired
 
 
 def resampled(data, times, first=0):
@@ -22,55 +19,47 @@ def resampled(data, times, first=0):
     def lines(values):
         return np.interp(fine, np.arange(count), values)
 
-    return Dataset(
+    return Channels(
         lines(data.time),
         {name: lines(values) for name, values in data.inputs.items()},
-        {name: lines(values) for name, values in data.measured.items()},
+        {name: lines(values) for name, values in data.outputs.items()},
     )
 
 
 @pytest.mark.parametrize(("times", "first"), [(2, 0), (7, 0), (10, 4), (24, 1)])
 def test_what_was_measured_is_left(times, first):
-    data = wired()
+    data = wired().channels
     kept, (note,) = as_measured(resampled(data, times, first))
-    assert note.code is NoteCode.RESAMPLED
+    assert note.code == "resampled"
     assert note.facts["times"] == times
     start = 1 if first else 0
     assert kept.time == pytest.approx(data.time[start:])
     assert kept.inputs["drive"] == pytest.approx(data.inputs["drive"][start:])
-    assert kept.measured["shown"] == pytest.approx(data.measured["shown"][start:])
+    assert kept.outputs["shown"] == pytest.approx(data.outputs["shown"][start:])
 
 
 @pytest.mark.parametrize(
     "y",
     [
-        wired().measured["shown"],
-        wired(noise=0.0).measured["shown"],
+        wired().channels.outputs["shown"],
+        wired(noise=0.0).channels.outputs["shown"],
         np.abs(np.arange(1500) % 40 - 20.0),  # a triangle without noise
         np.interp(np.arange(1500), [0, 700, 740, 1500], [0.0, 1.0, -3.0, 2.0]),
         np.zeros(1500),
     ],
 )
 def test_other_records_are_left_alone(y):
-    data = wired()
-    data = Dataset(data.time, data.inputs, {"shown": y})
+    data = wired().channels
+    data = Channels(data.time, data.inputs, {"shown": y})
     assert as_measured(data) == (data, [])
 
 
 def test_one_output_that_is_not_resampled_is_enough():
-    data = resampled(wired(), 5)
+    data = resampled(wired().channels, 5)
     rng = np.random.default_rng(1)
-    both = {**data.measured, "other": rng.standard_normal(len(data.time))}
-    data = Dataset(data.time, data.inputs, both)
+    both = {**data.outputs, "other": rng.standard_normal(len(data.time))}
+    data = Channels(data.time, data.inputs, both)
     assert as_measured(data) == (data, [])
-
-
-def test_a_resampled_record_gets_the_verdict_of_the_one_that_was_measured():
-    """Lines between held inputs look like a delay of half a sample."""
-    diagnosis = diagnose(Motor, resampled(wired(), 6), [FRICTION])
-    assert diagnosis.verdict is diagnose(Motor, wired(), [FRICTION]).verdict
-    assert diagnosis.verdict in (Verdict.CONSISTENT, Verdict.RECALIBRATE)
-    assert NoteCode.RESAMPLED in {note.code for note in diagnosis.notes}
 
 
 def filtered_decay(corner):
@@ -80,30 +69,30 @@ def filtered_decay(corner):
     y = 2.0 * np.exp(-time / 12.0) + noise
     if corner:
         y = sosfiltfilt(butter(4, corner, output="sos"), y)
-    return Dataset(time, {}, {"y": y})
+    return Channels(time, {}, {"y": y})
 
 
 def test_of_what_was_filtered_as_many_samples_count_as_tell_it():
     """Oracle: the sampling theorem, with the corner of the filter as the highest frequency."""
     kept, (note,) = as_measured(filtered_decay(0.01))
-    assert note.code is NoteCode.OVERSAMPLED
+    assert note.code == "oversampled"
     samples_of_a_period = 2.0 / 0.01 / note.facts["times"]
     assert 8.0 < samples_of_a_period < 40.0
-    restored = CubicSpline(kept.time, kept.measured["y"])(filtered_decay(0.01).time[:-100])
-    assert restored == pytest.approx(filtered_decay(0.01).measured["y"][:-100], abs=1e-3)
+    restored = CubicSpline(kept.time, kept.outputs["y"])(filtered_decay(0.01).time[:-100])
+    assert restored == pytest.approx(filtered_decay(0.01).outputs["y"][:-100], abs=1e-3)
 
 
 def test_a_record_with_noise_keeps_its_samples():
-    for data in (filtered_decay(0.0), wired()):
+    for data in (filtered_decay(0.0), wired().channels):
         assert as_measured(data)[1] == []
 
 
 def test_an_input_that_was_held_does_what_it_did():
     time = np.arange(4000.0)
     u = np.sin(0.004 * time)
-    kept, (note,) = as_measured(Dataset(time, {"u": u}, {"y": np.cos(0.004 * time)}))
+    kept, (note,) = as_measured(Channels(time, {"u": u}, {"y": np.cos(0.004 * time)}))
     times = note.facts["times"]
     whole = len(kept.time) - 1
     assert kept.inputs["u"][:whole] == pytest.approx(u[: whole * times].reshape(-1, times).mean(1))
-    smooth = Dataset(time, {"u": u}, {"y": np.cos(0.004 * time)}, linear=["u"])
+    smooth = Channels(time, {"u": u}, {"y": np.cos(0.004 * time)}, frozenset(["u"]))
     assert as_measured(smooth)[0].inputs["u"] == pytest.approx(u[::times])

@@ -1,0 +1,5 @@
+"""Faults of a record that its values alone show, before any model is blamed for them."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
