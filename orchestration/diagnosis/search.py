@@ -25,6 +25,7 @@ from orchestration.diagnosis.comparison import (
 )
 from orchestration.diagnosis.courses import Courses, courses_of
 from orchestration.diagnosis.fitting import (
+    FLAT,
     SMALL,
     Fit,
     Point,
@@ -45,7 +46,7 @@ from orchestration.diagnosis.screening import (
     other_shapes,
     with_shorter_lags,
 )
-from orchestration.diagnosis.subject import Subject
+from orchestration.diagnosis.subject import Subject, read_again
 from orchestration.diagnosis.terms import NamedTerm, SensorTerm, Term, effects_in
 
 _PIECES = (1, 8, 40)  # of a record, of the courses along which terms are proposed
@@ -64,6 +65,7 @@ _STEPS, _FEWER_STEPS = 15, 12  # of a fit; of one that starts from a fit of near
 _LAST_STEPS = 25
 _NEARLY_FLAT = 1e-3  # fall of the cost that ends a fit before the last ones: a nat of thousands
 _SUBSETS, _SHAPES = 6, 2  # of the best fits, that are fitted with fewer terms, or other shapes
+_LEADING, _FINALISTS = 8, 12  # best sets and fits that are fitted to all samples
 _SHORTEST = 12  # samples of a piece
 _PIECE_WEIGHT = 0.5 / 0.1**2 / 5.0  # of squared errors of a piece: within a tenth of the spread
 
@@ -97,12 +99,15 @@ class Found:
     fits : tuple of Judged
     read : tuple of Subject
         Of the file in other readings.
+    chosen_from : int
+        Further fits, among which these were chosen.
     """
 
     subject: Subject
     base: Judged
     fits: tuple[Judged, ...] = ()
     read: tuple[Subject, ...] = ()
+    chosen_from: int = 0
     # to the base, which those that are found later share
     _contrasts: dict[tuple[Judged, Judged], Contrast] = field(default_factory=dict, repr=False)
 
@@ -165,7 +170,7 @@ class Found:
         """
         comparisons = [ranked.comparison for ranked in self.compared()]
         largest = max((c.fitted - c.cost for c in comparisons), default=0.0)
-        return largest - float(np.log(max(len(comparisons), 1)))
+        return largest - float(np.log(max(len(comparisons) + self.chosen_from, 1)))
 
     def best(self, count: int) -> list[Judged]:
         """Return the best fits, of which no two have the same sources, and the lowest left out."""
@@ -217,7 +222,61 @@ def search(
     rounds.owners()
     rounds.polish()
     rounds.subsets()
-    return _read_otherwise(rounds.found, *ways)
+    return _on_all_samples(_read_otherwise(rounds.found, *ways))
+
+
+def _on_all_samples(found: Found) -> Found:
+    """Return the fits among which a conclusion is drawn, of all samples if there are more."""
+    whole = found.subject.complete()
+    base = None if whole is None else whole.judge(whole.base)
+    if whole is None or base is None:
+        return found
+    finalists = _finalists(found)
+    readings = {one.reading for one in finalists}
+    again = [read_again(whole, few) for few in found.read if few.reading in readings]
+    read = [one for one in again if one is not None]
+    subjects = {one.reading: one for one in (whole, *read)}
+
+    def refitted(one: Judged) -> Judged | None:
+        subject = subjects.get(one.reading)
+        if subject is None:
+            return None
+        if not one.terms:
+            return subject.judge(subject.base)
+        start, weights = [one.fit.point], weights_of(one.fit.errors)
+        return _judged(subject, one.terms, start, weights, _LAST_STEPS, FLAT)
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        fits = [one for one in pool.map(refitted, finalists) if one is not None]
+    chosen_from = len(found.fits) - len(finalists)
+    return Found(whole, base, tuple(fits), tuple(read), chosen_from)
+
+
+def _finalists(found: Found) -> list[Judged]:
+    """Return the fits among which a conclusion is drawn: all that may change it.
+
+    The best; the best sets with all that were fitted of their parts, by which causes are put in
+    order; the best without each of the causes; and the one that gains most where it was fitted.
+    """
+    ranked = found.compared()
+    good = [entry.judged for entry in ranked if not entry.comparison.is_worse]
+    sets: dict[frozenset[object], Judged] = {}
+    for one in good:
+        sets.setdefault(frozenset(part.source for part in one.parts), one)
+    leading = dict(list(sets.items())[:_LEADING])
+    chosen = [*good[:_FINALISTS], *found.best(1), *leading.values()]
+    chosen += [one for key, one in sets.items() if any(key < whole for whole in leading)]
+    causes = dict.fromkeys(part.cause for one in leading.values() for part in one.parts)
+    without = [{cause} for cause in causes]
+    without += [set(list(causes)[:count]) for count in range(2, len(causes) + 1)]
+    for some in without:
+        others = (one for one in good if some.isdisjoint(part.cause for part in one.parts))
+        chosen += itertools.islice(others, 1)
+    largest = sorted(ranked, key=lambda entry: entry.comparison.cost - entry.comparison.fitted)
+    chosen += [entry.judged for entry in largest[:1]]
+    # sets that differ in the constants from which they were fitted are one
+    same = {(o.reading, frozenset((t.source, t.shape) for t in o.terms)): o for o in chosen[::-1]}
+    return list(same.values())
 
 
 def _between_samples(found: Found) -> Subject | None:
@@ -371,13 +430,7 @@ class _Rounds:
             if self._is_over():
                 return None
             terms, points = job
-            begun = fit(subject.problem, terms, points, self._weights, 0, _NEARLY_FLAT)
-            if begun is None:
-                return None
-            # in the noise of a worse model an end is flat that is not one in its own
-            weights = weights_of(begun.errors)
-            fitted = fit(subject.problem, terms, [begun.point], weights, most, _NEARLY_FLAT)
-            return None if fitted is None else subject.judge(located(fitted))
+            return _judged(subject, terms, points, self._weights, most)
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             judged = [one for one in pool.map(one, new) if one is not None]
@@ -445,6 +498,23 @@ class _Rounds:
             judged = None if fitted is None else subject.judge(fitted)
             if judged is not None:
                 self.found = self.found.with_fits([judged])
+
+
+def _judged(
+    subject: Subject,
+    terms: tuple[Term, ...],
+    points: Sequence[Point],
+    weights: Sequence[Array],
+    most: int,
+    flat: float = _NEARLY_FLAT,
+) -> Judged | None:
+    """Fit a set of terms from points; see `fit`."""
+    begun = fit(subject.problem, terms, points, weights, 0, flat)
+    if begun is None:
+        return None
+    # in the noise of a worse model an end is flat that is not one in its own
+    fitted = fit(subject.problem, terms, [begun.point], weights_of(begun.errors), most, flat)
+    return None if fitted is None else subject.judge(located(fitted))
 
 
 def _with_one_less(terms: tuple[Term, ...]) -> list[tuple[Term, ...]]:

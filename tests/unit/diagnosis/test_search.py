@@ -11,6 +11,7 @@ import pytest
 import orchestration.diagnosis.search  # noqa: F401
 from fmus.kit.arrays import Array
 from orchestration.diagnosis import Found, Memory, Shape, Term, subject_of
+from orchestration.diagnosis.conclude import conclude
 from orchestration.diagnosis.fitting import Point
 from orchestration.diagnosis.search import search
 from orchestration.diagnosis.term_names import sentence
@@ -227,6 +228,35 @@ def test_a_search_that_begins_anew_has_the_same_candidates(monkeypatch: pytest.M
     assert found is not None
     assert not found.fits
     assert "inputs go otherwise between samples" in told
+
+
+def test_a_conclusion_is_drawn_of_all_samples_alone(found: Found) -> None:
+    """Of 200 fitted samples where 160 were searched; friction is that of 2 N that was drawn."""
+    whole = subject_of(mass(), [drawn(dry, 300)])
+    few = replace(found, subject=replace(found.subject, complete=lambda: whole))
+    last = NAMES._on_all_samples(few)
+    assert last.subject is whole
+    assert {len(one.fit.errors[0]) for one in (last.base, *last.fits)} == {200}
+    assert len(last.fits) + last.chosen_from == len(found.fits)
+    (term,) = last.compared()[0].judged.terms
+    assert term.cause == ("friction", "v")
+    assert last.compared()[0].judged.fit.values_of(term)[0] * term.size == pytest.approx(
+        2, rel=0.05
+    )
+    assert NAMES._on_all_samples(found) is found
+
+
+def test_the_fits_that_are_chosen_lead_to_the_same_conclusion(found: Found) -> None:
+    chosen = NAMES._finalists(found)
+    left = len(found.fits) - len(chosen)
+    assert left > 5
+    few = Found(found.subject, found.base, tuple(chosen), chosen_from=left)
+    assert few.gain_where_fitted() == pytest.approx(found.gain_where_fitted(), abs=1.0)
+    ours, theirs = conclude(few), conclude(found)
+    assert ours.verdict == theirs.verdict
+    assert [c.name for c in ours.causes] == [c.name for c in theirs.causes]
+    probabilities = [c.probability for c in theirs.causes]
+    assert [c.probability for c in ours.causes] == pytest.approx(probabilities, abs=0.01)
 
 
 @pytest.mark.slow
