@@ -189,7 +189,7 @@ def _explaining(
     base = subject.judge(subject.base)
     scores = {}
     if base is not None:
-        found = Found(subject, base, [separate for _, _, separate, _ in tried])
+        found = Found(subject, base, tuple(separate for _, _, separate, _ in tried))
         ranked = [one for one in found.compared() if not one.comparison.is_worse]
         scores = {id(one.judged): one.score for one in ranked}
     return max(tried, key=lambda one: scores.get(id(one[2]), -np.inf))

@@ -13,7 +13,6 @@ from orchestration.diagnosis.comparison import (
     Common,
     Judged,
     are_same,
-    common_of,
     rises,
     shortfall,
 )
@@ -122,7 +121,7 @@ def _joined(causes: Sequence[Cause], found: Found) -> list[Cause]:
     if it were true, is less than what scores of causes may differ by; and with another law if a
     function of the signal in the one is a function of it in the other.
     """
-    common = common_of(found.fits)
+    common = found.common
     joined: list[Cause] = []
     for cause in sorted(causes, key=_plainness):
         same = {

@@ -322,7 +322,7 @@ class Selection:
             for differences, judged in zip(new, pool.map(one, new), strict=True):
                 if judged is not None:
                     self._fits[frozenset(differences)] = differences, judged
-                    self._found.fits.append(judged)
+                    self._found = self._found.with_fits([judged])
 
     def _scores(self, sets: Sequence[tuple[Difference, ...]]) -> dict[frozenset[Difference], float]:
         """Fit some sets, and return the scores of all fits so far that are not worse."""

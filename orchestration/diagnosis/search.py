@@ -14,6 +14,7 @@ import numpy as np
 from fmus.kit.arrays import Array, single_threaded
 from orchestration.diagnosis.comparison import (
     WEIGHTS,
+    Common,
     Comparison,
     Contrast,
     Judged,
@@ -24,6 +25,7 @@ from orchestration.diagnosis.comparison import (
 )
 from orchestration.diagnosis.courses import Courses, courses_of
 from orchestration.diagnosis.fitting import (
+    FLAT,
     SMALL,
     Fit,
     Point,
@@ -44,7 +46,7 @@ from orchestration.diagnosis.screening import (
     other_shapes,
     with_shorter_lags,
 )
-from orchestration.diagnosis.subject import Subject
+from orchestration.diagnosis.subject import Subject, read_again
 from orchestration.diagnosis.terms import NamedTerm, SensorTerm, Term, effects_in
 
 _PIECES = (1, 8, 40)  # of a record, of the courses along which terms are proposed
@@ -63,6 +65,7 @@ _STEPS, _FEWER_STEPS = 15, 12  # of a fit; of one that starts from a fit of near
 _LAST_STEPS = 25
 _NEARLY_FLAT = 1e-3  # fall of the cost that ends a fit before the last ones: a nat of thousands
 _SUBSETS, _SHAPES = 6, 2  # of the best fits, that are fitted with fewer terms, or other shapes
+_LEADING, _FINALISTS = 8, 12  # best sets and fits that are fitted to all samples
 _SHORTEST = 12  # samples of a piece
 _PIECE_WEIGHT = 0.5 / 0.1**2 / 5.0  # of squared errors of a piece: within a tenth of the spread
 
@@ -84,7 +87,7 @@ class Ranked:
     score: float
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class Found:
     """All fits of a record, with their comparisons to the model without terms.
 
@@ -93,16 +96,24 @@ class Found:
     subject : Subject
         Of the file as it was read.
     base : Judged
-    fits : list of Judged
-    read : list of Subject
+    fits : tuple of Judged
+    read : tuple of Subject
         Of the file in other readings.
+    chosen_from : int
+        Further fits, among which these were chosen.
     """
 
     subject: Subject
     base: Judged
-    fits: list[Judged] = field(default_factory=list)
-    read: list[Subject] = field(default_factory=list)
-    _contrasts: list[Contrast] = field(default_factory=list, init=False)  # of the first fits
+    fits: tuple[Judged, ...] = ()
+    read: tuple[Subject, ...] = ()
+    chosen_from: int = 0
+    # to the base, which those that are found later share
+    _contrasts: dict[tuple[Judged, Judged], Contrast] = field(default_factory=dict, repr=False)
+
+    def with_fits(self, fits: Iterable[Judged], read: Iterable[Subject] = ()) -> Found:
+        """Return this with further fits, and with further readings of the file."""
+        return replace(self, fits=(*self.fits, *fits), read=(*self.read, *read))
 
     def subject_of(self, reading: Reading | None) -> Subject:
         """Return the subject of a reading."""
@@ -116,32 +127,41 @@ class Found:
 
     def compared(self) -> list[Ranked]:
         """Return each fit with its comparison to the base, the highest score first."""
-        comparisons = self._comparisons()
-        part = inexact(comparisons, self.structure)
-        pairs = zip(self.fits, comparisons, strict=True)
-        ranked = [Ranked(one, c, c.score(part)) for one, c in pairs]
+        return list(self._ranked)
+
+    @cached_property
+    def _ranked(self) -> list[Ranked]:
+        pairs = zip(self.fits, self._comparisons, strict=True)
+        ranked = [Ranked(one, c, c.score(self._inexact)) for one, c in pairs]
         return sorted((r for r in ranked if np.isfinite(r.score)), key=lambda r: -r.score)
 
+    @cached_property
     def _comparisons(self) -> list[Comparison]:
-        """Return the comparison of each fit to the base."""
-        if not self.fits:
-            return []
-        common = common_of(self.fits)
-        fresh = self.fits[len(self._contrasts) :]
-        self._contrasts += [contrast(one, self.base) for one in fresh]
-        known = zip(self.fits, self._contrasts, strict=True)
-        return [compare(one, self.base, common, between) for one, between in known]
+        """Comparison of each fit to the base."""
+        known = self._contrasts
+        for one in self.fits:
+            if (one, self.base) not in known:
+                known[one, self.base] = contrast(one, self.base)
+        return [compare(one, self.base, self.common, known[one, self.base]) for one in self.fits]
+
+    @cached_property
+    def common(self) -> Common:
+        """Effective samples of all comparisons; of the base where nothing was fitted."""
+        return common_of(self.fits or [self.base])
+
+    @cached_property
+    def _inexact(self) -> float:
+        return inexact(self._comparisons, self.structure)
 
     @property
     def temper(self) -> float:
         """Nats by which scores differ of causes that may both be true."""
-        part = inexact(self._comparisons(), self.structure)
-        return WEIGHTS.temper + WEIGHTS.temper_of_gain * part
+        return WEIGHTS.temper + WEIGHTS.temper_of_gain * self._inexact
 
     @property
     def structure(self) -> float:
         """Share of the fitted samples that are not independent; see `Common`."""
-        return common_of(self.fits).structure if self.fits else 0.0
+        return self.common.structure if self.fits else 0.0
 
     def gain_where_fitted(self) -> float:
         """Return the largest gain on fitted samples beyond what the terms cost, nats.
@@ -150,7 +170,7 @@ class Found:
         """
         comparisons = [ranked.comparison for ranked in self.compared()]
         largest = max((c.fitted - c.cost for c in comparisons), default=0.0)
-        return largest - float(np.log(max(len(comparisons), 1)))
+        return largest - float(np.log(max(len(comparisons) + self.chosen_from, 1)))
 
     def best(self, count: int) -> list[Judged]:
         """Return the best fits, of which no two have the same sources, and the lowest left out."""
@@ -202,8 +222,61 @@ def search(
     rounds.owners()
     rounds.polish()
     rounds.subsets()
-    _read_otherwise(rounds.found, *ways)
-    return rounds.found
+    return _on_all_samples(_read_otherwise(rounds.found, *ways))
+
+
+def _on_all_samples(found: Found) -> Found:
+    """Return the fits among which a conclusion is drawn, of all samples if there are more."""
+    whole = found.subject.complete()
+    base = None if whole is None else whole.judge(whole.base)
+    if whole is None or base is None:
+        return found
+    finalists = _finalists(found)
+    readings = {one.reading for one in finalists}
+    again = [read_again(whole, few) for few in found.read if few.reading in readings]
+    read = [one for one in again if one is not None]
+    subjects = {one.reading: one for one in (whole, *read)}
+
+    def refitted(one: Judged) -> Judged | None:
+        subject = subjects.get(one.reading)
+        if subject is None:
+            return None
+        if not one.terms:
+            return subject.judge(subject.base)
+        start, weights = [one.fit.point], weights_of(one.fit.errors)
+        return _judged(subject, one.terms, start, weights, _LAST_STEPS, FLAT)
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        fits = [one for one in pool.map(refitted, finalists) if one is not None]
+    chosen_from = len(found.fits) - len(finalists)
+    return Found(whole, base, tuple(fits), tuple(read), chosen_from)
+
+
+def _finalists(found: Found) -> list[Judged]:
+    """Return the fits among which a conclusion is drawn: all that may change it.
+
+    The best; the best sets with all that were fitted of their parts, by which causes are put in
+    order; the best without each of the causes; and the one that gains most where it was fitted.
+    """
+    ranked = found.compared()
+    good = [entry.judged for entry in ranked if not entry.comparison.is_worse]
+    sets: dict[frozenset[object], Judged] = {}
+    for one in good:
+        sets.setdefault(frozenset(part.source for part in one.parts), one)
+    leading = dict(list(sets.items())[:_LEADING])
+    chosen = [*good[:_FINALISTS], *found.best(1), *leading.values()]
+    chosen += [one for key, one in sets.items() if any(key < whole for whole in leading)]
+    causes = dict.fromkeys(part.cause for one in leading.values() for part in one.parts)
+    without = [{cause} for cause in causes]
+    without += [set(list(causes)[:count]) for count in range(2, len(causes) + 1)]
+    for some in without:
+        others = (one for one in good if some.isdisjoint(part.cause for part in one.parts))
+        chosen += itertools.islice(others, 1)
+    largest = sorted(ranked, key=lambda entry: entry.comparison.cost - entry.comparison.fitted)
+    chosen += [entry.judged for entry in largest[:1]]
+    # sets that differ in the constants from which they were fitted are one
+    same = {(o.reading, frozenset((t.source, t.shape) for t in o.terms)): o for o in chosen[::-1]}
+    return list(same.values())
 
 
 def _between_samples(found: Found) -> Subject | None:
@@ -216,7 +289,7 @@ def _between_samples(found: Found) -> Subject | None:
     other = found.subject.otherwise() if ours else None
     if other is None:
         return None
-    samples = np.sum(common_of(found.fits).fitted, axis=0)
+    samples = np.sum(found.common.fitted, axis=0)
 
     def evidence(fitted: Fit) -> float:
         left = np.log(variance_of(fitted.errors))
@@ -238,10 +311,10 @@ def _read_otherwise(
     progress: Callable[[str], None],
     is_over: Callable[[], bool],
     is_candidate: Callable[[Term], bool],
-) -> None:
-    """Add fits of the file in other readings, without terms and with a few."""
+) -> Found:
+    """Return what is found with fits of the file in other readings, with a few terms or none."""
     if is_over():
-        return
+        return found
     progress("other readings of the file")
     for subject in misreadings(found.subject, found.base):
         base = subject.judge(subject.base)
@@ -251,8 +324,8 @@ def _read_otherwise(
         rounds.propose(subject.base, tuple(_OF_READING), _OF_READING)
         rounds.subsets()
         rounds.polish()
-        found.read.append(subject)
-        found.fits += [base, *rounds.found.fits]
+        found = found.with_fits([base, *rounds.found.fits], [subject])
+    return found
 
 
 class _Rounds:
@@ -357,16 +430,11 @@ class _Rounds:
             if self._is_over():
                 return None
             terms, points = job
-            begun = fit(subject.problem, terms, points, self._weights, 0, _NEARLY_FLAT)
-            if begun is None:
-                return None
-            # in the noise of a worse model an end is flat that is not one in its own
-            weights = weights_of(begun.errors)
-            fitted = fit(subject.problem, terms, [begun.point], weights, most, _NEARLY_FLAT)
-            return None if fitted is None else subject.judge(located(fitted))
+            return _judged(subject, terms, points, self._weights, most)
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            self.found.fits += [judged for judged in pool.map(one, new) if judged is not None]
+            judged = [one for one in pool.map(one, new) if one is not None]
+        self.found = self.found.with_fits(judged)
 
     def _nested(self, terms: tuple[Term, ...]) -> list[Point]:
         """Return points of fits whose terms are some of these, the others being small."""
@@ -429,7 +497,24 @@ class _Rounds:
             fitted = fit(subject.problem, one.terms, [one.fit.point], weights, _LAST_STEPS)
             judged = None if fitted is None else subject.judge(fitted)
             if judged is not None:
-                self.found.fits.append(judged)
+                self.found = self.found.with_fits([judged])
+
+
+def _judged(
+    subject: Subject,
+    terms: tuple[Term, ...],
+    points: Sequence[Point],
+    weights: Sequence[Array],
+    most: int,
+    flat: float = _NEARLY_FLAT,
+) -> Judged | None:
+    """Fit a set of terms from points; see `fit`."""
+    begun = fit(subject.problem, terms, points, weights, 0, flat)
+    if begun is None:
+        return None
+    # in the noise of a worse model an end is flat that is not one in its own
+    fitted = fit(subject.problem, terms, [begun.point], weights_of(begun.errors), most, flat)
+    return None if fitted is None else subject.judge(located(fitted))
 
 
 def _with_one_less(terms: tuple[Term, ...]) -> list[tuple[Term, ...]]:

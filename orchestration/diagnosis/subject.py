@@ -40,8 +40,9 @@ _BLOCKS = 8  # of what is left out, by turns for the choice and for the figure
 _FIRST = 6  # samples that show where a state starts
 _DECLARED = 0.1  # deviation of a start state that is declared, in its nominal value
 _WELL = 20.0 / 0.05**2  # weight of the beginning: twenty samples within a twentieth of the spread
-_MOST = 2400  # samples of a record that are fitted; more are thinned
-_LONGEST = 2 * _MOST  # samples of all records that cannot be thinned: their beginnings decide
+_MOST = 2400  # samples of a record, among which terms are searched; more are thinned
+_ALL = 5 * _MOST  # by which a conclusion is drawn: ten minutes at 20 Hz
+_LONGEST = 2  # times as many of all records that cannot be thinned: their beginnings decide
 _SHORTEST = _MOST // 2  # of one of many, to which it is cut at most
 _JUMP = 0.01  # standard deviations, from which on an input jumps that stands still at most samples
 _DECAY = 1.0  # e-folds over a record, by which each mode decays of a model that forgets errors
@@ -86,6 +87,10 @@ class Subject:
     otherwise : callable
         Returns the subject whose inputs go the other way between samples, if that may be; else
         None.
+    complete : callable
+        Returns the subject of all samples, if these are more; else None.
+    fewer : Subject or None
+        Of thinned records, if these are all samples.
     """
 
     problem: Problem
@@ -94,6 +99,8 @@ class Subject:
     reading: Reading | None = None
     observer: Observer | None = None
     otherwise: Callable[[], Subject | None] = lambda: None
+    complete: Callable[[], Subject | None] = lambda: None
+    fewer: Subject | None = None
 
     def judge(self, fitted: Fit) -> Judged | None:
         """Run a fit over what is left out.
@@ -409,7 +416,32 @@ def _as_read(recorded: _Recorded, turns: bool) -> Subject:
         one = None if own == best.records else _as_recorded(bare, own, others, q)
         if one is not None and likelihood_gain(one.subject.base, best.subject.base) > WEIGHTS.least:
             best = one
-    return _without_outliers(best.subject)
+    few = _without_outliers(best.subject)
+    return replace(few, complete=lambda: _of_all_samples(best, few))
+
+
+def _of_all_samples(recorded: _Recorded, few: Subject) -> Subject | None:
+    """Return a subject of all samples of its records, unless it has them already."""
+    bare, q = replace(few.problem, records=(), starts=()), few.base.point.q
+    problem, left_out = _divided(bare, recorded.records, recorded.held_out, q, _ALL)
+    if few.observer is not None or _steps(problem) == _steps(few.problem):
+        return None
+    base = fit_base(problem, q)
+    if base is None:
+        return None
+    return _without_outliers(Subject(problem, left_out, base, few.reading, fewer=few))
+
+
+def read_again(whole: Subject, few: Subject) -> Subject | None:
+    """Return a subject of all samples in the reading of one of few; None if the model runs away."""
+    assert few.reading is not None
+    problem, left_out = divided_as_read(whole, few.reading)
+    smooth = few.problem.records[0].smooth
+    records = tuple(replace(record, smooth=smooth) for record in problem.records)
+    left_out = tuple(replace(o, record=replace(o.record, smooth=smooth)) for o in left_out)
+    problem = replace(problem, records=records)
+    base = fit_base(problem, few.base.point.q)
+    return None if base is None else Subject(problem, left_out, base, few.reading, fewer=few)
 
 
 def _without_outliers(subject: Subject) -> Subject:
@@ -477,7 +509,7 @@ def _fitted(problem: Problem, left_out: tuple[LeftOut, ...]) -> Subject | None:
 def predicted(subject: Subject, fitted: Fit | None = None) -> Subject | None:
     """Return a subject of which all errors are those of the predictions of an observer.
 
-    The observer and the fit by which it is chosen are made by turns.
+    The observer and the fit by which it is chosen are made by turns, of thinned records.
 
     Parameters
     ----------
@@ -490,6 +522,7 @@ def predicted(subject: Subject, fitted: Fit | None = None) -> Subject | None:
     Subject or None
         None if the model runs away, or forgets all errors of its states.
     """
+    subject = subject.fewer or subject
     at = subject.base if fitted is None else fitted
     if growth_of(_place(subject.problem, subject.left_out, at)) < -_DECAY:
         return None
@@ -635,17 +668,21 @@ def _divided(
     records: Sequence[Record],
     held_out: Sequence[Record],
     q: Array | None = None,
+    enough: int = _MOST,
 ) -> tuple[Problem, tuple[LeftOut, ...]]:
-    """Return the problem over what is fitted, and what is left out, by runs at `q` or nominal."""
-    most = _MOST if len(records) == 1 else _MOST // 2
+    """Return the problem over what is fitted, and what is left out, by runs at `q` or nominal.
+
+    Records of more than enough samples are thinned.
+    """
+    most = enough if len(records) == 1 else enough // 2
     q = problem.mean if q is None else q
     problem = replace(problem, substeps=_substeps(problem, records, q))
-    longest = max(_LONGEST // max(len(records), 1), _SHORTEST)
+    longest = max(_LONGEST * enough // max(len(records), 1), _SHORTEST)
     whole = [thinned(problem, r, q, most, _unseen(problem, r)).part(0, longest) for r in records]
     if held_out:
         fitted = whole
         others = [
-            thinned(problem, r, q, unseen=_unseen(problem, r)).part(0, longest) for r in held_out
+            thinned(problem, r, q, enough, _unseen(problem, r)).part(0, longest) for r in held_out
         ]
         left_out = [LeftOut(r, _beginning(r), None) for r in others]
     else:

@@ -84,7 +84,7 @@ def diagnosis_with(record: Record, *sets: Sequence[Term]) -> Diagnosis:
             fitted = fit(subject.problem, terms, [fitted.point], weights_left)
         judged = None if fitted is None else subject.judge(fitted)
         if judged is not None:
-            found.fits.append(judged)
+            found = found.with_fits([judged])
     return Diagnosis(declared_model_of(Oscillator), (record,), (), found, conclude(found))
 
 
@@ -121,8 +121,7 @@ def diagnosis_read_as(record: Record, reading: Reading) -> Diagnosis:
     subject = Subject(problem, left_out, base, reading)
     judged = subject.judge(base)
     assert judged is not None
-    found.read.append(subject)
-    found.fits.append(judged)
+    found = found.with_fits([judged], [subject])
     return Diagnosis(declared_model_of(Oscillator), (record,), (), found, conclude(found))
 
 

@@ -14,7 +14,6 @@ from orchestration.diagnosis.comparison import (
     WEIGHTS,
     Comparison,
     Judged,
-    common_of,
     compare,
 )
 from orchestration.diagnosis.engine import Diagnosis
@@ -156,14 +155,14 @@ def explain(diagnosis: Diagnosis, first: str, second: str) -> Explanation:
     """
     if first == second:
         raise UserError(f"{option('explain', [first, second])}: both candidates are the same")
-    fits = [*diagnosis.found.fits]
+    found = diagnosis.found
     for name, rival in ((first, second), (second, first)):
-        if name != NOTHING and not any(_is_of(judged, name, rival) for judged in fits):
-            fits += _fitted_now(diagnosis, name, rival)
-    ranked = replace(diagnosis.found, fits=fits).compared()
+        if name != NOTHING and not any(_is_of(judged, name, rival) for judged in found.fits):
+            found = found.with_fits(_fitted_now(diagnosis, name, rival))
+    ranked = found.compared()
     one, one_score = _best(diagnosis, ranked, first, second)
     other, other_score = _best(diagnosis, ranked, second, first)
-    common = common_of(fits)
+    common = found.common
     return Explanation(
         (first, second),
         (one, other),

@@ -135,7 +135,7 @@ BASE = Judged(PLAIN, SEEN, SEEN, SEEN, 0.0)
 
 
 def concluded(*fits: Judged):
-    return conclude(Found(None, BASE, list(fits)))
+    return conclude(Found(None, BASE, fits))
 
 
 def test_a_law_that_acts_like_an_effect_is_one_cause_with_it() -> None:
@@ -166,7 +166,7 @@ def test_an_effect_is_as_far_ahead_as_the_law_that_is_one_cause_with_it() -> Non
     (cause,) = concluded(better, worse).causes
     assert cause.name == "swirl"
     assert cause.score == max(
-        entry.score for entry in Found(None, BASE, [better, worse]).compared()
+        entry.score for entry in Found(None, BASE, (better, worse)).compared()
     )
 
 

@@ -51,7 +51,7 @@ def judged(
 
 
 def found(*fits: Judged, noise: Array = WHITE) -> Found:
-    return Found(None, judged(1.0, 1.0, noise=noise), list(fits))
+    return Found(None, judged(1.0, 1.0, noise=noise), fits)
 
 
 def test_friction_is_named_first_and_surely(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -265,7 +265,7 @@ def test_an_output_of_large_errors_does_not_decide_alone() -> None:
             measuring=seen * both,
         )
 
-    fits = [of_two(0.95, 0.1, DRY), of_two(0.85, 1.0, SPRING)]
+    fits = (of_two(0.95, 0.1, DRY), of_two(0.85, 1.0, SPRING))
     conclusion = conclude(Found(None, of_two(1.0, 1.0), fits))
     assert conclusion.causes[0].name == "friction(v)"
 

@@ -96,11 +96,11 @@ def test_slow_noise_of_a_record_that_rests_is_consistent():
     found = diagnosis.found
     slow = np.cumsum(np.random.default_rng(2).standard_normal(len(found.base.measuring)))
     slow *= 0.05 / np.sqrt(np.mean(slow**2))
-    found.base = replace(found.base, measuring=slow[:, np.newaxis])
+    base = replace(found.base, measuring=slow[:, np.newaxis])
     (one,) = found.subject.left_out
     rest = replace(one, record=replace(one.record, outputs=0.01 * one.record.outputs))
-    found.subject = replace(found.subject, left_out=(rest,))
-    resting = replace(diagnosis, found=found)
+    subject = replace(found.subject, left_out=(rest,))
+    resting = replace(diagnosis, found=replace(found, subject=subject, base=base))
     assert resting.remainders[0].share > 1.0
     assert resting.remainders[0].is_slow
     assert resting.verdict == "consistent"
@@ -214,7 +214,7 @@ def test_without_effects_and_laws_only_the_parameters_are_fitted():
     """Even of a plant with dry friction, whose error is then left and said."""
     options = Options(effects=[], laws=False)
     diagnosis = diagnose([oscillator_record(1, dry=1.5)], MODEL, options=options)
-    assert diagnosis.found.fits == []
+    assert not diagnosis.found.fits
     assert diagnosis.causes == ()
     right = diagnose([oscillator_record(1, damping=1.1)], MODEL, options=options)
     assert (right.verdict, right.changed) == ("recalibrate", ("damping",))
@@ -241,7 +241,7 @@ def test_only_parameters_that_are_to_be_fitted_move():
 def test_a_search_without_time_has_no_fits_and_a_note():
     options = Options(time=0.0)
     diagnosis = diagnose([oscillator_record(1, samples=100)], MODEL, options=options)
-    assert diagnosis.found.fits == []
+    assert not diagnosis.found.fits
     (note,) = diagnosis.notes
     assert note[0] == "time"
     assert "time is up after 0 s of processor time" in note[2]

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from orchestration.diagnosis import Diagnosis, Found, Shape, Term
+from orchestration.diagnosis import Diagnosis, Shape, Term
 from orchestration.diagnosis.conclude import conclude
 from orchestration.diagnosis.misreadings import (
     _HOPELESS,
@@ -47,8 +47,7 @@ def diagnosed(record: Record, *sets: tuple[Term, ...]) -> Diagnosis:
     found = diagnosis.found
     others = misreadings(found.subject, found.base)
     judged = [one.judge(one.base) for one in others]
-    fits = [*found.fits, *(one for one in judged if one is not None)]
-    found = Found(found.subject, found.base, fits, others)
+    found = found.with_fits((one for one in judged if one is not None), others)
     return replace(diagnosis, found=found, conclusion=conclude(found))
 
 

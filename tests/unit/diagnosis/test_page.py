@@ -109,7 +109,7 @@ def test_the_page_of_a_misread_file_shows_the_corrected_record(dry):
 
 def test_every_set_is_listed_once_by_its_best_fit(dry):
     """A set is fitted again in the noise that it leaves."""
-    twice = replace(dry, found=replace(dry.found, fits=[*dry.found.fits, *dry.found.fits]))
+    twice = replace(dry, found=replace(dry.found, fits=2 * dry.found.fits))
     html = make_page(twice).html()
     assert f"{2 * len(dry.found.fits)} fits of sets of terms" in html
     assert html.count("<td>friction over velocity, a tanh(x/w)</td>") == 1

@@ -11,6 +11,7 @@ import pytest
 import orchestration.diagnosis.search  # noqa: F401
 from fmus.kit.arrays import Array
 from orchestration.diagnosis import Found, Memory, Shape, Term, subject_of
+from orchestration.diagnosis.conclude import conclude
 from orchestration.diagnosis.fitting import Point
 from orchestration.diagnosis.search import search
 from orchestration.diagnosis.term_names import sentence
@@ -43,6 +44,25 @@ def test_fits_are_compared_best_first(found: Found) -> None:
     scores = [ranked.score for ranked in found.compared()]
     assert scores == sorted(scores, reverse=True)
     assert len(scores) == len(found.fits)
+
+
+def test_fits_are_compared_once(found: Found, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However often they are asked for; what is found later is contrasted alone."""
+    calls: list[str] = []
+
+    def counted(name: str) -> None:
+        plain = getattr(NAMES, name)
+        monkeypatch.setattr(NAMES, name, lambda *given: calls.append(name) or plain(*given))
+
+    counted("compare")
+    counted("contrast")
+    few = Found(found.subject, found.base, found.fits[:3])
+    assert few.compared() == few.compared()
+    assert few.temper >= 3.0
+    assert calls == 3 * ["contrast"] + 3 * ["compare"]
+    more = few.with_fits(found.fits[3:4])
+    assert {id(one.judged) for one in more.compared()} == set(map(id, found.fits[:4]))
+    assert (calls.count("contrast"), calls.count("compare")) == (4, 3 + 4)
 
 
 def test_the_best_differ_by_sources_and_are_not_worse(found: Found) -> None:
@@ -97,14 +117,14 @@ def test_the_lowest_on_what_is_left_out_is_among_the_best(found: Found) -> None:
     """Even where the score of another is higher."""
     first, second = found.best(2)[:2]
     low = replace(second, choosing=0.99 * first.choosing, words=1e3)
-    best = Found(found.subject, found.base, [first, low]).best(1)
+    best = Found(found.subject, found.base, (first, low)).best(1)
     assert [one.terms for one in best] == [first.terms, low.terms]
 
 
 def test_a_larger_set_starts_from_its_parts_too(found: Found) -> None:
     one = found.compared()[0].judged
     other = Term("spring", "x", Shape.CUBE, size=3.0)
-    rounds = NAMES._Rounds(Found(found.subject, found.base, [one]), print)
+    rounds = NAMES._Rounds(Found(found.subject, found.base, (one,)), print)
     (point,) = rounds._nested((other, *one.terms))
     assert point.values[1:] == pytest.approx(one.fit.point.values)
     assert point.q == pytest.approx(one.fit.point.q)
@@ -206,8 +226,37 @@ def test_a_search_that_begins_anew_has_the_same_candidates(monkeypatch: pytest.M
     told: list[str] = []
     found = search(subject, told.append, is_candidate=lambda term: False)
     assert found is not None
-    assert found.fits == []
+    assert not found.fits
     assert "inputs go otherwise between samples" in told
+
+
+def test_a_conclusion_is_drawn_of_all_samples_alone(found: Found) -> None:
+    """Of 200 fitted samples where 160 were searched; friction is that of 2 N that was drawn."""
+    whole = subject_of(mass(), [drawn(dry, 300)])
+    few = replace(found, subject=replace(found.subject, complete=lambda: whole))
+    last = NAMES._on_all_samples(few)
+    assert last.subject is whole
+    assert {len(one.fit.errors[0]) for one in (last.base, *last.fits)} == {200}
+    assert len(last.fits) + last.chosen_from == len(found.fits)
+    (term,) = last.compared()[0].judged.terms
+    assert term.cause == ("friction", "v")
+    assert last.compared()[0].judged.fit.values_of(term)[0] * term.size == pytest.approx(
+        2, rel=0.05
+    )
+    assert NAMES._on_all_samples(found) is found
+
+
+def test_the_fits_that_are_chosen_lead_to_the_same_conclusion(found: Found) -> None:
+    chosen = NAMES._finalists(found)
+    left = len(found.fits) - len(chosen)
+    assert left > 5
+    few = Found(found.subject, found.base, tuple(chosen), chosen_from=left)
+    assert few.gain_where_fitted() == pytest.approx(found.gain_where_fitted(), abs=1.0)
+    ours, theirs = conclude(few), conclude(found)
+    assert ours.verdict == theirs.verdict
+    assert [c.name for c in ours.causes] == [c.name for c in theirs.causes]
+    probabilities = [c.probability for c in theirs.causes]
+    assert [c.probability for c in ours.causes] == pytest.approx(probabilities, abs=0.01)
 
 
 @pytest.mark.slow

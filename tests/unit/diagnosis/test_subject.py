@@ -228,6 +228,26 @@ def test_a_record_is_thinned_between_the_jumps_of_its_input() -> None:
     assert np.array_equal(thin.inputs[before, 0], force)
 
 
+def test_what_is_thinned_for_a_search_has_all_samples_for_the_conclusion() -> None:
+    """The same parts of the record are fitted and left out, and its parameters are known better."""
+    count = 6000
+    record = pushed(count, 0.01)
+    record.inputs[:] = 5.0 * np.sin(record.time)[:, None]
+    states = exact(record, TRUTH, START, record.inputs[:, 0])
+    noise = 0.01 * np.random.default_rng(4).standard_normal((count, 1))
+    subject = made(replace(record, outputs=states[:, :1] + noise))
+    whole = subject.complete()
+    assert whole is not None
+    assert len(subject.problem.records[0].time) == 1333
+    assert np.array_equal(whole.problem.records[0].time, record.time[:4000])
+    assert np.array_equal(whole.left_out[0].record.time, record.time)
+    assert whole.left_out[0].first == 4000
+    assert whole.base.misfit * whole.problem.spread == pytest.approx([0.01], rel=0.05)
+    assert whole.fewer is not None
+    assert whole.fewer.problem is subject.problem
+    assert made(drawn()).complete() is None
+
+
 def test_of_a_long_record_that_cannot_be_thinned_the_beginning_is_used() -> None:
     """Of 4,800 samples two thirds are fitted, and a third is left out."""
     count = 6000
