@@ -98,6 +98,7 @@ def _reading_figures(reading: Reading) -> dict[str, Any]:
         "columns": list(reading.columns),
         "factor": reading.factor,
         "shift": reading.shift,
+        "levels": list(reading.levels),
         "unit": reading.unit,
         "correction": reading.correction,
         "instead": [_reading_figures(other) for other in reading.instead],
