@@ -14,10 +14,11 @@ from fmus.kit import Component, UserError
 from fmus.kit.arrays import Array
 from fmus.kit.registry import Excitation
 from orchestration.diagnosis.cause import Cause
-from orchestration.diagnosis.comparison import Judged
+from orchestration.diagnosis.comparison import WEIGHTS, Judged
 from orchestration.diagnosis.conclude import Conclusion, conclude
 from orchestration.diagnosis.design import Design, design_experiment
 from orchestration.diagnosis.extension import extended_component
+from orchestration.diagnosis.joints import pieced
 from orchestration.diagnosis.law_model import MOST_TICKS, LawModel
 from orchestration.diagnosis.local_values import LocalValues
 from orchestration.diagnosis.misreadings import reading_that_runs
@@ -260,31 +261,38 @@ def diagnose(
     local = LocalValues(tuple(map(label_of, records)), options.own_of_each(law_model))
     _check_clocks(law_model, [*fitted, *unseen], options.given)
 
-    def subject_as(reading: Reading | None = None) -> Subject | None:
-        own, others = fitted, unseen
-        if reading is not None:
-            own, others = ([reading.apply(law_model, r) for r in part] for part in (own, others))
+    def subject_with(own: list[Record], others: list[Record], local: LocalValues) -> Subject | None:
         return subject_of(
             law_model, own, others, hold, options.given, options.interpolate, local=local
         )
+
+    def subject_as(reading: Reading) -> Subject | None:
+        own, others = ([reading.apply(law_model, r) for r in part] for part in (fitted, unseen))
+        return subject_with(own, others, local)
 
     progress("fitting the model as it is")
     with warnings.catch_warnings():
         # an output that was not recorded has no mean
         warnings.simplefilter("ignore", RuntimeWarning)
-        subject = subject_as()
+        subject = subject_with(fitted, unseen, local)
         if subject is not None and not subject.rank:
             subject = predicted(subject) or subject
         if subject is not None:
-            _check_information(model, subject, records)
+            _check_count(model, subject, records)
+            parts = pieced(subject, fitted, lambda own, each: subject_with(own, [], each))
+            if parts is not None:
+                subject, fitted = parts.subject, list(parts.records)
+                notes = [*notes, parts.note]
         deadline = Deadline(options.time)
         answer = None if subject is None else _answer(subject, options, progress, deadline)
         if answer is None:
-            read = reading_that_runs(law_model, fitted, subject_as)
-            raise UserError(_refusal(model, records, read))
+            raise UserError(
+                _refusal(model, records, reading_that_runs(law_model, fitted, subject_as))
+            )
         found, conclusion = answer
+        _check_rank(model, found, records, conclusion)
     notes += [*_cut_off(found.subject, fitted), *_predictions(model, found.subject)]
-    notes += _denoised(found.subject)
+    notes += [*_denoised(found.subject), *_unrelated(found)]
     if not deadline.was_met:
         notes.append(_time_note(options))
     design = _designed(found, conclusion, records, options)
@@ -421,6 +429,23 @@ def _predictions(model: Model, subject: Subject) -> list[Note]:
     return [("predictions", model.name, text)]
 
 
+def _unrelated(found: Found) -> list[Note]:
+    """Return the note on outputs of which no fit predicts more than their means."""
+    problem = found.subject.problem
+    measured = problem.records[0].measured
+    errors = [one.choosing[:, measured] for one in (found.base, *found.fits)]
+    least = min(float(np.sqrt(np.nanmean(error**2))) for error in errors)
+    if least < WEIGHTS.no_better:
+        return []
+    pairs = zip(problem.model.outputs, measured, strict=True)
+    names = " and ".join(output.name for output, is_measured in pairs if is_measured)
+    text = (
+        f"no model that was tried predicts {names} much better than a mean: see whether inputs and"
+        " outputs are of one run, and of this plant"
+    )
+    return [("unrelated", names, text)]
+
+
 def _time_note(options: Options) -> Note:
     """Return the note on a search that ended by its time."""
     text = (
@@ -441,25 +466,37 @@ def _refusal(model: Model, records: Sequence[MeasuredRecord], read: Reading | No
     )
 
 
-def _check_information(model: Model, subject: Subject, records: Sequence[MeasuredRecord]) -> None:
-    """Raise an error unless the records say something of the model, and leave samples to judge it.
+def _check_count(model: Model, subject: Subject, records: Sequence[MeasuredRecord]) -> None:
+    """Raise an error unless the records leave samples to judge the model by.
 
     Raises
     ------
     UserError
     """
     samples, rank = subject.samples, subject.rank
-    where = f"{model.name}: {_names(records)}"
-    if not rank and len(subject.base.curvature):
-        raise UserError(
-            f"{where}: its {samples} measured values say nothing of any parameter or start state;"
-            " record a run in which the outputs move"
-        )
     if samples <= rank:
         raise UserError(
-            f"{where}: {samples} measured values are fitted, by {rank} parameters and start states"
-            " that they determine, and none is over to judge the model by; add samples or"
-            f" hold parameters ({option('hold')})"
+            f"{model.name}: {_names(records)}: {samples} measured values are fitted, by {rank}"
+            " parameters and start states that they determine, and none is over to judge the model"
+            f" by; add samples or hold parameters ({option('hold')})"
+        )
+
+
+def _check_rank(
+    model: Model, found: Found, records: Sequence[MeasuredRecord], conclusion: Conclusion
+) -> None:
+    """Raise an error if the records say nothing of the model in any way to read them.
+
+    Raises
+    ------
+    UserError
+    """
+    subject = found.subject
+    is_misread = conclusion.verdict == "cause" and conclusion.causes[0].reading is not None
+    if not subject.rank and len(subject.base.curvature) and not is_misread:
+        raise UserError(
+            f"{model.name}: {_names(records)}: its {subject.samples} measured values say nothing of"
+            " any parameter or start state; record a run in which the outputs move"
         )
 
 
