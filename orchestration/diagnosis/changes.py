@@ -11,7 +11,7 @@ import numpy as np
 from fmus.kit import UserError
 from fmus.kit.arrays import single_threaded
 from orchestration.diagnosis.comparison import Judged
-from orchestration.diagnosis.engine import Diagnosis, diagnose, label_of, pieces_of
+from orchestration.diagnosis.engine import Diagnosis, diagnose
 from orchestration.diagnosis.extension import extended_component
 from orchestration.diagnosis.joint import (
     Difference,
@@ -23,6 +23,7 @@ from orchestration.diagnosis.joint import (
 )
 from orchestration.diagnosis.local_values import LocalValues
 from orchestration.diagnosis.options import Deadline, Options
+from orchestration.diagnosis.pieces import label_of, pieces_of
 from orchestration.diagnosis.search import Found
 from orchestration.diagnosis.subject import Subject, predicted, subject_of
 from orchestration.diagnosis.term_names import (
@@ -138,7 +139,7 @@ def _joined(before: Diagnosis, later: Diagnosis, options: Options) -> Subject | 
     model = before.subject.problem.model
     records = []
     for diagnosis, first in ((before, 0), (later, len(before.records))):
-        own, _ = pieces_of(diagnosis.records, diagnosis.model, model, options.given)
+        own, _ = pieces_of(diagnosis.records, model, options.given)
         if diagnosis.reading is not None:
             own = [diagnosis.reading.apply(model, record) for record in own]
         records += [replace(record, group=first + record.group) for record in own]

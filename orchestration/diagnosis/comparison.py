@@ -69,6 +69,9 @@ class Weights:
         Log odds that the true cause is among some, by their `features.features_of`: fitted to
         records of five plants, half of them with truths outside of what can be searched, and to
         records with effects of a catalogue (decisions 91 and 98).
+    no_better : float
+        Error on what is left out, in spreads, from which on nothing is predicted: a mean leaves
+        about 1.
     sure, group : float
         Probability from which a cause is named, and which a group reaches.
     most : int
@@ -109,6 +112,7 @@ class Weights:
             "rise": -3.0,
         }
     )
+    no_better: float = 0.7
     sure: float = 0.9
     group: float = 0.9
     most: int = 3
@@ -197,7 +201,7 @@ class Judged:
         """Degrees of freedom that the terms and the reading add."""
         if self.reading is None:
             return self.fit.freedom
-        return self.fit.freedom + self.reading.is_fitted
+        return self.fit.freedom + len(self.reading.values)
 
     @cached_property
     def left_out(self) -> float:

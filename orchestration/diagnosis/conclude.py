@@ -172,7 +172,7 @@ def _apart(cause: Cause, named: Cause, common: Common) -> float:
 
 def _is_plain_reading(one: Judged) -> bool:
     """Return whether a fit is without terms, of a file in a reading that has no value to fit."""
-    return one.reading is not None and not one.reading.is_fitted and not one.terms
+    return one.reading is not None and not len(one.reading.values) and not one.terms
 
 
 def _calibrated(causes: Sequence[Cause], found: Found) -> list[Cause]:
@@ -205,6 +205,8 @@ def _verdict(group: Sequence[Cause], found: Found) -> str:
         return "unexplained" if found.gain_where_fitted() > WEIGHTS.least else "consistent"
     reached = sum(cause.probability for cause in group)
     if reached < WEIGHTS.group or rises(group[0].judged, found.base):
+        return "unexplained"
+    if float(np.sqrt(np.nanmean(group[0].judged.choosing ** 2))) > WEIGHTS.no_better:
         return "unexplained"
     return "cause" if group[0].probability >= WEIGHTS.sure else "ambiguous"
 
@@ -241,7 +243,8 @@ def _in_order(one: Judged, found: Found) -> tuple[Reading | Term, ...]:
     """Return the parts in the order in which they explain.
 
     First that which gains most alone, less what its columns and words cost, if this is half of what
-    the set gains; else that whose loss costs most.
+    the set gains; else the reading of the file, in which the terms are, or that whose loss costs
+    most.
     """
     gains: dict[frozenset[object], float] = {frozenset(): 0.0}
     for ranked in found.compared():
@@ -262,7 +265,8 @@ def _in_order(one: Judged, found: Found) -> tuple[Reading | Term, ...]:
         lost = {t: gain([x for x in one.parts if x is not t]) for t in rest}
         first = max(rest, key=lambda t: alone[t] - words[t])
         if alone[first] < WEIGHTS.alone * gain(one.parts):
-            first = min(rest, key=lambda t: lost[t] if np.isfinite(lost[t]) else np.inf)
+            ways = {t: lost[t] if np.isfinite(lost[t]) else np.inf for t in rest}
+            first = min(rest, key=lambda t: (not isinstance(t, Reading), ways[t]))
         order.append(first)
         rest = [t for t in rest if t is not first]
     return tuple(order)

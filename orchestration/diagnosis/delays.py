@@ -1,7 +1,8 @@
-"""Runs whose outputs are measured late: those of the model, interpolated between its samples.
+"""Runs whose outputs are measured late or without their sign: those of the model, changed after it.
 
 A late output moves nothing else, so that it needs no state: outputs and their derivatives are read
-a delay earlier, and the derivative by the delay is the slope there, with its sign changed.
+a delay earlier, between samples of the model, and the derivative by the delay is the slope there,
+with its sign changed.
 """
 
 from __future__ import annotations
@@ -94,12 +95,44 @@ def linearise_late(
     )
 
 
+def recorded(course: Course, record: Record) -> Course:
+    """Return a course with outputs as they are recorded: by another clock, or without a sign."""
+    if record.pace:
+        there = record.time / (1.0 + record.pace)
+        own = course.outputs, course.slopes
+        outputs, slopes = (_at(a, record.time, there)[0] if len(a) else a for a in own)
+        course = replace(course, outputs=outputs, slopes=slopes)
+    if record.folds is None:
+        return course
+    moved = course.outputs - record.folds
+    is_folded = np.isfinite(moved)
+    signs = np.where(is_folded, np.where(moved < 0.0, -1.0, 1.0), 1.0)
+    slopes = course.slopes
+    if len(slopes):
+        slopes = slopes * signs[:, record.measured, np.newaxis]
+    outputs = np.where(is_folded, np.abs(moved), course.outputs)
+    return replace(course, outputs=outputs, slopes=slopes, signs=signs)
+
+
+def linearise_recorded(course: Course, part: Linearisation) -> Linearisation:
+    """Return derivatives along a course with the signs that its outputs lost."""
+    if course.signs is None:
+        return part
+    signs = course.signs[:, :, np.newaxis]
+    outputs, by_laws = part.outputs * signs, part.outputs_by_laws * signs
+    return replace(part, outputs=outputs, outputs_by_laws=by_laws)
+
+
 def earlier(values: Array, time: Array, delay: float) -> tuple[Array, Array]:
     """Return values (n, ...) a delay earlier, linear between samples, and their slopes there.
 
     Before the first sample they are as there.
     """
-    instants = time - max(delay, 0.0)
+    return _at(values, time, time - max(delay, 0.0))
+
+
+def _at(values: Array, time: Array, instants: Array) -> tuple[Array, Array]:
+    """Return values (n, ...) at other instants (n,), and their slopes there."""
     place = np.clip(np.searchsorted(time, instants, side="right") - 1, 0, len(time) - 2)
     step = time[place + 1] - time[place]
     share = np.clip((instants - time[place]) / step, 0.0, 1.0)

@@ -6,7 +6,6 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Literal, cast
 
 import numpy as np
@@ -15,15 +14,17 @@ from fmus.kit import Component, UserError
 from fmus.kit.arrays import Array
 from fmus.kit.registry import Excitation
 from orchestration.diagnosis.cause import Cause
-from orchestration.diagnosis.comparison import Judged
+from orchestration.diagnosis.comparison import WEIGHTS, Judged
 from orchestration.diagnosis.conclude import Conclusion, conclude
 from orchestration.diagnosis.design import Design, design_experiment
 from orchestration.diagnosis.extension import extended_component
+from orchestration.diagnosis.joints import pieced
 from orchestration.diagnosis.law_model import MOST_TICKS, LawModel
 from orchestration.diagnosis.local_values import LocalValues
 from orchestration.diagnosis.misreadings import reading_that_runs
 from orchestration.diagnosis.observer import Observer
 from orchestration.diagnosis.options import Deadline, Options
+from orchestration.diagnosis.pieces import Note, label_of, pieces_of, recorded_inputs
 from orchestration.diagnosis.readings import TIME, Reading
 from orchestration.diagnosis.remainder import Remainder, remainders
 from orchestration.diagnosis.runs import Record
@@ -35,13 +36,11 @@ from orchestration.experiment.design import DiscriminatingExperiment
 from orchestration.fmu import Model
 from orchestration.identify.uncertainty import Estimate, is_significantly_different
 from orchestration.records import Record as MeasuredRecord
-from orchestration.records.sampling import gaps
 from orchestration.reporting import option
 
 _Answer = tuple[Found, Conclusion]
 Verdict = Literal["consistent", "recalibrate", "cause", "ambiguous", "unexplained"]
 
-_SHORTEST = 12  # samples of a piece between two gaps; a shorter one tells little but its start
 _WHOLE = 0.9  # of a record, from which on it counts as used
 _LARGE = 0.15  # of the spread, from which on a slow remainder is no consistent model
 
@@ -89,7 +88,7 @@ class Diagnosis:
     holdouts: tuple[MeasuredRecord, ...]
     found: Found
     conclusion: Conclusion
-    notes: tuple[tuple[str, str, str], ...] = ()
+    notes: tuple[Note, ...] = ()
     experiment: DiscriminatingExperiment | None = None
 
     @property
@@ -255,49 +254,56 @@ def diagnose(
     options = options or Options()
     law_model = _law_model(model, options)
     hold = options.held([p.name for p in law_model.parameters])
-    fitted, notes = pieces_of(records, model, law_model, options.given)
-    unseen, more = pieces_of(holdouts, model, law_model, options.given)
+    fitted, notes = pieces_of(records, law_model, options.given)
+    unseen, others = pieces_of(holdouts, law_model, options.given, "in what was held out, ")
     unseen = [replace(one, group=len(records)) for one in unseen]
+    notes += others
     local = LocalValues(tuple(map(label_of, records)), options.own_of_each(law_model))
-    _check_outputs(model, fitted)
     _check_clocks(law_model, [*fitted, *unseen], options.given)
 
-    def subject_as(reading: Reading | None = None) -> Subject | None:
-        own, others = fitted, unseen
-        if reading is not None:
-            own, others = ([reading.apply(law_model, r) for r in part] for part in (own, others))
+    def subject_with(own: list[Record], others: list[Record], local: LocalValues) -> Subject | None:
         return subject_of(
             law_model, own, others, hold, options.given, options.interpolate, local=local
         )
+
+    def subject_as(reading: Reading) -> Subject | None:
+        own, others = ([reading.apply(law_model, r) for r in part] for part in (fitted, unseen))
+        return subject_with(own, others, local)
 
     progress("fitting the model as it is")
     with warnings.catch_warnings():
         # an output that was not recorded has no mean
         warnings.simplefilter("ignore", RuntimeWarning)
-        subject = subject_as()
+        subject = subject_with(fitted, unseen, local)
         if subject is not None and not subject.rank:
             subject = predicted(subject) or subject
         if subject is not None:
-            _check_information(model, subject, records)
+            _check_count(model, subject, records)
+            parts = pieced(subject, fitted, lambda own, each: subject_with(own, [], each))
+            if parts is not None:
+                subject, fitted = parts.subject, list(parts.records)
+                notes = [*notes, parts.note]
         deadline = Deadline(options.time)
         answer = None if subject is None else _answer(subject, options, progress, deadline)
         if answer is None:
-            read = reading_that_runs(law_model, fitted, subject_as)
-            raise UserError(_refusal(model, records, read))
+            raise UserError(
+                _refusal(model, records, reading_that_runs(law_model, fitted, subject_as))
+            )
         found, conclusion = answer
-    more += [*_cut_off(found.subject, fitted), *_predictions(model, found.subject)]
-    more += _denoised(found.subject)
+        _check_rank(model, found, records, conclusion)
+    notes += [*_cut_off(found.subject, fitted), *_predictions(model, found.subject)]
+    notes += [*_denoised(found.subject), *_unrelated(found)]
     if not deadline.was_met:
-        more.append(_time_note(options))
-    design = _designed(found, conclusion, records, model, options)
-    more += design.notes
+        notes.append(_time_note(options))
+    design = _designed(found, conclusion, records, options)
+    notes += design.notes
     return Diagnosis(
         model,
         tuple(records),
         tuple(holdouts),
         found,
         conclusion,
-        (*notes, *more),
+        tuple(notes),
         design.experiment,
     )
 
@@ -306,20 +312,17 @@ def _designed(
     found: Found,
     conclusion: Conclusion,
     records: Sequence[MeasuredRecord],
-    model: Model,
     options: Options,
 ) -> Design:
     """Design an experiment as long as the longest record; inputs with a given value keep it."""
     record = max(records, key=lambda record: float(np.ptp(record.time)))
     law_model = found.subject.problem.model
-    inputs, _ = _inputs(record, model, law_model, options.given)
-    names = [variable.name for variable in law_model.inputs]
-    given = {name: (value, value) for name, value in options.given.items() if name in names}
+    inputs = recorded_inputs(record, law_model, options.given)
+    given = {name: (value, value) for name, value in options.given.items() if name in inputs}
     rig = options.excitation or Excitation({}, np.inf)
     rig = replace(rig, ranges={**rig.ranges, **given})
-    recorded = dict(zip(names, inputs.T, strict=True))
     try:
-        return design_experiment(found, conclusion, recorded, record.time, rig)
+        return design_experiment(found, conclusion, inputs, record.time, rig)
     except UserError as error:
         return Design(reason=f"no experiment could be designed: {error}")
 
@@ -414,7 +417,7 @@ def _drifts(judged: Judged) -> bool:
     return any(one.share > _LARGE and one.is_slow for one in in_spreads)
 
 
-def _predictions(model: Model, subject: Subject) -> list[tuple[str, str, str]]:
+def _predictions(model: Model, subject: Subject) -> list[Note]:
     """Return the note on errors that are those of predictions."""
     if subject.observer is None:
         return []
@@ -426,7 +429,24 @@ def _predictions(model: Model, subject: Subject) -> list[tuple[str, str, str]]:
     return [("predictions", model.name, text)]
 
 
-def _time_note(options: Options) -> tuple[str, str, str]:
+def _unrelated(found: Found) -> list[Note]:
+    """Return the note on outputs of which no fit predicts more than their means."""
+    problem = found.subject.problem
+    measured = problem.records[0].measured
+    errors = [one.choosing[:, measured] for one in (found.base, *found.fits)]
+    least = min(float(np.sqrt(np.nanmean(error**2))) for error in errors)
+    if least < WEIGHTS.no_better:
+        return []
+    pairs = zip(problem.model.outputs, measured, strict=True)
+    names = " and ".join(output.name for output, is_measured in pairs if is_measured)
+    text = (
+        f"no model that was tried predicts {names} much better than a mean: see whether inputs and"
+        " outputs are of one run, and of this plant"
+    )
+    return [("unrelated", names, text)]
+
+
+def _time_note(options: Options) -> Note:
     """Return the note on a search that ended by its time."""
     text = (
         f"time is up after {options.time:g} s of processor time: this is the best answer so far;"
@@ -446,25 +466,37 @@ def _refusal(model: Model, records: Sequence[MeasuredRecord], read: Reading | No
     )
 
 
-def _check_information(model: Model, subject: Subject, records: Sequence[MeasuredRecord]) -> None:
-    """Raise an error unless the records say something of the model, and leave samples to judge it.
+def _check_count(model: Model, subject: Subject, records: Sequence[MeasuredRecord]) -> None:
+    """Raise an error unless the records leave samples to judge the model by.
 
     Raises
     ------
     UserError
     """
     samples, rank = subject.samples, subject.rank
-    where = f"{model.name}: {_names(records)}"
-    if not rank and len(subject.base.curvature):
-        raise UserError(
-            f"{where}: its {samples} measured values say nothing of any parameter or start state;"
-            " record a run in which the outputs move"
-        )
     if samples <= rank:
         raise UserError(
-            f"{where}: {samples} measured values are fitted, by {rank} parameters and start states"
-            " that they determine, and none is over to judge the model by; add samples or"
-            f" hold parameters ({option('hold')})"
+            f"{model.name}: {_names(records)}: {samples} measured values are fitted, by {rank}"
+            " parameters and start states that they determine, and none is over to judge the model"
+            f" by; add samples or hold parameters ({option('hold')})"
+        )
+
+
+def _check_rank(
+    model: Model, found: Found, records: Sequence[MeasuredRecord], conclusion: Conclusion
+) -> None:
+    """Raise an error if the records say nothing of the model in any way to read them.
+
+    Raises
+    ------
+    UserError
+    """
+    subject = found.subject
+    is_misread = conclusion.verdict == "cause" and conclusion.causes[0].reading is not None
+    if not subject.rank and len(subject.base.curvature) and not is_misread:
+        raise UserError(
+            f"{model.name}: {_names(records)}: its {subject.samples} measured values say nothing of"
+            " any parameter or start state; record a run in which the outputs move"
         )
 
 
@@ -482,14 +514,6 @@ def _law_model(model: Model, options: Options) -> LawModel:
     return LawModel(model.cls, options.effects_of(model.cls))
 
 
-def _check_outputs(model: Model, records: Sequence[Record]) -> None:
-    """Raise an error unless an output is measured."""
-    if not records:
-        raise UserError(f"{model.name}: no record has {_SHORTEST} samples between two gaps")
-    if not any(np.isfinite(r.outputs).any() for r in records):
-        raise UserError(f"{model.name}: no record has any of {', '.join(model.outputs)}")
-
-
 def _check_clocks(model: LawModel, records: Sequence[Record], given: Mapping[str, float]) -> None:
     """Raise an error if a clock ticks too often between two samples of a record."""
     parameters = np.array([float(given.get(p.name, p.start)) for p in model.parameters])
@@ -502,43 +526,7 @@ def _check_clocks(model: LawModel, records: Sequence[Record], given: Mapping[str
             )
 
 
-def pieces_of(
-    records: Sequence[MeasuredRecord], model: Model, law_model: LawModel, given: Mapping[str, float]
-) -> tuple[list[Record], list[tuple[str, str, str]]]:
-    """Return records as the kernel takes them, cut at gaps in time, and notes on them."""
-    pieces, notes = [], []
-    for group, record in enumerate(records):
-        inputs, absent = _inputs(record, model, law_model, given)
-        outputs = _outputs(record, law_model)
-        label = label_of(record)
-        spans = _spans(record.time)
-        for number, (first, last) in enumerate(spans, 1):
-            pieces.append(
-                Record(
-                    np.ascontiguousarray(record.time[first:last] - record.time[first]),
-                    np.ascontiguousarray(inputs[first:last]),
-                    np.ascontiguousarray(outputs[first:last]),
-                    (False,) * inputs.shape[1],
-                    f"{label}.{number}" if len(spans) > 1 else label,
-                    float(record.time[0] - record.time[first]),
-                    group=group,
-                )
-            )
-        for name, value in absent.items():
-            text = f"{name} is not in {record.source.name}: it is taken to be {value:g} throughout"
-            notes.append(("absent_input", name, text))
-        if len(spans) > 1:
-            text = f"{record.source.name} has gaps in its time: it is {len(spans)} records"
-            notes.append(("gaps", record.label, text))
-    return pieces, list(dict.fromkeys(notes))
-
-
-def label_of(record: MeasuredRecord) -> str:
-    """Return the name of a record: that of its file, and of the run."""
-    return " ".join(filter(None, (record.source.stem, record.label)))
-
-
-def _cut_off(subject: Subject, records: Sequence[Record]) -> list[tuple[str, str, str]]:
+def _cut_off(subject: Subject, records: Sequence[Record]) -> list[Note]:
     """Return notes on records of which the beginning alone is used."""
     notes = []
     for used, record in zip(subject.beginnings, records, strict=True):
@@ -550,45 +538,11 @@ def _cut_off(subject: Subject, records: Sequence[Record]) -> list[tuple[str, str
     return notes
 
 
-def _spans(time: Array) -> list[tuple[int, int]]:
-    """Return first and last sample of the pieces between gaps; the whole if most would be lost."""
-    ends = [0, *(gaps(time) + 1).tolist(), len(time)]
-    spans = [(first, last) for first, last in pairwise(ends) if last - first >= _SHORTEST]
-    lost = len(time) - sum(last - first for first, last in spans)
-    return spans if 2 * lost < len(time) else [(0, len(time))]
-
-
-def _inputs(
-    record: MeasuredRecord, model: Model, law_model: LawModel, given: Mapping[str, float]
-) -> tuple[Array, dict[str, float]]:
-    """Return the inputs (n, nu) of a record, and values of those that it lacks."""
-    count = len(record.time)
-    inputs = np.empty((count, len(law_model.inputs)))
-    absent = {}
-    for j, variable in enumerate(law_model.inputs):
-        name = variable.name
-        if name in given:
-            inputs[:, j] = given[name]
-        elif name in record.signals:
-            inputs[:, j] = record.signals[name]
-        else:
-            absent[name] = float(variable.start)
-            inputs[:, j] = variable.start
-    return inputs, absent
-
-
-def _outputs(record: MeasuredRecord, law_model: LawModel) -> Array:
-    """Return the measured outputs (n, ny) of a record; NaN of one that it lacks."""
-    gap = np.full(len(record.time), np.nan)
-    columns = [record.signals.get(output.name, gap) for output in law_model.outputs]
-    return np.column_stack(columns)
-
-
 def _names(records: Sequence[MeasuredRecord]) -> str:
     return ", ".join(dict.fromkeys(record.source.name for record in records))
 
 
-def _denoised(subject: Subject) -> list[tuple[str, str, str]]:
+def _denoised(subject: Subject) -> list[Note]:
     """Return notes on columns that are read without their noise."""
     outputs = {output.name for output in subject.problem.model.outputs}
     records = [*subject.problem.records, *(one.record for one in subject.left_out)]

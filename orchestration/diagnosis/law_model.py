@@ -21,7 +21,13 @@ from fmus.kit.build import cached_library, load_library
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.record import Rhythm
 from fmus.kit.symbolic import PerturbedLaws
-from orchestration.diagnosis.delays import has_delays, linearise_late, run_late
+from orchestration.diagnosis.delays import (
+    has_delays,
+    linearise_late,
+    linearise_recorded,
+    recorded,
+    run_late,
+)
 from orchestration.diagnosis.runs import Course, Linearisation, Record, Setting
 from orchestration.diagnosis.terms import NamedTerm, Term, TermStructure, effects_in
 
@@ -143,6 +149,9 @@ class LawModel:
 
         None if it leaves all bounds, or has more ticks than `MOST_TICKS`.
         """
+        if record.is_recorded_otherwise:
+            course = self.run(record.plain, setting, start, sensitive=sensitive)
+            return None if course is None else recorded(course, record)
         if has_delays(setting):
             return run_late(self, record, setting, start, sensitive=sensitive)
         effects = effects_in(setting.terms)
@@ -178,6 +187,8 @@ class LawModel:
 
     def linearise(self, record: Record, setting: Setting, course: Course) -> Linearisation:
         """Linearise along a course."""
+        if record.is_recorded_otherwise:
+            return linearise_recorded(course, self.linearise(record.plain, setting, course))
         if has_delays(setting):
             return linearise_late(self, record, setting, course)
         effects = effects_in(setting.terms)

@@ -15,7 +15,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmus.kit.arrays import Array
-from orchestration.diagnosis.comparison import Judged, are_same, common_of, compare, inexact
+from orchestration.diagnosis.comparison import (
+    WEIGHTS,
+    Judged,
+    are_same,
+    common_of,
+    compare,
+    inexact,
+)
+from orchestration.diagnosis.delays import recorded
 from orchestration.diagnosis.fitting import (
     Point,
     Problem,
@@ -25,9 +33,9 @@ from orchestration.diagnosis.fitting import (
     nominal_point,
 )
 from orchestration.diagnosis.law_model import LawModel
-from orchestration.diagnosis.readings import Reading, ReadingKind, readings_of
+from orchestration.diagnosis.readings import Reading, ReadingKind, readings_by_run, readings_of
 from orchestration.diagnosis.responses import Projection
-from orchestration.diagnosis.runs import Record
+from orchestration.diagnosis.runs import Course, Record
 from orchestration.diagnosis.subject import LeftOut, Subject, divided_as_read, thinned
 
 _OF_A_KIND = 2  # readings of a kind that are fitted
@@ -35,17 +43,18 @@ _KEPT = 2  # readings on top of which laws are searched
 _STEPS = 3
 _ROUNDS = 3  # of estimates of a shift and of the parameters by turns
 _WEIGHT = 10.0  # of squared errors in spreads: within a third, as a first fit of the model
-_LATEST = 8  # share of a record, by which a column is late at most
+_LATEST = 5  # share of what is fitted, by which a column is late at most
 _DELAYS = 1.6  # ratio of delays that are tried
+_PACES = np.linspace(-0.1, 0.1, 81)  # of a clock: shares by which it is fast
+_PERIODS = 4.0  # of a cut-off that is tried, in the record at least
+_CUTOFFS = 16  # that are tried
 _DIFFERENCE = 1e-2  # of the spread of a column, for the derivative by its offset
-_NEAREST = 2  # points of a reading at which the model is run
+_NEAREST = 3  # points of a reading at which the model is run
+_BESIDE = 2  # shifts that are tried, within which two are the same place
 _LONGEST = 0.7  # of a step of the screen, in prior deviations
 _MOST = 600  # samples of a screen
 _FOLLOWS = 0.5  # of the spread, up to which a model follows a record
 _HOPELESS = 1.0  # misfit above that of the file as it was read, of a reading of as many steps
-
-
-Run = tuple[Array, Array]  # outputs (n, ny) of a record; slopes (n, m, p + nx) of measured ones
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,24 +83,42 @@ class _Screen:
     def best(self, reading: Reading) -> _Trial | None:
         """Return a reading with the shift that is best, from the better point."""
         trials = [t for shift in self._shifts(reading) for t in self._trials(reading, shift)]
-        nearest = sorted(trials, key=lambda t: t.misfit)[:_NEAREST]
-        moved = [replace(t, misfit=_misfit(t.problem, t.point)) for t in nearest]
+        moved = [replace(t, misfit=_misfit(t.problem, t.point)) for t in _nearest(trials)]
         best = min(moved, key=lambda t: t.misfit, default=None)
-        if best is not None and reading.kind is ReadingKind.OFFSET:
+        if best is not None and len(reading.values) and reading.kind is not ReadingKind.LATE:
             return _shifted(best) or best
         return best
 
+    def readings_by_run(self) -> Iterator[Reading]:
+        """Yield the readings of outputs that tell a part of their signal, by the first run."""
+        problem = self.subject.problem
+        runs = next((run for run in self._runs if run is not None), None)
+        if runs is not None:
+            yield from readings_by_run(problem.model, problem.records, runs[0].outputs)
+
     def _shifts(self, reading: Reading) -> list[float]:
         """Return the shifts of a reading that are tried."""
+        time = self.subject.problem.records[0].time
+        if reading.kind is ReadingKind.PACE:
+            return [share for share in _PACES.tolist() if share]
+        if reading.kind is ReadingKind.FILTERED:
+            step = float(np.median(np.diff(time)))
+            return np.geomspace(
+                _PERIODS / float(time[-1] - time[0]), 0.25 / step, _CUTOFFS
+            ).tolist()
         if reading.kind is not ReadingKind.LATE:
             return [reading.shift]
-        time = self.subject.problem.records[0].time
         most = max(1, len(time) // _LATEST)
-        count = int(np.log(most) / np.log(_DELAYS)) + 2
-        samples = np.unique(np.geomspace(1.0, most, count).astype(int))
+        if reading.moves_inputs(self.subject.problem.model):
+            count = int(np.log(most) / np.log(_DELAYS)) + 2
+            samples = np.unique(np.geomspace(1.0, most, count).astype(int))
+            # an early input of a model with one output is a late output
+            is_early = self.subject.problem.records[0].measured.sum() > 1
+        else:
+            samples = np.arange(1, most + 1)
+            is_early = True
         step = float(np.median(np.diff(time)))
-        # an early input of a model with one output is a late output
-        signs = (1.0, -1.0) if self.subject.problem.records[0].measured.sum() > 1 else (1.0,)
+        signs = (1.0, -1.0) if is_early else (1.0,)
         return [float(sign * k * step) for k in samples for sign in signs]
 
     def _points(self, problem: Problem) -> list[Point]:
@@ -110,6 +137,8 @@ class _Screen:
         )
         for point, as_read in zip(self._points(problem), self._runs, strict=True):
             runs = as_read if is_same else _runs(problem, point)
+            if is_same and runs is not None:
+                runs = [recorded(c, r) for c, r in zip(runs, problem.records, strict=True)]
             if runs is not None:
                 there, misfit = _stepped(problem, point, runs)
                 yield replace(trial, point=there, misfit=misfit)
@@ -126,8 +155,11 @@ def misreadings(subject: Subject, base: Judged) -> list[Subject]:
         Its fit without terms.
     """
     screen = _Screen(_thin(subject))
-    readings = readings_of(subject.problem.model, subject.problem.records)
-    as_read = _misfit(subject.problem, subject.base.point)
+    readings = [
+        *readings_of(subject.problem.model, subject.problem.records),
+        *screen.readings_by_run(),
+    ]
+    as_read = _misfit(screen.subject.problem, subject.base.point)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         first = [t for t in pool.map(screen.best, readings) if t is not None]
         refined = pool.map(_refined, list(_best_of_each_kind(first)))
@@ -149,7 +181,8 @@ def _thin(subject: Subject) -> Subject:
     """Return a subject of fewer samples, if the model sees no difference."""
     problem = subject.problem
     most = _MOST // len(problem.records)
-    records = tuple(thinned(problem, r, problem.mean, most) for r in problem.records)
+    q = subject.base.point.q  # by a wrong unit the nominal model may not move at all
+    records = tuple(thinned(problem, r, q, most) for r in problem.records)
     return replace(subject, problem=replace(problem, records=records), left_out=())
 
 
@@ -192,18 +225,18 @@ def _read(subject: Subject, reading: Reading) -> _Trial:
     return _Trial(subject, reading, problem, left_out, nominal_point(problem), np.inf)
 
 
-def _runs(problem: Problem, point: Point) -> list[Run] | None:
+def _runs(problem: Problem, point: Point) -> list[Course] | None:
     """Return the free runs over all records; None if one leaves its bounds."""
     runs = []
     for record, start in zip(problem.records, point.starts, strict=True):
         course = problem.run(record, point, (), start, True)
         if course is None:
             return None
-        runs.append((course.outputs, course.slopes))
+        runs.append(course)
     return runs
 
 
-def _columns(problem: Problem, point: Point, runs: Sequence[Run]) -> tuple[Array, Array]:
+def _columns(problem: Problem, point: Point, runs: Sequence[Course]) -> tuple[Array, Array]:
     """Return errors (m,), and slopes (m, k) by all that is fitted, in prior deviations, whitened.
 
     Both are in a third of the spread of each output, for all samples one after the other.
@@ -212,7 +245,8 @@ def _columns(problem: Problem, point: Point, runs: Sequence[Run]) -> tuple[Array
     p, nx = len(slopes), len(problem.model.states)
     root = np.sqrt(_WEIGHT) / problem.spread
     targets, blocks = [], []
-    for r, (outputs, by_all) in enumerate(runs):
+    for r, course in enumerate(runs):
+        outputs, by_all = course.outputs, course.slopes
         measured = problem.records[r].measured
         places = problem.columns(problem.records[r].group)
         of_measured = np.zeros((*by_all.shape[:2], p + nx * len(runs)))
@@ -226,7 +260,7 @@ def _columns(problem: Problem, point: Point, runs: Sequence[Run]) -> tuple[Array
     return np.concatenate(targets), np.concatenate(blocks)
 
 
-def _stepped(problem: Problem, point: Point, runs: Sequence[Run]) -> tuple[Point, float]:
+def _stepped(problem: Problem, point: Point, runs: Sequence[Course]) -> tuple[Point, float]:
     """Return the point a Gauss-Newton step away, and the misfit that is expected there."""
     target, others = _columns(problem, point, runs)
     known = np.isfinite(target)
@@ -273,7 +307,7 @@ def _errors(problem: Problem, point: Point) -> list[Array] | None:
 def _best_of_each_kind(trials: Sequence[_Trial]) -> Iterator[_Trial]:
     """Yield the best of each kind, each with other columns."""
     taken: dict[object, int] = {}
-    for trial in sorted(trials, key=lambda t: t.misfit):
+    for trial in sorted(trials, key=_implausibility):
         kind, source = trial.reading.kind, trial.reading.source
         if taken.get(kind, 0) < _OF_A_KIND and source not in taken:
             taken[kind] = taken.get(kind, 0) + 1
@@ -281,16 +315,39 @@ def _best_of_each_kind(trials: Sequence[_Trial]) -> Iterator[_Trial]:
             yield trial
 
 
+def _nearest(trials: Sequence[_Trial]) -> list[_Trial]:
+    """Return the nearest trials of a reading, of which shifts are apart where there are many."""
+    shifts = np.unique([trial.reading.shift for trial in trials])
+    taken: list[_Trial] = []
+    for trial in sorted(trials, key=lambda t: t.misfit):
+        places = np.searchsorted(shifts, [t.reading.shift for t in (trial, *taken)])
+        is_beside = len(shifts) > 1 and (np.abs(places[1:] - places[0]) <= _BESIDE).any()
+        if not is_beside:
+            taken.append(trial)
+    return taken[:_NEAREST]
+
+
+def _implausibility(trial: _Trial) -> float:
+    """Return the misfit of a trial and the distance of its parameters from nominal, nats.
+
+    By a model with a gain of its own one unit fits as well as another.
+    """
+    problem = trial.problem
+    distance = (trial.point.q - problem.mean) / problem.deviation
+    samples = sum(int(np.isfinite(r.outputs).sum()) for r in problem.records)
+    return 0.5 * (samples * trial.misfit + WEIGHTS.nominal * float(distance @ distance))
+
+
 def _refined(trial: _Trial) -> _Trial | None:
     """Fit a reading for a few steps, its shift and the parameters by turns."""
     weights = [np.full(len(trial.problem.spread), _WEIGHT) for _ in trial.problem.records]
     starts = [trial.point]
-    for _ in range(_ROUNDS if trial.reading.is_fitted else 1):
+    for _ in range(_ROUNDS if len(trial.reading.values) else 1):
         found = fit(trial.problem, (), starts, weights, _STEPS)
         if found is None:
             return None
         trial = replace(trial, point=found.point, misfit=_misfit(trial.problem, found.point))
-        shifted = _shifted(trial) if trial.reading.is_fitted else None
+        shifted = _shifted(trial) if len(trial.reading.values) else None
         if shifted is None:
             return trial
         trial, starts = shifted, [shifted.point]
@@ -298,50 +355,59 @@ def _refined(trial: _Trial) -> _Trial | None:
 
 
 def _shifted(trial: _Trial) -> _Trial | None:
-    """Return a trial with the shift that is best, parameters and starts being free; else None."""
-    problem, reading = trial.problem, trial.reading
-    step = _difference(trial)
-    there = _moved(trial, step)
+    """Return a trial with the values of its reading that are best, the parameters being free too.
+
+    None if none is better.
+    """
+    problem = trial.problem
+    steps = np.diag(_differences(trial))
+    ahead = [_moved(trial, step) for step in steps]
+    errors = [None if there is None else _errors(there.problem, trial.point) for there in ahead]
     runs = _runs(problem, trial.point)
-    ahead = None if there is None else _errors(there.problem, trial.point)
-    if runs is None or ahead is None:
+    tried = [np.concatenate(error).ravel() for error in errors if error is not None]
+    if runs is None or len(tried) < len(steps):
         return None
     target, others = _columns(problem, trial.point, runs)
-    column = np.sqrt(_WEIGHT) * np.concatenate(ahead).ravel() - target
-    known = np.isfinite(target) & np.isfinite(column)
-    projection = Projection(target[known], column[known, None], others[known])
-    size = float(projection.norms[0])
-    steps = -float(projection.moments[0]) / size if size > 0.0 else 0.0
-    if reading.kind is ReadingKind.LATE:
-        steps = float(np.round(steps))
-    if not steps:
-        return None
-    moved = _moved(trial, steps * step)
+    columns = np.sqrt(_WEIGHT) * np.column_stack(tried) - target[:, np.newaxis]
+    known = np.isfinite(target) & np.isfinite(columns).all(axis=1)
+    own = np.linalg.lstsq(np.hstack([columns, others])[known], -target[known])[0][: len(steps)]
+    if trial.reading.kind is ReadingKind.LATE:
+        own = np.round(own)
+    moved = _moved(trial, own @ steps) if own.any() else None
     if moved is None:
         return None
     misfit = _misfit(moved.problem, trial.point)
     return replace(moved, misfit=misfit) if misfit < trial.misfit else None
 
 
-def _difference(trial: _Trial) -> float:
-    """Return the difference of a shift by which derivatives are taken: of a delay one sample."""
-    record = trial.problem.records[0]
-    if trial.reading.kind is ReadingKind.LATE:
-        return float(np.median(np.diff(record.time)))
+def _differences(trial: _Trial) -> Array:
+    """Return differences of the values of a reading by which derivatives are taken.
+
+    A whole sample of a delay.
+    """
+    reading, record = trial.reading, trial.problem.records[0]
+    step = float(np.median(np.diff(record.time)))
+    if reading.kind is ReadingKind.LATE:
+        return np.array([step])
+    if reading.kind is ReadingKind.PACE:
+        return np.array([step / float(record.time[-1] - record.time[0])])
+    if reading.kind is ReadingKind.FILTERED:
+        return np.array([_DIFFERENCE * reading.shift])
     model = trial.problem.model
     names = [v.name for v in (*model.inputs, *model.outputs)]
     columns = np.hstack([record.inputs, record.outputs])
-    return _DIFFERENCE * float(np.nanstd(columns[:, names.index(trial.reading.columns[0])]))
+    spreads = np.nanstd(columns[:, [names.index(name) for name in reading.columns]], axis=0)
+    return np.asarray(_DIFFERENCE * spreads)
 
 
-def _moved(trial: _Trial, by: float) -> _Trial | None:
-    """Return a trial at its point with a shift larger by so much; None of a delay too long."""
-    shift = trial.reading.shift + by
+def _moved(trial: _Trial, by: Array) -> _Trial | None:
+    """Return a trial with values of its reading larger by so much; None of those out of reason."""
+    reading = trial.reading.with_values(trial.reading.values + by)
     time = trial.problem.records[0].time
-    if trial.reading.kind is ReadingKind.LATE and abs(shift) > (time[-1] - time[0]) / _LATEST:
+    largest = {ReadingKind.LATE: (time[-1] - time[0]) / _LATEST, ReadingKind.PACE: _PACES[-1]}
+    if abs(reading.shift) > largest.get(reading.kind, np.inf):
         return None
-    moved = _read(trial.subject, replace(trial.reading, shift=shift))
-    return replace(moved, point=trial.point)
+    return replace(_read(trial.subject, reading), point=trial.point)
 
 
 def _fitted(trial: _Trial) -> Subject | None:
@@ -358,13 +424,29 @@ def _fitted(trial: _Trial) -> Subject | None:
 
 
 def _fitted_as(trial: _Trial, smooth: tuple[bool, ...]) -> Subject | None:
-    """Fit the model to what the file means, with inputs that are held or go in straight lines."""
-    problem = trial.problem
-    records = tuple(replace(r, smooth=smooth) for r in problem.records)
-    left_out = tuple(replace(o, record=replace(o.record, smooth=smooth)) for o in trial.left_out)
-    problem = replace(problem, records=records)
-    fitted = fit_base(problem, trial.point.q)
-    return None if fitted is None else Subject(problem, left_out, fitted, trial.reading)
+    """Fit the model to what the file means, with inputs that are held or go in straight lines.
+
+    The shift of a reading is fitted by all samples, in turns with the parameters.
+    """
+    subject = trial.subject
+    records = tuple(replace(r, smooth=smooth) for r in subject.problem.records)
+    own = [replace(o, record=replace(o.record, smooth=smooth)) for o in subject.left_out]
+    subject = replace(
+        subject, problem=replace(subject.problem, records=records), left_out=tuple(own)
+    )
+    trial = replace(_read(subject, trial.reading), point=trial.point)
+    best: Subject | None = None
+    for _ in range(_ROUNDS if len(trial.reading.values) else 1):
+        fitted = fit_base(trial.problem, trial.point.q)
+        if fitted is None or (best is not None and fitted.misfit >= best.base.misfit):
+            return best
+        best = Subject(trial.problem, trial.left_out, fitted, trial.reading)
+        there = replace(trial, point=fitted.point, misfit=_misfit(trial.problem, fitted.point))
+        shifted = _shifted(there) if len(trial.reading.values) else None
+        if shifted is None:
+            return best
+        trial = shifted
+    return best
 
 
 def reading_that_runs(

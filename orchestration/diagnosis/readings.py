@@ -11,8 +11,10 @@ from enum import Enum, unique
 from typing import NamedTuple
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
+from scipy.signal import butter, sosfiltfilt
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Mask
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.runs import Record
 
@@ -36,6 +38,9 @@ _USUAL = {
 _PER_SECOND = {"min": 60.0, "h": 3600.0}
 _CLOCKS = {"us": 1e-6, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 _ZERO_CELSIUS = 273.15
+_ORDER = 2  # of a filter that is tried: one that is sharper leaves little else
+_SMOOTH = 1e-3  # roughness of what was filtered at most
+_NEAR_ZERO = 0.02  # of the largest value
 
 
 class _Kind(NamedTuple):
@@ -64,7 +69,20 @@ class ReadingKind(Enum):
         "{column} and {other} are exchanged", "exchange the names of {column} and {other}"
     )
     CLOCK = _Kind(f"{TIME} is {{unit}}", "{change}, or write its unit in the header")
-    LATE = _Kind("{column} is {size} s {side}", "shift {column} {size} s {back}", True)
+    LATE = _Kind("{columns} {are} {size} s {side}", "shift {columns} {size} s {back}", True)
+    PACE = _Kind(
+        "{columns} {are} recorded by a clock that is {percent} {pace} than that of the inputs",
+        "give {columns} the times of the other clock",
+        True,
+    )
+    RATE = _Kind("{columns} {are} the derivative in time of the signal", "integrate {columns}")
+    INTEGRAL = _Kind("{columns} {are} the integral over time of the signal", "derive {columns}")
+    UNSIGNED = _Kind("{columns} lost the sign", "record {columns} with the sign")
+    FILTERED = _Kind(
+        "{columns} {are} filtered forwards and backwards, up to {size} Hz",
+        "record {columns} without a filter, or filter the inputs in the same way",
+        True,
+    )
 
 
 @dataclass(frozen=True)
@@ -78,9 +96,13 @@ class Reading:
         Inputs and outputs that it changes; two that are exchanged; ``time``.
     factor : float
     shift : float
-        SI; of a late column its delay, s, negative of an early one.
+        SI; of a late column its delay, s, negative of an early one; of a clock the share by which
+        it is fast; of a filter its cut-off, Hz.
     unit : str
         That the file has, in words; of an offset the SI unit of its shift.
+    levels : tuple of float
+        Of each column where its signal begins, or about which it lost its sign, or which was
+        taken off before it was integrated, SI.
     instead : tuple of Reading
         Others that a model cannot tell from it.
     """
@@ -90,6 +112,7 @@ class Reading:
     factor: float = 1.0
     shift: float = 0.0
     unit: str = ""
+    levels: tuple[float, ...] = ()
     instead: tuple[Reading, ...] = ()
 
     @property
@@ -107,34 +130,64 @@ class Reading:
         """Whether its shift is estimated."""
         return self.kind.value.is_fitted
 
+    @property
+    def values(self) -> Array:
+        """Values that are estimated: its levels, and its shift."""
+        return np.array([*self.levels, *[self.shift] * self.is_fitted])
+
+    def with_values(self, values: Array) -> Reading:
+        """Return the reading with other `values`."""
+        count = len(self.levels)
+        shift = float(values[count]) if self.is_fitted else self.shift
+        return replace(self, levels=tuple(values[:count].tolist()), shift=shift)
+
     def moves_inputs(self, model: LawModel) -> bool:
         """Return whether a run of the model is another one by it."""
         inputs = {v.name for v in model.inputs} | {TIME}
-        return not inputs.isdisjoint(self.columns)
+        is_of_inputs = self.kind is ReadingKind.FILTERED
+        return is_of_inputs or not inputs.isdisjoint(self.columns)
 
     def apply(self, model: LawModel, record: Record) -> Record:
         """Return a record of the values that the file means."""
         if self.kind is ReadingKind.CLOCK:
             time = np.ascontiguousarray(record.time * self.factor)
             return replace(record, time=time, begin=record.begin * self.factor)
+        if self.kind is ReadingKind.UNSIGNED:
+            levels = dict(zip(self.columns, self.levels, strict=True))
+            folds = [levels.get(v.name, np.nan) for v in model.outputs]
+            return replace(record, folds=np.array(folds))
+        if self.kind is ReadingKind.PACE:
+            is_past = record.time > (1.0 + self.shift) * record.time[-1]
+            outputs = np.where(is_past[:, np.newaxis], np.nan, record.outputs)
+            return replace(record, outputs=outputs, pace=self.shift)
+        if self.kind is ReadingKind.FILTERED:
+            filtered = _filtered(record.inputs, record.time, self.shift)
+            return replace(record, inputs=np.ascontiguousarray(filtered))
         names = [v.name for v in (*model.inputs, *model.outputs)]
         values = np.hstack([record.inputs, record.outputs])
         places = [names.index(name) for name in self.columns]
         if self.kind is ReadingKind.EXCHANGED:
             values[:, places] = values[:, places[::-1]]
-        elif self.kind is ReadingKind.LATE:
-            is_input = places[0] < len(model.inputs)
-            values[:, places[0]] = _earlier(
-                values[:, places[0]], record.time, self.shift, is_input=is_input
-            )
         else:
-            values[:, places] = self.factor * values[:, places] + self.shift
+            for number, place in enumerate(places):
+                is_input = place < len(model.inputs)
+                values[:, place] = self._meant(values[:, place], record.time, number, is_input)
         inputs, outputs = np.split(values, [len(model.inputs)], axis=1)
         return replace(
             record,
             inputs=np.ascontiguousarray(inputs),
             outputs=np.ascontiguousarray(outputs),
         )
+
+    def _meant(self, values: Array, time: Array, number: int, is_input: bool) -> Array:
+        """Return the values (n,) that are meant by those of one of its columns."""
+        if self.kind is ReadingKind.LATE:
+            return _earlier(values, time, self.shift, is_input=is_input)
+        if self.kind is ReadingKind.RATE:
+            return self.levels[number] + cumulative_trapezoid(values, time, initial=0)
+        if self.kind is ReadingKind.INTEGRAL:
+            return self.levels[number] + np.append(np.nan, np.diff(values) / np.diff(time))
+        return self.factor * values + self.shift
 
     @property
     def sentence(self) -> str:
@@ -157,9 +210,13 @@ class Reading:
         return text.format(
             column=column,
             other=other,
+            columns=" and ".join(self.columns),
+            are="is" if len(self.columns) == 1 else "are",
             unit=unit if self.is_fitted else self.unit,
             size=f"{abs(self.shift):.3g}",
+            percent=f"{100.0 * abs(self.shift):.3g} %",
             level="low" if is_up else "high",
+            pace="faster" if is_up else "slower",
             side="late" if is_up else "early",
             back="earlier" if is_up else "later",
             change=shifted if self.shift else f"multiply {column} by {self.factor:.6g}",
@@ -182,6 +239,17 @@ def _earlier(values: Array, time: Array, shift: float, *, is_input: bool) -> Arr
         inside = (instants > time[0] - near) & (instants < time[-1] + near)
         moved = np.where(inside, moved, np.nan)
     return moved
+
+
+def _filtered(values: Array, time: Array, cutoff: float) -> Array:
+    """Return columns (n, m) filtered forwards and backwards, up to a cut-off, Hz.
+
+    As they are where the cut-off is beyond their samples.
+    """
+    share = 2.0 * cutoff * float(np.median(np.diff(time)))
+    if not 0.0 < share < 1.0:
+        return values
+    return np.asarray(sosfiltfilt(butter(_ORDER, share, output="sos"), values, axis=0))
 
 
 def readings_of(model: LawModel, records: Sequence[Record]) -> list[Reading]:
@@ -209,11 +277,11 @@ def readings_of(model: LawModel, records: Sequence[Record]) -> list[Reading]:
     # of an input that stands still another zero acts, while a factor is one of what it drives
     still = [v for v in model.inputs if v.name not in moving]
     result += [reading for v in still for reading in _units(v.name, v.unit) if reading.shift]
-    result += [  # of whatever units: a header names columns, and not values
-        Reading(kinds.EXCHANGED, pair) for pair in itertools.combinations(moving, 2)
-    ]
-    # an offset of an output is one of its sensor, which is a term
     own = [v for v in model.inputs if v.name in moving]
+    # of whatever units: a header names columns, and not values
+    pairs = [*itertools.combinations(moving, 2), *((v.name, s.name) for v in own for s in still)]
+    result += [Reading(kinds.EXCHANGED, pair) for pair in pairs]
+    # an offset of an output is one of its sensor, which is a term
     result += [Reading(kinds.OFFSET, (v.name,), unit=v.unit) for v in own]
     if not model.states:
         return result
@@ -222,7 +290,58 @@ def readings_of(model: LawModel, records: Sequence[Record]) -> list[Reading]:
         result.append(Reading(kinds.CLOCK, (TIME,), 1.0 / size, unit=f"in s and read as {unit}"))
     # a late output is a fault of its measurement, which is a term
     result += [Reading(kinds.LATE, (v.name,)) for v in own]
+    logged = tuple(v.name for v in model.outputs if v.name in moving)
+    if own and logged:  # by another logger than the inputs
+        result += [Reading(kinds.LATE, logged), Reading(kinds.PACE, logged)]
+        if max(_roughness(outputs)) < _SMOOTH:
+            result.append(Reading(kinds.FILTERED, logged))
     return result
+
+
+def _roughness(columns: Array) -> list[float]:
+    """Return the size of the third differences of each column (n, m) that moves, over its spread.
+
+    Of noise, and of jumps; that of white noise alone is 1.
+    """
+    return [
+        float(np.nanstd(np.diff(column, 3)) / np.nanstd(column) / np.sqrt(20.0))
+        for column in columns.T
+        if np.isfinite(column).any() and np.nanstd(column) > 0.0
+    ]
+
+
+def readings_by_run(
+    model: LawModel, records: Sequence[Record], nominal: Array
+) -> Iterator[Reading]:
+    """Yield the ways to read outputs that tell a part of their signal alone, each and together.
+
+    Parameters
+    ----------
+    model : LawModel
+    records : sequence of Record
+    nominal : ndarray, shape (n, ny)
+        Outputs of a run over the first record, which tell where a signal begins, and about which
+        level it may have lost its sign.
+    """
+    measured = np.concatenate([r.outputs for r in records])
+    moving = [j for j, y in enumerate(measured.T) if np.isfinite(y).sum() > 1 and np.nanstd(y) > 0]
+    sets = [(j,) for j in moving] + [tuple(moving)] * (len(moving) > 1)
+    for places in sets:
+        names = tuple(model.outputs[j].name for j in places)
+        begins = tuple(nominal[0, list(places)].tolist())
+        if model.states:
+            yield Reading(ReadingKind.RATE, names, levels=begins)
+            for levels in ((0.0,) * len(names), begins):  # some take off the first value before
+                yield Reading(ReadingKind.INTEGRAL, names, levels=levels)
+        own = measured[:, list(places)]
+        if (np.nanmin(own, axis=0) >= 0.0).all() and (_touches_zero(own)).all():
+            levels = tuple(nominal[:, list(places)].mean(axis=0).tolist())
+            yield Reading(ReadingKind.UNSIGNED, names, levels=levels)
+
+
+def _touches_zero(columns: Array) -> Mask:
+    """Return which columns (n, m) come as near to zero as those do that lose a sign there."""
+    return np.asarray(np.nanmin(columns, axis=0) < _NEAR_ZERO * np.nanmax(columns, axis=0))
 
 
 def _units(column: str, unit: str) -> Iterator[Reading]:

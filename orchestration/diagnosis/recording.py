@@ -81,7 +81,7 @@ def without_outliers(model: LawModel, record: Record, errors: Array) -> Record:
     """
     jumps = np.zeros(len(record.time), dtype=bool)
     for values in record.inputs.T:
-        jumps[1:] |= _jumps(values, max(noise_of(values), _SMALL * float(np.std(values))))
+        jumps[1:] |= jumps_of(values)
     near = binary_dilation(jumps, iterations=_NEIGHBOURS // 2)
     outputs = record.outputs.copy()
     for error, column in zip(errors.T, outputs.T, strict=True):
@@ -151,6 +151,11 @@ def _smooth(values: Array, noise: float) -> Array:
     errors = uniform_filter1d(squares, _PLACE, axis=1, mode="nearest")
     errors -= 2.0 * means[best] / free[best] * free[:, np.newaxis]
     return np.asarray(np.take_along_axis(tried, errors.argmin(axis=0)[np.newaxis], axis=0)[0])
+
+
+def jumps_of(values: Array) -> Mask:
+    """Return between which samples (n - 1,) an input jumps beside its slope."""
+    return _jumps(values, max(noise_of(values), _SMALL * float(np.std(values))))
 
 
 def _jumps(values: Array, noise: float) -> Mask:

@@ -36,6 +36,10 @@ class Record:
         Number of the group of records with the same local values; see `LocalValues`.
     denoised : tuple of str
         Inputs, and ``time``, that are read without their noise.
+    folds : ndarray, shape (ny,), or None
+        Levels about which outputs are recorded without a sign; NaN of one that has it.
+    pace : float
+        Share by which the clock of the outputs is faster than that of the inputs.
     """
 
     time: Array
@@ -47,6 +51,8 @@ class Record:
     gain: Array | None = None
     group: int = 0
     denoised: tuple[str, ...] = ()
+    folds: Array | None = None
+    pace: float = 0.0
     _ticks: dict[tuple[Rhythm, ...], Ticks] = field(default_factory=dict, init=False, repr=False)
 
     def ticks(self, rhythms: tuple[Rhythm, ...]) -> Ticks:
@@ -58,6 +64,16 @@ class Record:
     def gains(self, memories: int) -> Array | None:
         """Return the gain (n, nx + memories, ny) of an observer: memories are not corrected."""
         return None if self.gain is None else np.pad(self.gain, ((0, 0), (0, memories), (0, 0)))
+
+    @property
+    def is_recorded_otherwise(self) -> bool:
+        """Whether outputs lost their sign, or have a clock of their own."""
+        return self.folds is not None or self.pace != 0.0
+
+    @property
+    def plain(self) -> Record:
+        """The record as if its outputs were recorded like its inputs."""
+        return replace(self, folds=None, pace=0.0)
 
     @cached_property
     def measured(self) -> Mask:
@@ -93,11 +109,14 @@ class Course:
         unless asked for.
     states : ndarray, shape (n, nx + nz)
         Memories of the terms after the model's own states.
+    signs : ndarray, shape (n, ny), or None
+        By which outputs that are recorded without their sign were multiplied.
     """
 
     outputs: Array
     slopes: Array
     states: Array
+    signs: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)

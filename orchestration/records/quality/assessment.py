@@ -11,25 +11,26 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import ndtri
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array, Mask
-from orchestration.records.quality.fault import Channels, Fault
+from fmus.kit.arrays import Array, Indices, Mask
+from orchestration.records.quality.fault import FAULTS, Channels, Fault
 from orchestration.records.sampling import true_runs
 
 Span = tuple[int, int]  # first sample, and the one after the last
 _SAME = 1e-9  # of the range: what unit conversion may split one value into
 _RUN = 5  # equal samples that are looked at
+_REPEATS = ("stuck", "standing")  # kinds of runs of equal samples within the range
 _USABLE = 0.1  # share of the samples below which an output is not used
 _HUGE = 1e30  # no measurement is that large, and its square is still a number
 _TINY = 1e-100  # nor is any that small, likewise
 
 # Noise
-_QUIET = 30  # samples without movement of the inputs that it takes to know the noise
+_QUIET = 30  # samples without steps of the inputs that it takes to know the noise
 # share of repeated samples above which the noise is too small for the steps of the recorder
 _COARSE = 0.4
 # different values at which a channel with noise may stand still: both ends, and where a sensor
@@ -69,10 +70,45 @@ class _Symptom:
     mask: Mask
     facts: Mapping[str, Any] = field(default_factory=dict)
 
+    @property
+    def kind(self) -> str:
+        return FAULTS[self.code].kind
+
     def fault(self, channel: str, values: Array) -> Fault:
         """Return the fault of a channel of values (n,)."""
         share = float(self.mask.sum() / max(np.isfinite(values).sum(), 1))
         return Fault(self.code, channel, {**self.facts, "share": share})
+
+
+class _Moves(NamedTuple):
+    """Where inputs move.
+
+    Attributes
+    ----------
+    each : dict of str to ndarray of bool, shape (n,)
+        Where each input changes.
+    stepped : ndarray of bool, shape (n,)
+        Where any changes that is not smooth. The bends of a smooth input are smaller than its
+        changes, as of a sine of more than six samples a period.
+    """
+
+    each: dict[str, Mask]
+    stepped: Mask
+
+    @classmethod
+    def of(cls, inputs: Mapping[str, Array], count: int) -> _Moves:
+        """Return where some inputs (n,), of so many samples, move."""
+        each = {name: _changes(u) for name, u in inputs.items()}
+        rough = [
+            each[name]
+            for name, u in inputs.items()
+            if np.sum(np.diff(u, 2) ** 2) >= np.sum(np.diff(u) ** 2)
+        ]
+        return cls(each, np.any(rough, axis=0) if rough else np.zeros(count, dtype=bool))
+
+    def at(self, chosen: Indices) -> _Moves:
+        """Return the same at some samples."""
+        return _Moves({n: mask[chosen] for n, mask in self.each.items()}, self.stepped[chosen])
 
 
 def check_sizes(channels: Channels) -> None:
@@ -109,21 +145,17 @@ def assess(
     list of Fault
         In the order of the channels, inputs first.
     """
-    inputs = channels.inputs
+    moves = _Moves.of(channels.inputs, len(channels.time))
     faults = list(_still_inputs(channels))
-    moved = {name: _changes(values) for name, values in inputs.items()}
     modelled = simulated or {}
     usable = {}
     for name, values in channels.outputs.items():
-        own = modelled.get(name)
-        of_model = set() if own is None else {x.kind for x, _ in _faults(name, own, inputs, moved)}
         bad = np.zeros(len(values), dtype=bool)
-        for fault, mask in _faults(name, values, inputs, moved):
-            if fault.kind in of_model:
-                continue
+        for symptom in _beside_model(values, modelled.get(name), channels.inputs, moves):
+            fault = symptom.fault(name, values)
             faults.append(fault)
             if not fault.is_evidence:
-                bad |= mask
+                bad |= symptom.mask
         present = np.isfinite(values)
         share = float((present & ~bad).sum() / max(present.sum(), 1))
         if share >= _USABLE:
@@ -136,12 +168,33 @@ def assess(
     return replace(channels, outputs=usable), faults
 
 
-def _faults(
-    name: str, values: Array, inputs: Mapping[str, Array], moved: Mapping[str, Mask]
-) -> Iterator[tuple[Fault, Mask]]:
-    """Yield the faults of one output (n,) with their samples, given where each input moves."""
-    for symptom in (*_copies(values, inputs), *_symptoms(values, moved)):
-        yield symptom.fault(name, values), symptom.mask
+def _beside_model(
+    values: Array, simulated: Array | None, inputs: Mapping[str, Array], moves: _Moves
+) -> Iterator[_Symptom]:
+    """Yield the faults of one output (n,) that a simulation of it, if there is one, has not."""
+    symptoms = [*_copies(values, inputs), *_symptoms(values, moves)]
+    if simulated is None:
+        yield from symptoms
+        return
+    of_model = {x.kind for x in (*_copies(simulated, inputs), *_symptoms(simulated, moves))}
+    resolution = resolution_of(values)
+    for symptom in symptoms:
+        beside = symptom
+        if symptom.kind in _REPEATS:
+            beside = _where_model_moves(symptom, simulated, resolution)
+        if symptom.kind not in of_model and beside.mask.any():
+            yield beside
+
+
+def _where_model_moves(symptom: _Symptom, simulated: Array, resolution: float) -> _Symptom:
+    """Return the runs of equal samples during which a simulation moves by steps of the recorder."""
+    spans = true_runs(symptom.mask)
+    moving = [span for span in spans if not np.ptp(simulated[span[0] : span[1]]) <= resolution]
+    if len(moving) == len(spans) or not moving:
+        return replace(symptom, mask=_mask(len(simulated), moving))
+    first, last = _longest(moving)
+    facts = {**symptom.facts, "samples": last - first}
+    return replace(symptom, mask=_mask(len(simulated), moving), facts=facts)
 
 
 def resolution_of(values: Array) -> float:
@@ -187,18 +240,18 @@ def _copies(values: Array, inputs: Mapping[str, Array]) -> Iterator[_Symptom]:
             return
 
 
-def _symptoms(values: Array, moved: Mapping[str, Mask]) -> Iterator[_Symptom]:
-    """Yield the faults of one output (n,), given where each input moves."""
+def _symptoms(values: Array, moves: _Moves) -> Iterator[_Symptom]:
+    """Yield the faults of one output (n,), given where inputs move."""
     present = np.flatnonzero(np.isfinite(values))
-    inputs_moved = {name: mask[present] for name, mask in moved.items()}
-    for symptom in _symptoms_without_gaps(values[present], inputs_moved):
+    for symptom in _symptoms_without_gaps(values[present], moves.at(present)):
         whole = np.zeros(len(values), dtype=bool)
         whole[present[symptom.mask]] = True
         yield replace(symptom, mask=whole)
 
 
-def _symptoms_without_gaps(y: Array, moved: Mapping[str, Mask]) -> Iterator[_Symptom]:
+def _symptoms_without_gaps(y: Array, moves: _Moves) -> Iterator[_Symptom]:
     n = len(y)
+    moved = moves.each
     if n < 2 * _RUN:
         return
     resolution = resolution_of(y)
@@ -206,7 +259,7 @@ def _symptoms_without_gaps(y: Array, moved: Mapping[str, Mask]) -> Iterator[_Sym
     if dead:
         yield dead
         return
-    tie_probability = _tie_probability(y, resolution, moved)
+    tie_probability = _tie_probability(y, resolution, moves.stepped)
     bad = np.zeros(n, dtype=bool)
     for symptom in _repeated_values(y, resolution, tie_probability, moved):
         bad |= symptom.mask
@@ -239,8 +292,8 @@ def _dead_throughout(y: Array, resolution: float, moved: Mapping[str, Mask]) -> 
     return None
 
 
-def _tie_probability(y: Array, resolution: float, moved: Mapping[str, Mask]) -> float | None:
-    """Return the probability that noise repeats a sample, seen where no input moves.
+def _tie_probability(y: Array, resolution: float, stepped: Mask) -> float | None:
+    """Return the probability that noise repeats a sample, seen where no input steps.
 
     The third differences of noise alternate, those of a smooth signal do not. None if there is no
     noise to judge by.
@@ -248,7 +301,7 @@ def _tie_probability(y: Array, resolution: float, moved: Mapping[str, Mask]) -> 
     equal = _equal_runs(y)
     if len({float(y[first]) for first, last in equal if last - first >= 4 * _RUN}) > _LEVELS:
         return None
-    still = ~_any_moved(moved, len(y))
+    still = ~stepped
     for first, last in equal:
         still[first:last] &= last - first < _RUN  # may be the very fault that is looked for
     quiet = still[1:-2] & still[2:-1] & still[3:]

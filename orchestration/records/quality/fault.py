@@ -129,6 +129,11 @@ class Fault:
         return self.kind in _EVIDENCE
 
     @property
+    def discredits(self) -> bool:
+        """Whether the file is not what it says, so that no model should be judged by it."""
+        return self.kind in ("copied", "ahead")
+
+    @property
     def sentence(self) -> str:
         """The fault in a sentence, which begins with its channel."""
         facts = {n: format_percent(v) if n in _SHARES else v for n, v in self.facts.items()}

@@ -10,6 +10,7 @@ from scipy.signal import StateSpace, lsim
 
 from orchestration.diagnosis.delays import earlier
 from orchestration.diagnosis.law_model import LawModel
+from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.runs import Course, Record, Setting
 from orchestration.diagnosis.terms import DelayTerm, Shape, Term
 from tests.support.oscillator import CUBE, DRY, diagnosis_with, oscillator_record
@@ -48,9 +49,13 @@ def run(model: LawModel, chosen: Setting) -> Course:
 def solution(seconds: float) -> np.ndarray:
     """Return the position by SciPy on a grid of a thousandth of a second, so much earlier."""
     fine = np.arange(0.0, TIME[-1] + 1e-9, 1e-3)
+    return np.interp(TIME - seconds, fine, exact_on(fine))
+
+
+def exact_on(fine: np.ndarray) -> np.ndarray:
+    """Return the position at times from 0 on, by SciPy."""
     system = StateSpace([[0.0, 1.0], [-20.0, -0.8]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
-    _, exact, _ = lsim(system, np.interp(fine, TIME, FORCE), fine)
-    return np.interp(TIME - seconds, fine, exact)
+    return np.asarray(lsim(system, np.interp(fine, TIME, FORCE), fine)[1])
 
 
 @pytest.mark.parametrize("seconds", [0.02, SECONDS, 1.0])
@@ -115,3 +120,40 @@ def test_a_sensor_that_is_late_by_parts_of_a_sample_is_the_cause() -> None:
     low, high = diagnosis.parameters["position_delay"].interval
     assert low < 0.11 < high
     assert high - low < 0.01
+
+
+@pytest.mark.parametrize("share", [0.03, -0.03])
+def test_outputs_by_another_clock_are_the_solution_at_other_times(
+    model: LawModel, share: float
+) -> None:
+    """A clock that is fast says a second after less of it; none is known past the end."""
+    read = Reading(ReadingKind.PACE, ("position",), shift=share).apply(model, record())
+    course = model.run(read, setting(model, 0.0), START, sensitive=False)
+    assert course is not None
+    fine = np.arange(0.0, TIME[-1] + 1e-9, 1e-3)
+    there = TIME / (1.0 + share)
+    exact = np.interp(there, fine, exact_on(fine))
+    known = there <= TIME[-1]
+    assert course.outputs[known, 0] == pytest.approx(exact[known], abs=0.02**2 / 8.0 * 12.0)
+    assert (np.isfinite(read.outputs[:, 0]) == known).all()
+
+
+def test_an_output_without_its_sign_has_slopes_of_the_other_sign(model: LawModel) -> None:
+    level = 0.05
+    read = replace(record(), folds=np.array([level]))
+    plain, folded = (
+        model.run(one, setting(model, 0.0), START, sensitive=True) for one in (record(), read)
+    )
+    assert plain is not None
+    assert folded is not None
+    position = plain.outputs[:, 0]
+    assert folded.outputs[:, 0] == pytest.approx(np.abs(position - level))
+    signs = np.where(position < level, -1.0, 1.0)
+    assert 0.2 < np.mean(signs < 0.0) < 0.8
+    assert folded.slopes[:, 0] == pytest.approx(signs[:, np.newaxis] * plain.slopes[:, 0])
+    parts = [
+        model.linearise(one, setting(model, 0.0), course)
+        for one, course in ((record(), plain), (read, folded))
+    ]
+    assert parts[1].outputs[:, 0] == pytest.approx(signs[:, np.newaxis] * parts[0].outputs[:, 0])
+    assert parts[1].rates == pytest.approx(parts[0].rates)

@@ -274,16 +274,16 @@ def test_an_experiment_is_as_long_as_the_longest_record_within_its_range():
     long, short = oscillator_record(1, dry=1.5), oscillator_record(2, samples=300)
     dry = diagnosis_with(long, (DRY,))
     group = with_group(dry, "ambiguous", 0.5, 0.45).conclusion
-    designed = engine._designed(dry.found, group, [short, long], MODEL, Options())
+    designed = engine._designed(dry.found, group, [short, long], Options())
     experiment = designed.experiment
     assert experiment.duration == pytest.approx(long.time[-1])
     assert experiment.step == pytest.approx(0.02)
     force = long.signals["force"]
     assert experiment.limits == {"force": (force.min(), force.max())}
-    given = engine._designed(dry.found, group, [long], MODEL, Options(given={"force": 0.0}))
+    given = engine._designed(dry.found, group, [long], Options(given={"force": 0.0}))
     assert given.notes == [
         ("no_experiment", "", "no experiment is designed: no input of the model may move")
     ]
     wrong = Options(excitation=Excitation({"push": (0.0, 1.0)}, 1.0))
-    refused = engine._designed(dry.found, group, [long], MODEL, wrong)
+    refused = engine._designed(dry.found, group, [long], wrong)
     assert "limits of push: there is no such input" in refused.reason

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
 
 from orchestration.diagnosis import Diagnosis, Shape, Term
 from orchestration.diagnosis.conclude import conclude
@@ -129,6 +130,35 @@ def test_a_delay_is_estimated() -> None:
     first, *_ = read(force=np.roll(RIGHT.signals["force"], 9))
     assert (first.kind, first.columns) == (ReadingKind.LATE, ("force",))
     assert first.shift == pytest.approx(0.18)
+
+
+POSITION = RIGHT.signals["position"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "values"),
+    [
+        ("UNSIGNED", np.abs(POSITION - POSITION.mean())),
+        ("RATE", np.gradient(POSITION, RIGHT.time)),
+        ("INTEGRAL", np.cumsum(POSITION) * 0.02),
+        ("PACE", np.interp(RIGHT.time / 1.02, RIGHT.time, POSITION)),
+        ("LATE", np.append(POSITION[60:], np.full(60, np.nan))),
+    ],
+)
+def test_a_position_that_is_recorded_otherwise(kind: str, values: np.ndarray) -> None:
+    first, *_ = read(position=values)
+    assert (first.kind.name, first.columns) == (kind, ("position",))
+    expected = {"PACE": 0.02, "LATE": -1.2}.get(kind, first.shift)
+    assert first.shift == pytest.approx(expected, rel=0.02)
+
+
+def test_a_position_that_was_filtered_both_ways() -> None:
+    sections = butter(4, 0.06, output="sos")
+    quiet = oscillator_record(1, noise=0.0, samples=450)
+    filtered = sosfiltfilt(sections, quiet.signals["position"])
+    first, *_ = read(position=filtered, force=quiet.signals["force"], time=quiet.time)
+    assert first.kind is ReadingKind.FILTERED
+    assert first.shift == pytest.approx(1.5, rel=0.2), "0.03 periods a sample, in Hz"
 
 
 def test_an_early_input_of_a_model_with_one_output_is_no_reading() -> None:

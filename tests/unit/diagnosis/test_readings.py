@@ -10,7 +10,12 @@ import pytest
 
 from fmus.kit import Component, Input, Output, State
 from orchestration.diagnosis import LawModel, Record
-from orchestration.diagnosis.readings import Reading, ReadingKind, readings_of
+from orchestration.diagnosis.readings import (
+    Reading,
+    ReadingKind,
+    readings_by_run,
+    readings_of,
+)
 
 READINGS = sys.modules[Reading.__module__]
 
@@ -132,10 +137,83 @@ def test_only_columns_that_move_are_read_otherwise(model: LawModel) -> None:
     readings = readings_of(model, [replace(record, inputs=inputs, outputs=outputs)])
     columns = {name for reading in readings for name in reading.columns}
     assert columns == {"power", "first", "ambient", "time"}
-    still = [(reading.kind, reading.shift) for reading in readings if "ambient" in reading.columns]
-    assert still == [(ReadingKind.UNIT, 273.15), (ReadingKind.UNIT, -273.15)]
+    still = {(reading.kind, reading.shift) for reading in readings if "ambient" in reading.columns}
+    units = {(ReadingKind.UNIT, 273.15), (ReadingKind.UNIT, -273.15)}
+    assert still == units | {(ReadingKind.EXCHANGED, 0.0)}
     exchanged = [r.columns for r in readings if r.kind is ReadingKind.EXCHANGED]
-    assert exchanged == [("power", "first")], "of whatever units"
+    assert exchanged == [("power", "first"), ("power", "ambient")], "of whatever units"
+
+
+TIME = 0.05 * np.arange(400.0)
+
+
+def of_first(values: np.ndarray) -> Record:
+    """Return a record with an output of these values."""
+    outputs = np.column_stack([values, np.cos(TIME)])
+    return Record(TIME, np.zeros((len(TIME), 2)), outputs, (False, False), "r")
+
+
+@pytest.mark.parametrize(
+    ("reading", "values", "within"),
+    [
+        # the trapezoidal rule: a twelfth of a step squared for each unit of slope
+        (Reading(ReadingKind.RATE, ("first",), levels=(2.0,)), np.cos(TIME), 3e-4),
+        (
+            Reading(ReadingKind.INTEGRAL, ("first",), levels=(0.0,)),
+            0.05 * np.cumsum(2.0 + np.sin(TIME)),
+            1e-12,
+        ),
+        (
+            Reading(ReadingKind.INTEGRAL, ("first",), levels=(2.0,)),
+            0.05 * np.cumsum(np.sin(TIME)),
+            1e-12,
+        ),
+    ],
+)
+def test_a_part_of_a_signal_gives_the_signal(
+    reading: Reading, values: np.ndarray, within: float, model: LawModel
+) -> None:
+    first, second = reading.apply(model, of_first(values)).outputs.T
+    known = np.isfinite(first)
+    assert known.mean() > 0.95
+    assert first[known] == pytest.approx((2.0 + np.sin(TIME))[known], abs=within)
+    assert second == pytest.approx(np.cos(TIME))
+
+
+def test_filtered_outputs_are_those_of_inputs_through_the_same_filter(model: LawModel) -> None:
+    """A filter forwards and backwards halves the power at its cut-off, and has no phase."""
+    inputs = np.column_stack([np.sin(2.0 * np.pi * f * TIME) for f in (0.02, 1.0)])
+    record = replace(of_first(np.sin(TIME)), inputs=inputs)
+    reading = Reading(ReadingKind.FILTERED, ("first",), shift=1.0)
+    slow, fast = reading.apply(model, record).inputs[100:300].T
+    assert slow == pytest.approx(inputs[100:300, 0], abs=0.01)
+    assert fast == pytest.approx(0.5 * inputs[100:300, 1], abs=0.01)
+    beyond = replace(reading, shift=11.0).apply(model, record)
+    assert beyond.inputs is not None
+    assert beyond.inputs == pytest.approx(inputs), "there is nothing beyond half of the samples"
+
+
+def test_outputs_are_asked_for_their_signals_each_and_together(model: LawModel) -> None:
+    nominal = np.column_stack([np.linspace(1.0, 5.0, 400), np.full(400, 7.0)])
+    values = np.abs(np.sin(TIME))
+    readings = list(readings_by_run(model, [of_first(values)], nominal))
+    assert {r.columns for r in readings} == {("first",), ("second",), ("first", "second")}
+    (unsigned,) = [r for r in readings if r.kind is ReadingKind.UNSIGNED]
+    assert (unsigned.columns, unsigned.levels) == (("first",), (3.0,)), "no other touches zero"
+    both = [r for r in readings if r.kind is ReadingKind.INTEGRAL and len(r.columns) == 2]
+    assert {r.levels for r in both} == {(0.0, 0.0), (1.0, 7.0)}
+
+
+@pytest.mark.parametrize(("noise", "is_asked"), [(0.0, True), (0.05, False)])
+def test_outputs_with_noise_were_not_filtered(
+    noise: float, is_asked: bool, model: LawModel
+) -> None:
+    inputs = np.sign(np.sin(TIME))[:, np.newaxis] * [1.0, 0.0]
+    spread = noise * np.random.default_rng(1).normal(size=(400, 2))
+    smooth = of_first(np.sin(TIME))
+    record = replace(smooth, inputs=inputs, outputs=smooth.outputs + spread)
+    kinds = {reading.kind for reading in readings_of(model, [record])}
+    assert (ReadingKind.FILTERED in kinds) == is_asked
 
 
 def test_units_are_those_of_the_quantity(model: LawModel) -> None:
@@ -177,6 +255,26 @@ def test_units_are_those_of_the_quantity(model: LawModel) -> None:
             "shift first 0.25 s later",
         ),
         (
+            Reading(ReadingKind.LATE, ("first", "second"), shift=2.0),
+            "first and second are 2 s late",
+            "shift first and second 2 s earlier",
+        ),
+        (
+            Reading(ReadingKind.PACE, ("first",), shift=-0.03),
+            "first is recorded by a clock that is 3 % slower than that of the inputs",
+            "give first the times of the other clock",
+        ),
+        (
+            Reading(ReadingKind.RATE, ("first",), levels=(0.0,)),
+            "first is the derivative in time of the signal",
+            "integrate first",
+        ),
+        (
+            Reading(ReadingKind.FILTERED, ("first",), shift=0.25),
+            "first is filtered forwards and backwards, up to 0.25 Hz",
+            "record first without a filter, or filter the inputs in the same way",
+        ),
+        (
             Reading(ReadingKind.CLOCK, ("time",), 1e-3, unit="in ms"),
             "time is in ms",
             "multiply time by 0.001, or write its unit in the header",
@@ -199,9 +297,9 @@ def test_a_fault_is_said_plainly(reading: Reading, fault: str, correction: str) 
 
 
 def test_kinds_that_are_estimated_have_a_shift() -> None:
-    """An offset and a delay are sizes; a sign, a unit, an exchange and a clock are not."""
+    """An offset and a delay are sizes; a sign, a unit and an exchange are not."""
     fitted = {kind.name for kind in ReadingKind if Reading(kind, ("power",)).is_fitted}
-    assert fitted == {"OFFSET", "LATE"}
+    assert fitted == {"OFFSET", "LATE", "PACE", "FILTERED"}
 
 
 @pytest.mark.parametrize(

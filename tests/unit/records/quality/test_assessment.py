@@ -253,6 +253,18 @@ def test_a_smooth_signal_that_is_cut_needs_no_noise_to_be_seen():
     assert assess(Channels(time, {"u": wave}, {"y": 2.0 * wave}))[1] == []
 
 
+def test_a_noisy_output_is_clipped_under_an_input_that_never_rests():
+    time = 0.1 * np.arange(3000)
+    u = sum(np.sin(w * time + w) for w in (0.11, 0.23, 0.41))
+    y = u + 0.05 * np.random.default_rng(1).standard_normal(time.size)
+    level = np.quantile(y, 0.6)
+    usable, faults = assess(Channels(time, {"u": u}, {"y": np.minimum(y, level)}))
+    assert kinds(faults) == {("y", "clipped")}
+    assert np.isnan(usable.outputs["y"][y > level]).all()
+    assert np.isnan(usable.outputs["y"]).mean() < 0.46
+    assert assess(Channels(time, {"u": u}, {"y": y}))[1] == []
+
+
 def test_gaps_stay_gaps():
     data = record()
     voltage = np.clip(data.outputs["voltage"], -LIMIT, LIMIT)

@@ -46,3 +46,7 @@ def test_evidence_is_used_and_faults_are_not():
 def test_samples_are_even_by_their_times_alone():
     for time, even in ((0.1 * np.arange(9), True), (np.arange(9.0) ** 2, False)):
         assert Channels(time, {}, {}).is_even is even
+
+
+def test_a_file_is_not_believed_if_a_column_was_copied_or_is_ahead():
+    assert {code for code in FAULTS if Fault(code).discredits} == {"copied", "moves_ahead"}

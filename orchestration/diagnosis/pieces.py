@@ -1,0 +1,197 @@
+"""From measured records to those of the kernel: screened by their values, and cut at gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from fmus.kit import UserError
+from fmus.kit.arrays import Array
+from orchestration.diagnosis.fitting import Point, Problem
+from orchestration.diagnosis.law_model import LawModel
+from orchestration.diagnosis.runs import Record
+from orchestration.records import Record as MeasuredRecord
+from orchestration.records.quality import (
+    Channels,
+    Fault,
+    ahead_of_inputs,
+    as_measured,
+    assess,
+    check_sizes,
+)
+from orchestration.records.sampling import gaps
+
+Note = tuple[str, str, str]  # code, subject and sentence
+
+_SHORTEST = 12  # samples of a piece between two gaps; a shorter one tells little but its start
+_SUBSTEPS = (1, 8, 60)  # that are tried until a run stays within bounds
+# kinds that a fit shows better: it knows the error around an outlier, and which inputs act
+_BY_THE_FIT = ("outlier", "still")
+
+
+def pieces_of(
+    records: Sequence[MeasuredRecord],
+    model: LawModel,
+    given: Mapping[str, float],
+    where: str = "",
+) -> tuple[list[Record], list[Note]]:
+    """Return records as the kernel takes them, and notes on them, the most severe first.
+
+    Parameters
+    ----------
+    records : sequence of MeasuredRecord
+    model : LawModel
+    given : Mapping of str to float
+        Values of parameters and inputs, SI, which go before what was recorded.
+    where : str
+        With which sentences on faults begin; by default the file, of several.
+
+    Raises
+    ------
+    UserError
+        If a value is no measurement, or no record has an output that can be used.
+    """
+    pieces, faults, notes = [], [], []
+    for group, record in enumerate(records):
+        channels, found = _screened(record, model, given)
+        inputs, outputs = _columns(channels, model)
+        label = label_of(record)
+        spans = _spans(channels.time)
+        for number, (first, last) in enumerate(spans, 1):
+            pieces.append(
+                Record(
+                    np.ascontiguousarray(channels.time[first:last] - channels.time[first]),
+                    np.ascontiguousarray(inputs[first:last]),
+                    np.ascontiguousarray(outputs[first:last]),
+                    (False,) * inputs.shape[1],
+                    f"{label}.{number}" if len(spans) > 1 else label,
+                    float(record.time[0] - channels.time[first]),
+                    group=group,
+                )
+            )
+        of = where or (f"in {record.source.name}, " if len(records) > 1 else "")
+        faults += [(fault, f"{of}{fault.sentence}") for fault in found]
+        for name, value in absent_inputs(record, model, given).items():
+            text = f"{name} is not in {record.source.name}: it is taken to be {value:g} throughout"
+            notes.append(("absent_input", name, text))
+        if len(spans) > 1:
+            text = f"{record.source.name} has gaps in its time: it is {len(spans)} records"
+            notes.append(("gaps", record.label, text))
+    faults.sort(key=lambda item: (not item[0].discredits, item[0].is_evidence))
+    told = [(fault.code, fault.channel, text) for fault, text in faults]
+    if records:
+        _check_outputs(model, pieces, list(dict.fromkeys(text for _, _, text in told)))
+    return pieces, list(dict.fromkeys([*told, *notes]))
+
+
+def _check_outputs(model: LawModel, pieces: Sequence[Record], faults: Sequence[str]) -> None:
+    """Raise an error unless an output can be used; sentences on faults say why."""
+    where = model.cls.name
+    if not pieces:
+        raise UserError(f"{where}: no record has {_SHORTEST} samples between two gaps")
+    if not any(piece.measured.any() for piece in pieces):
+        outputs = ", ".join(output.name for output in model.outputs)
+        raise UserError(f"{where}: {'; '.join(faults) or f'no record has any of {outputs}'}")
+
+
+def label_of(record: MeasuredRecord) -> str:
+    """Return the name of a record: that of its file, and of the run."""
+    return " ".join(filter(None, (record.source.stem, record.label)))
+
+
+def recorded_inputs(
+    record: MeasuredRecord, model: LawModel, given: Mapping[str, float]
+) -> dict[str, Array]:
+    """Return the inputs (n,) of a record by name: as given, as recorded, or as they start."""
+    absent = absent_inputs(record, model, given)
+    constant = {**absent, **{v.name: given[v.name] for v in model.inputs if v.name in given}}
+    return {
+        v.name: np.full(len(record.time), float(constant[v.name]))
+        if v.name in constant
+        else record.signals[v.name].astype(float)
+        for v in model.inputs
+    }
+
+
+def absent_inputs(
+    record: MeasuredRecord, model: LawModel, given: Mapping[str, float]
+) -> dict[str, float]:
+    """Return the values of inputs that a record lacks, by name."""
+    known = {*given, *record.signals}
+    return {v.name: float(v.start) for v in model.inputs if v.name not in known}
+
+
+def _screened(
+    record: MeasuredRecord, model: LawModel, given: Mapping[str, float]
+) -> tuple[Channels, list[Fault]]:
+    """Return a record without samples that cannot be believed, and faults.
+
+    What the model does itself at its nominal values is no fault.
+    """
+    names = [output.name for output in model.outputs if output.name in record.signals]
+    outputs = {name: record.signals[name] for name in names}
+    channels = Channels(record.time, recorded_inputs(record, model, given), outputs)
+    check_sizes(channels)
+    if not outputs:
+        return channels, []
+    channels, resampled = as_measured(channels)
+    simulated = _simulated(channels, model, given)
+    by_model = ahead_of_inputs(replace(channels, outputs=simulated))
+    ahead = [fault for fault in ahead_of_inputs(channels) if fault not in by_model]
+    usable, found = assess(channels, simulated)
+    copied = {fault.channel for fault in found if fault.kind == "copied"}
+    faults = [
+        fault
+        for fault in (*resampled, *ahead, *found)
+        if fault.kind not in _BY_THE_FIT and (fault.kind == "copied" or fault.channel not in copied)
+    ]
+    return usable, faults
+
+
+def _simulated(channels: Channels, model: LawModel, given: Mapping[str, float]) -> dict[str, Array]:
+    """Return the measured outputs (n,) of a model at its nominal values; none if it runs away.
+
+    After each gap in time it starts anew.
+    """
+    problem = Problem(model, (), np.ones(len(model.outputs)), (), values=given)
+    setting = problem.setting(Point(problem.mean, np.zeros(0), ()), ())
+    start = problem.nominal[list(model.start_positions)]
+    inputs, unknown = _columns(channels, model)
+    outputs = np.full(unknown.shape, np.nan)
+    for first, last in _spans(channels.time):
+        held = (False,) * inputs.shape[1]
+        time = channels.time[first:last] - channels.time[first]
+        part = Record(time, inputs[first:last], unknown[first:last], held)
+        course = None
+        for substeps in _SUBSTEPS:
+            course = course or model.run(part, replace(setting, substeps=substeps), start)
+        if course is None:
+            return {}
+        substeps = model.substeps(part, setting, course)
+        course = model.run(part, replace(setting, substeps=substeps), start) or course
+        outputs[first:last] = course.outputs
+    simulated = zip(model.outputs, outputs.T, strict=True)
+    return {v.name: values for v, values in simulated if v.name in channels.outputs}
+
+
+def _columns(channels: Channels, model: LawModel) -> tuple[Array, Array]:
+    """Return inputs (n, nu) and measured outputs (n, ny) in the order of a model; NaN is a gap."""
+    count = len(channels.time)
+    inputs = np.empty((count, len(model.inputs)))
+    for j, variable in enumerate(model.inputs):
+        inputs[:, j] = channels.inputs[variable.name]
+    outputs = np.full((count, len(model.outputs)), np.nan)
+    for j, output in enumerate(model.outputs):
+        outputs[:, j] = channels.outputs.get(output.name, np.nan)
+    return inputs, outputs
+
+
+def _spans(time: Array) -> list[tuple[int, int]]:
+    """Return first and last sample of the pieces between gaps; the whole if most would be lost."""
+    ends = [0, *(gaps(time) + 1).tolist(), len(time)]
+    spans = [(first, last) for first, last in pairwise(ends) if last - first >= _SHORTEST]
+    lost = len(time) - sum(last - first for first, last in spans)
+    return spans if 2 * lost < len(time) else [(0, len(time))]
