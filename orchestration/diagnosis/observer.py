@@ -20,7 +20,7 @@ import numpy as np
 from fmus.kit.arrays import Array, Mask
 from orchestration.diagnosis.fitting import Point, Problem, StartPrior, mean_squares
 from orchestration.diagnosis.remainder import noise_of
-from orchestration.diagnosis.responses import steps_along
+from orchestration.diagnosis.responses import kalman_gains, steps_along
 from orchestration.diagnosis.runs import Course, Linearisation, Record
 from orchestration.diagnosis.terms import Term
 
@@ -70,24 +70,9 @@ class Linear:
         shares : ndarray, shape (s, k)
             Disturbances, in the sizes of the rates.
         """
-        n, ny, nx = self.outputs.shape
-        gains = np.zeros((len(shares), n, nx, ny))
-        covariance = np.broadcast_to(self.start, (len(shares), nx, nx))
-        for k in range(n):
-            seen = self.measured[k]
-            shown = self.outputs[k][seen]
-            white = np.diag(noise[seen] ** 2)
-            across = shown @ covariance
-            gain = np.linalg.solve(across @ shown.T + white, across).swapaxes(1, 2)
-            gains[:, k][:, :, seen] = gain
-            if k < n - 1:
-                rest = np.eye(nx) - gain @ shown
-                # Joseph's form: it stays positive
-                left = rest @ covariance @ rest.swapaxes(1, 2) + gain @ white @ gain.swapaxes(1, 2)
-                push = self.pushes[k] * shares[:, np.newaxis]
-                step = self.transitions[k]
-                covariance = step @ left @ step.T + push @ push.swapaxes(1, 2)
-        return gains
+        given = self.start, self.transitions, self.outputs
+        each = [kalman_gains(*given, self.pushes * s, noise**2, self.measured) for s in shares]
+        return np.array(each)
 
     def memory(self, gains: Array) -> float:
         """Return the steps in which the slowest error falls by e, with gains (n, nx, ny)."""

@@ -1,4 +1,4 @@
-/* Linear responses along a course, of many columns of additions.
+/* Linear responses along a course, of many columns of additions, and the gains of Kalman filters there.
  *
  * x+ = transition x + driven[:, w] a,  y = shown x + direct[:, w] a  at each sample, where w is the
  * addition that a column makes and a its size, a value times an amount, which columns share. Columns
@@ -82,5 +82,77 @@ EXPORT int respond(const responses *r) {
         respond_block(r, first, width, x, x + r->nx * BLOCK, x + 2 * r->nx * BLOCK);
     }
     free(x);
+    return 0;
+}
+
+/* out = a b, of which b is transposed if so asked: (rows, inner) times (inner, columns) */
+static void product(int rows, int inner, int columns, const double *a, const double *b, int transposed, double *out) {
+    for (int i = 0; i < rows; i++)
+        for (int j = 0; j < columns; j++) {
+            double sum = 0.0;
+            for (int l = 0; l < inner; l++) sum += a[i * inner + l] * (transposed ? b[j * inner + l] : b[l * columns + j]);
+            out[i * columns + j] = sum;
+        }
+}
+
+/* Solve a x = b (m, columns) in place, for a positive definite matrix a (m, m). */
+static void solve(int m, int columns, double *a, double *b) {
+    for (int i = 0; i < m; i++)
+        for (int j = i + 1; j < m; j++) {
+            double by = a[j * m + i] / a[i * m + i];
+            for (int l = i; l < m; l++) a[j * m + l] -= by * a[i * m + l];
+            for (int l = 0; l < columns; l++) b[j * columns + l] -= by * b[i * columns + l];
+        }
+    for (int i = m - 1; i >= 0; i--)
+        for (int l = 0; l < columns; l++) {
+            for (int j = i + 1; j < m; j++) b[i * columns + l] -= a[i * m + j] * b[j * columns + l];
+            b[i * columns + l] /= a[i * m + i];
+        }
+}
+
+/* Gains (n, nx, ny) of a Kalman filter, zero of outputs (n, ny) that are not measured. Disturbances
+ * push the states, (n - 1, nx, nw); outputs have white noise of a variance each. Returns 0, or -1 without memory. */
+EXPORT int gains(int n, int nx, int ny, int nw, const double *start, const double *transitions, const double *shown,
+                 const double *pushes, const double *variance, const unsigned char *measured, double *out) {
+    double *P = malloc((5 * nx * nx + 4 * nx * ny + ny * ny) * sizeof(double));
+    if (!P) return -1;
+    double *rest = P + nx * nx, *left = rest + nx * nx, *part = left + nx * nx, *pushed = part + nx * nx;
+    double *H = pushed + nx * nx, *across = H + nx * ny, *gain = across + nx * ny, *noisy = gain + nx * ny;
+    double *S = noisy + nx * ny;
+    memcpy(P, start, nx * nx * sizeof(double));
+    for (int k = 0; k < n; k++) {
+        int m = 0;
+        for (int j = 0; j < ny; j++)
+            if (measured[(size_t)k * ny + j]) memcpy(H + nx * m++, shown + ((size_t)k * ny + j) * nx, nx * sizeof(double));
+        product(m, nx, nx, H, P, 0, across);
+        product(m, nx, m, across, H, 1, S);
+        for (int j = 0, i = 0; j < ny; j++)
+            if (measured[(size_t)k * ny + j]) { S[i * m + i] += variance[j]; i++; }
+        solve(m, nx, S, across);
+        for (int j = 0, i = 0; j < ny; j++)
+            if (measured[(size_t)k * ny + j]) {
+                for (int l = 0; l < nx; l++) {
+                    gain[l * m + i] = across[i * nx + l];
+                    noisy[l * m + i] = gain[l * m + i] * variance[j];
+                    out[((size_t)k * nx + l) * ny + j] = gain[l * m + i];
+                }
+                i++;
+            }
+        if (k == n - 1) break;
+        /* Joseph's form: it stays positive */
+        product(nx, m, nx, gain, H, 0, rest);
+        for (int i = 0; i < nx * nx; i++) rest[i] = (i % (nx + 1) ? 0.0 : 1.0) - rest[i];
+        product(nx, nx, nx, rest, P, 0, part);
+        product(nx, nx, nx, part, rest, 1, left);
+        product(nx, m, nx, noisy, gain, 1, part);
+        for (int i = 0; i < nx * nx; i++) left[i] += part[i];
+        const double *push = pushes + (size_t)k * nx * nw;
+        product(nx, nw, nx, push, push, 1, pushed);
+        const double *step = transitions + (size_t)k * nx * nx;
+        product(nx, nx, nx, step, left, 0, part);
+        product(nx, nx, nx, part, step, 1, P);
+        for (int i = 0; i < nx * nx; i++) P[i] += pushed[i];
+    }
+    free(P);
     return 0;
 }

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fmus.kit.arrays import Array, Indices
+from fmus.kit.arrays import Array, Indices, Mask
 from fmus.kit.build import cached_library, load_library
 from fmus.kit.build.toolchain import host_platform
 from orchestration.diagnosis.law_model import with_vectors
@@ -207,6 +207,38 @@ class Stepped:
         if _library().respond(ctypes.byref(given)):
             raise MemoryError("no memory for responses")
         return out.transpose(2, 1, 0)
+
+
+def kalman_gains(
+    start: Array,
+    transitions: Array,
+    shown: Array,
+    pushes: Array,
+    variance: Array,
+    measured: Mask,
+) -> Array:
+    """Return the gains (n, nx, ny) of a Kalman filter; zero of outputs that are not measured.
+
+    Parameters
+    ----------
+    start : ndarray, shape (nx, nx)
+        Covariance.
+    transitions : ndarray, shape (n - 1, nx, nx)
+    shown : ndarray, shape (n, ny, nx)
+    pushes : ndarray, shape (n - 1, nx, k)
+        By independent disturbances of unit variance.
+    variance : ndarray, shape (ny,)
+        Of the white noise of each output.
+    measured : ndarray of bool, shape (n, ny)
+    """
+    n, ny, nx = shown.shape
+    arrays = [np.ascontiguousarray(a, dtype=float) for a in (start, transitions, shown, pushes)]
+    arrays += [np.ascontiguousarray(variance, dtype=float), np.ascontiguousarray(measured)]
+    out = np.zeros((n, nx, ny))
+    addresses = [ctypes.c_void_p(a.ctypes.data) for a in (*arrays, out)]
+    if _library().gains(n, nx, ny, pushes.shape[2], *addresses):
+        raise MemoryError("no memory for gains")
+    return out
 
 
 def steps_along(part: Linearisation, durations: Array) -> tuple[Array, Array]:

@@ -3,13 +3,14 @@
 `python -m studies.judging.misuse --each 2 --seed 1` draws records of every kind of `studies.misuse`
 and diagnoses them from their files with the models that they were drawn for. A cause that is named
 is false, and `consistent` or `recalibrate` is no answer. Counted is whether the fault is told by
-its name, or else that the model does not describe the record.
+its name, or else that the model does not describe the record; with `--new` by the new engine, whose
+causes may be readings of columns.
 """
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -57,6 +58,18 @@ _GENERAL = {"large_error", "unrelated", "implausible", "not_followed", "end_not_
 
 def judge(case: MisuseCase) -> Row:
     """Draw a record, spoil it, diagnose it from its file, and tell what was said."""
+    return _judged(case, "old", _outcome)
+
+
+def judge_by_terms(case: MisuseCase) -> Row:
+    """Judge a record as `judge` does, by the new engine."""
+    return _judged(case, "new", _outcome_by_terms)
+
+
+def _judged(
+    case: MisuseCase, engine: str, outcome_of: Callable[[str, DiagnosisResult, set[str]], str]
+) -> Row:
+    """Return the row of a record, diagnosed by an engine."""
     import orchestration as ppy
 
     right, spoilt = draw_misused(case)
@@ -69,11 +82,12 @@ def judge(case: MisuseCase) -> Row:
                 settings=settings_of(right),
                 hold=right.plant.known,
                 laws=False,
+                engine=engine,
             )
         except UserError as error:
             return asdict(case) | {"outcome": REFUSED, "said": str(error)}
     changed = _changed({"time": right.time, **right.inputs, **right.outputs}, spoilt)
-    outcome = _outcome(case.kind, result, changed)
+    outcome = outcome_of(case.kind, result, changed)
     return asdict(case) | {"outcome": outcome, "said": result.sentence}
 
 
@@ -97,6 +111,22 @@ def _outcome(kind: str, result: DiagnosisResult, changed: set[str]) -> str:
         return NAMED
     general = _GENERAL & {str(note.code) for note in notes}
     return IN_GENERAL if general else SILENT
+
+
+def _outcome_by_terms(kind: str, result: DiagnosisResult, changed: set[str]) -> str:
+    """Class an answer of the new engine, whose causes may be readings of columns."""
+    diagnosis = result.details
+    is_noted = any(code in _FAULTS.get(kind, ()) for code, _, _ in diagnosis.notes)
+    readings = [cause.reading for cause in diagnosis.causes if cause.reading is not None]
+    told = [one for reading in readings for one in (reading, *reading.instead)]
+    is_read = any(changed.issuperset(one.columns) for one in told)
+    if diagnosis.is_named:
+        return NAMED if is_read else MISLED
+    if is_noted:
+        return NAMED
+    if diagnosis.verdict != "unexplained":
+        return MISLED
+    return IN_GENERAL if is_read else SILENT
 
 
 def _names(note: Note, kind: str, changed: set[str]) -> bool:
@@ -134,7 +164,8 @@ def report(rows: Sequence[Row]) -> Topic:
 
 def _parts(chosen: Chosen) -> Iterator[Part]:
     wanted = among(cases(chosen.each, chosen.seed), chosen)
-    yield Part(wanted, judge, lambda row: f"{row['outcome']}: {row['said']}", report)
+    by, name = (judge_by_terms, "new") if chosen.new else (judge, "")
+    yield Part(wanted, by, lambda row: f"{row['outcome']}: {row['said']}", report, name)
 
 
 STUDY = Study(
@@ -142,6 +173,7 @@ STUDY = Study(
     about=__doc__,
     parts=_parts,
     numbers={"--each": (2, "records of every kind")},
+    switches={"--new": "by the new engine"},
     page="misused-records.md",
     head="""# What is said of records that were spoilt
 

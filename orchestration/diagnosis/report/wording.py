@@ -14,6 +14,7 @@ from orchestration.diagnosis.remainder import Remainder
 from orchestration.diagnosis.term_names import sentence
 from orchestration.diagnosis.terms import Term
 from orchestration.identify.uncertainty import Estimate
+from orchestration.records.quality import FAULTS, Fault
 from orchestration.reporting import option
 from orchestration.reporting.html import format_ends
 
@@ -142,7 +143,14 @@ def remainder_sentence(one: Remainder) -> str:
 
 
 def next_step(diagnosis: Diagnosis) -> str:
-    """Return what to do next, for every verdict."""
+    """Return what to do next, for every verdict; a file that cannot be believed goes first."""
+    faults = ((Fault(code), text) for code, _, text in diagnosis.notes if code in FAULTS)
+    doubts = [text for fault, text in faults if fault.discredits]
+    if doubts:
+        return (
+            f"put the record right, and diagnose it again: {doubts[0]}. Until then this answer"
+            " counts for little."
+        )
     if diagnosis.is_named and diagnosis.causes[0].reading is not None:
         return _next_of_misread(diagnosis, diagnosis.causes[0].reading)
     return _NEXT[diagnosis.verdict](diagnosis)

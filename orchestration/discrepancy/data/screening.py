@@ -16,7 +16,13 @@ from orchestration.discrepancy.data.holdout import HELD_OUT, ValidationData
 from orchestration.discrepancy.note import Note, NoteCode, UnusableRecordError
 from orchestration.identify.fitting import ModelOverRuns
 from orchestration.identify.noise import ORDER, noise_std, segments
-from orchestration.records.quality import Fault, as_measured, assess, check_sizes
+from orchestration.records.quality import (
+    Fault,
+    as_measured,
+    assess,
+    check_sizes,
+    without_oversampling,
+)
 from orchestration.reporting import option
 
 _SHORTEST = 150  # samples to fit to
@@ -141,6 +147,8 @@ def _measured(data: Dataset) -> tuple[Dataset, list[Note]]:
     if data.several:
         return data, []
     kept, faults = as_measured(data.channels)
+    if not faults:
+        kept, faults = without_oversampling(data.channels)
     return data.with_channels(kept), list(map(note_of, faults))
 
 

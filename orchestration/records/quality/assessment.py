@@ -33,6 +33,7 @@ _TINY = 1e-100  # nor is any that small, likewise
 _QUIET = 30  # samples without steps of the inputs that it takes to know the noise
 # share of repeated samples above which the noise is too small for the steps of the recorder
 _COARSE = 0.4
+_FINE = 0.01  # likewise while inputs move smoothly
 # different values at which a channel with noise may stand still: both ends, and where a sensor
 # hangs
 _LEVELS = 4
@@ -259,7 +260,7 @@ def _symptoms_without_gaps(y: Array, moves: _Moves) -> Iterator[_Symptom]:
     if dead:
         yield dead
         return
-    tie_probability = _tie_probability(y, resolution, moves.stepped)
+    tie_probability = _tie_probability(y, resolution, moves)
     bad = np.zeros(n, dtype=bool)
     for symptom in _repeated_values(y, resolution, tie_probability, moved):
         bad |= symptom.mask
@@ -292,16 +293,29 @@ def _dead_throughout(y: Array, resolution: float, moved: Mapping[str, Mask]) -> 
     return None
 
 
-def _tie_probability(y: Array, resolution: float, stepped: Mask) -> float | None:
-    """Return the probability that noise repeats a sample, seen where no input steps.
+def _tie_probability(y: Array, resolution: float, moves: _Moves) -> float | None:
+    """Return the probability that noise repeats a sample, seen where no input moves.
 
-    The third differences of noise alternate, those of a smooth signal do not. None if there is no
-    noise to judge by.
+    Without rest, where none steps; there a signal that is slow at times repeats values of a coarse
+    recorder, which tells no more of noise. None if there is no noise to judge by.
     """
     equal = _equal_runs(y)
     if len({float(y[first]) for first, last in equal if last - first >= 4 * _RUN}) > _LEVELS:
         return None
-    still = ~stepped
+    at_rest = _ties(y, resolution, ~_any_moved(moves.each, len(y)), equal)
+    if at_rest is not None:
+        return at_rest if at_rest < _COARSE else None
+    smooth = _ties(y, resolution, ~moves.stepped, equal)
+    return smooth if smooth is not None and smooth < _FINE else None
+
+
+def _ties(y: Array, resolution: float, still: Mask, equal: Sequence[Span]) -> float | None:
+    """Return the share of samples that repeat the one before, at some samples (n,).
+
+    Long runs of equal samples do not count. The third differences of noise alternate, those of a
+    smooth signal do not. None without noise.
+    """
+    still = still.copy()
     for first, last in equal:
         still[first:last] &= last - first < _RUN  # may be the very fault that is looked for
     quiet = still[1:-2] & still[2:-1] & still[3:]
@@ -314,7 +328,7 @@ def _tie_probability(y: Array, resolution: float, stepped: Mask) -> float | None
     ):
         return None
     ties = float(np.mean(np.diff(y)[2:][quiet] == 0.0))
-    return max(ties, 1.0 / len(y)) if ties < _COARSE else None
+    return max(ties, 1.0 / len(y))
 
 
 def _repeated_values(

@@ -26,7 +26,7 @@ _EVEN = 0.1  # scatter of their size over its mean, below which a signal is a tr
 
 
 def as_measured(channels: Channels) -> tuple[Channels, list[Fault]]:
-    """Return the samples of a record that tell something that others do not tell.
+    """Return the samples between which all outputs are lines: those that were measured.
 
     Parameters
     ----------
@@ -35,26 +35,47 @@ def as_measured(channels: Channels) -> tuple[Channels, list[Fault]]:
     Returns
     -------
     Channels
-        Those samples between which all outputs are lines, or as many as tell all that is in the
-        columns; all of them where an output has gaps.
+        All samples where an output has gaps, or is no line between them.
     list of Fault
         On samples that were left out.
     """
-    outputs = list(channels.outputs.values())
-    if not outputs or not all(np.isfinite(y).all() for y in outputs):
+    if not _is_complete(channels):
         return channels, []
     for times in range(_FINEST, 1, -1):
-        firsts = {_first_knot(y, times) for y in outputs}
+        firsts = {_first_knot(y, times) for y in channels.outputs.values()}
         if len(firsts) == 1 and None not in firsts:
             kept = _every(channels, slice(firsts.pop(), None, times))
             return kept, [Fault("resampled", "", {"times": times, "samples": len(kept.time)})]
-    times = _oversampling(channels)
-    if times > 1:
-        kept = _every(channels, slice(0, None, times))
-        held = {n: _means(u, times) for n, u in channels.inputs.items() if n not in channels.smooth}
-        fault = Fault("oversampled", "", {"times": times, "samples": len(kept.time)})
-        return replace(kept, inputs={**kept.inputs, **held}), [fault]
     return channels, []
+
+
+def without_oversampling(channels: Channels) -> tuple[Channels, list[Fault]]:
+    """Return as many samples as tell all that is in the columns.
+
+    Parameters
+    ----------
+    channels : Channels
+
+    Returns
+    -------
+    Channels
+        All samples where an output has gaps, or any column something as fast as its samples.
+        Inputs that are held have their means over the samples that were left out.
+    list of Fault
+        On these.
+    """
+    times = _oversampling(channels) if _is_complete(channels) else 1
+    if times == 1:
+        return channels, []
+    kept = _every(channels, slice(0, None, times))
+    held = {n: _means(u, times) for n, u in channels.inputs.items() if n not in channels.smooth}
+    fault = Fault("oversampled", "", {"times": times, "samples": len(kept.time)})
+    return replace(kept, inputs={**kept.inputs, **held}), [fault]
+
+
+def _is_complete(channels: Channels) -> bool:
+    outputs = channels.outputs.values()
+    return bool(outputs) and all(np.isfinite(y).all() for y in outputs)
 
 
 def _means(held: Array, times: int) -> Array:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import pytest
 
 from studies.judging import misuse
@@ -22,6 +24,51 @@ def test_a_fault_of_a_motor_is_classed(kind, outcome):
     assert row["kind"] == kind
     text = str(misuse.report([row]))
     assert kind in text
+
+
+@dataclass(frozen=True)
+class Told:
+    """A reading of columns, a cause, or an answer, as the new engine gives them."""
+
+    columns: tuple[str, ...] = ()
+    instead: tuple[Told, ...] = ()
+    reading: Told | None = None
+    causes: tuple[Told, ...] = ()
+    notes: tuple[tuple[str, str, str], ...] = ()
+    verdict: str = "consistent"
+
+    @property
+    def is_named(self) -> bool:
+        return self.verdict in ("cause", "ambiguous")
+
+    @property
+    def details(self) -> Told:
+        return self
+
+
+RIGHT = Told(reading=Told(("speed",)))
+INSTEAD = Told(reading=Told(("voltage",), (Told(("speed",)),)))
+WRONG = Told(reading=Told(("voltage",)))
+CLIPPED = (("clipped", "speed", "cut off"),)
+COARSE = (("quantised", "speed", "coarse"),)
+
+
+@pytest.mark.parametrize(
+    ("told", "outcome"),
+    [
+        (Told(verdict="cause", causes=(RIGHT,)), misuse.NAMED),
+        (Told(verdict="ambiguous", causes=(WRONG, INSTEAD)), misuse.NAMED),
+        (Told(verdict="cause", causes=(WRONG,)), misuse.MISLED),
+        (Told(verdict="cause", causes=(Told(),), notes=CLIPPED), misuse.MISLED),
+        (Told(verdict="recalibrate", notes=CLIPPED), misuse.NAMED),
+        (Told(verdict="consistent", notes=COARSE), misuse.MISLED),
+        (Told(verdict="unexplained", notes=CLIPPED), misuse.NAMED),
+        (Told(verdict="unexplained", causes=(RIGHT,)), misuse.IN_GENERAL),
+        (Told(verdict="unexplained", causes=(WRONG,)), misuse.SILENT),
+    ],
+)
+def test_answers_by_terms_are_classed_by_readings_and_notes(told, outcome):
+    assert misuse._outcome_by_terms("saturated", told, {"speed"}) == outcome
 
 
 def test_what_misleads_is_counted_and_shown():

@@ -163,6 +163,23 @@ def test_an_output_that_is_not_measured_corrects_nothing():
     assert gain[12:].all()
 
 
+def test_gains_of_two_outputs_with_gaps_are_those_of_the_information_filter():
+    """Its information adds up, and needs no inverse of a covariance of outputs."""
+    rng = np.random.default_rng(0)
+    transitions, shown = rng.normal(size=(39, 3, 3)), rng.normal(size=(40, 2, 3))
+    pushes, measured = rng.normal(size=(39, 3, 2)), rng.random((40, 2)) > 0.3
+    shares, noise = np.array([0.5, 2.0]), np.array([0.1, 0.7])
+    (gains,) = Linear(np.eye(3), transitions, shown, pushes, measured).gains(noise, shares[None])
+    covariance = np.eye(3)
+    for k in range(40):
+        precision = np.diag(np.where(measured[k], noise**-2, 0.0))
+        seen = np.linalg.inv(np.linalg.inv(covariance) + shown[k].T @ precision @ shown[k])
+        assert_allclose(gains[k], seen @ shown[k].T @ precision, rtol=1e-6, atol=1e-9)
+        if k < 39:
+            moved = transitions[k] @ seen @ transitions[k].T
+            covariance = moved + (pushes[k] * shares**2) @ pushes[k].T
+
+
 def _kernel_record(name: str, hidden: str = "", seed: int = 1) -> Record:
     record = control_record(name, hidden, seed, samples=400)
     signals = [column[:, None] for column in record.signals.values()]

@@ -59,6 +59,15 @@ def test_a_record_without_faults_is_as_it_was():
     assert np.array_equal(position, record.signals["position"])
 
 
+def test_a_record_without_noise_keeps_its_samples():
+    record = oscillator_record(1, noise=0.0)
+    force = np.sin(0.5 * record.time)
+    slow = replace(record, signals={"force": force, "position": 0.05 * np.cos(0.5 * record.time)})
+    position, codes = measured(slow)
+    assert codes == []
+    assert np.array_equal(position, slow.signals["position"])
+
+
 def test_a_clipped_output_is_fitted_by_what_is_left(monkeypatch):
     """The damping was hidden; two fifths of the samples are cut off."""
     monkeypatch.setattr(

@@ -131,3 +131,17 @@ def test_what_is_more_than_noise_is_said_before_what_is_larger(dry):
     assert "It does not explain all of force yet." in wording.next_step(one)
     one.__dict__.update(verdict="consistent")
     assert "within 30 % of position" in wording._NEXT["consistent"](one)
+
+
+@pytest.mark.parametrize("verdict", ["consistent", "recalibrate", "cause", "ambiguous"])
+@pytest.mark.parametrize("code", ["copied", "moves_ahead"])
+def test_a_file_that_cannot_be_believed_is_the_next_step(dry, verdict, code):
+    one = replace(dry)
+    one.__dict__.update(verdict=verdict, changed=("mass",))
+    doubt, harmless = (code, "force", "force: is no force"), ("quantised", "force", "coarse")
+    plain = wording.next_step(one)
+    one.__dict__["notes"] = (harmless,)
+    assert wording.next_step(one) == plain
+    one.__dict__["notes"] = (harmless, doubt)
+    step = wording.next_step(one)
+    assert step.startswith("put the record right, and diagnose it again: force: is no force.")

@@ -42,7 +42,13 @@ from orchestration.discrepancy.validation.confirmation import FreeRunGain, confi
 from orchestration.discrepancy.validation.estimates import identifiability_notes
 from orchestration.discrepancy.validation.prediction import predict
 from orchestration.fmu.model import find_model
-from orchestration.records.quality import FAULTS, Channels, ahead_of_inputs, as_measured, assess
+from orchestration.records.quality import (
+    FAULTS,
+    Channels,
+    ahead_of_inputs,
+    assess,
+    without_oversampling,
+)
 from tests.support.battery import analysed
 from tests.support.diagnosis import coloured, rig_record, short_record
 from tests.support.intersample_records import record
@@ -627,7 +633,7 @@ def other_specimen(monkeypatch):
 
 @makes(NoteCode.OVERSAMPLED)
 def oversampled(monkeypatch):
-    return list(map(note_of, as_measured(Channels(wave().time, {}, wave().measured))[1]))
+    return list(map(note_of, without_oversampling(Channels(wave().time, {}, wave().measured))[1]))
 
 
 @makes(NoteCode.COPIED)

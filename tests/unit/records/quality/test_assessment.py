@@ -265,6 +265,13 @@ def test_a_noisy_output_is_clipped_under_an_input_that_never_rests():
     assert assess(Channels(time, {"u": u}, {"y": y}))[1] == []
 
 
+def test_values_that_a_coarse_recorder_repeats_in_a_sweep_are_no_noise():
+    time = 0.01 * np.arange(3000)
+    u = np.sin(0.02 * time + 0.1 * time**2)
+    y = np.round((u + 0.02 * np.random.default_rng(1).standard_normal(time.size)) / 0.05) * 0.05
+    assert kinds(assess(Channels(time, {"u": u}, {"y": y}))[1]) == {("y", "quantised")}
+
+
 def test_gaps_stay_gaps():
     data = record()
     voltage = np.clip(data.outputs["voltage"], -LIMIT, LIMIT)

@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 
-from orchestration.records.quality import Channels, as_measured
+from orchestration.records.quality import Channels, as_measured, without_oversampling
 from tests.support.wired_motor import wired
 
 
@@ -74,7 +74,7 @@ def filtered_decay(corner):
 
 def test_of_what_was_filtered_as_many_samples_count_as_tell_it():
     """Oracle: the sampling theorem, with the corner of the filter as the highest frequency."""
-    kept, (note,) = as_measured(filtered_decay(0.01))
+    kept, (note,) = without_oversampling(filtered_decay(0.01))
     assert note.code == "oversampled"
     samples_of_a_period = 2.0 / 0.01 / note.facts["times"]
     assert 8.0 < samples_of_a_period < 40.0
@@ -84,15 +84,15 @@ def test_of_what_was_filtered_as_many_samples_count_as_tell_it():
 
 def test_a_record_with_noise_keeps_its_samples():
     for data in (filtered_decay(0.0), wired().channels):
-        assert as_measured(data)[1] == []
+        assert as_measured(data)[1] == without_oversampling(data)[1] == []
 
 
 def test_an_input_that_was_held_does_what_it_did():
     time = np.arange(4000.0)
     u = np.sin(0.004 * time)
-    kept, (note,) = as_measured(Channels(time, {"u": u}, {"y": np.cos(0.004 * time)}))
+    kept, (note,) = without_oversampling(Channels(time, {"u": u}, {"y": np.cos(0.004 * time)}))
     times = note.facts["times"]
     whole = len(kept.time) - 1
     assert kept.inputs["u"][:whole] == pytest.approx(u[: whole * times].reshape(-1, times).mean(1))
     smooth = Channels(time, {"u": u}, {"y": np.cos(0.004 * time)}, frozenset(["u"]))
-    assert as_measured(smooth)[0].inputs["u"] == pytest.approx(u[::times])
+    assert without_oversampling(smooth)[0].inputs["u"] == pytest.approx(u[::times])
