@@ -253,46 +253,20 @@ def diagnose(
     """
     options = options or Options()
     law_model = _law_model(model, options)
-    hold = options.held([p.name for p in law_model.parameters])
     fitted, notes = pieces_of(records, law_model, options.given)
     unseen, others = pieces_of(holdouts, law_model, options.given, "in what was held out, ")
     unseen = [replace(one, group=len(records)) for one in unseen]
-    notes += others
     local = LocalValues(tuple(map(label_of, records)), options.own_of_each(law_model))
     _check_clocks(law_model, [*fitted, *unseen], options.given)
-
-    def subject_with(own: list[Record], others: list[Record], local: LocalValues) -> Subject | None:
-        return subject_of(
-            law_model, own, others, hold, options.given, options.interpolate, local=local
-        )
-
-    def subject_as(reading: Reading) -> Subject | None:
-        own, others = ([reading.apply(law_model, r) for r in part] for part in (fitted, unseen))
-        return subject_with(own, others, local)
-
+    data = _Data(model, law_model, _names(records), fitted, unseen, options, local)
     progress("fitting the model as it is")
+    deadline = Deadline(options.time)
     with warnings.catch_warnings():
         # an output that was not recorded has no mean
         warnings.simplefilter("ignore", RuntimeWarning)
-        subject = subject_with(fitted, unseen, local)
-        if subject is not None and not subject.rank:
-            subject = predicted(subject) or subject
-        if subject is not None:
-            _check_count(model, subject, records)
-            parts = pieced(subject, fitted, lambda own, each: subject_with(own, [], each))
-            if parts is not None:
-                subject, fitted = parts.subject, list(parts.records)
-                notes = [*notes, parts.note]
-        deadline = Deadline(options.time)
-        answer = None if subject is None else _answer(subject, options, progress, deadline)
-        if answer is None:
-            raise UserError(
-                _refusal(model, records, reading_that_runs(law_model, fitted, subject_as))
-            )
-        found, conclusion = answer
-        _check_rank(model, found, records, conclusion)
-    notes += [*_cut_off(found.subject, fitted), *_predictions(model, found.subject)]
-    notes += [*_denoised(found.subject), *_unrelated(found)]
+        (found, conclusion), data, more = _decide(data, progress, deadline)
+    notes += [*others, *more, *_cut_off(found.subject, data.records)]
+    notes += [*_predictions(model, found.subject), *_denoised(found.subject), *_unrelated(found)]
     if not deadline.was_met:
         notes.append(_time_note(options))
     design = _designed(found, conclusion, records, options)
@@ -306,6 +280,76 @@ def diagnose(
         tuple(notes),
         design.experiment,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Data:
+    """A model with its records, as they are fitted and as they are left out."""
+
+    model: Model
+    law_model: LawModel
+    files: str
+    records: list[Record]
+    unseen: list[Record]
+    options: Options
+    local: LocalValues
+
+    def subject(self, reading: Reading | None = None) -> Subject | None:
+        """Return the subject of the files as they were read, or in another reading."""
+        options = self.options
+        hold = options.held([p.name for p in self.law_model.parameters])
+        own, others = self.records, self.unseen
+        if reading is not None:
+            own = [reading.apply(self.law_model, record) for record in own]
+            others = [reading.apply(self.law_model, record) for record in others]
+        return subject_of(
+            self.law_model,
+            own,
+            others,
+            hold,
+            options.given,
+            options.interpolate,
+            local=self.local,
+        )
+
+
+def _decide(
+    data: _Data, progress: Callable[[str], None], deadline: Deadline
+) -> tuple[_Answer, _Data, list[Note]]:
+    """Return the answer of a search, the data by which it was found, and notes on them.
+
+    A record that was put together is its pieces, of which the model leaves noise alone: nothing is
+    searched there.
+
+    Raises
+    ------
+    UserError
+        If the records say nothing of the model, or it cannot follow them.
+    """
+    subject = data.subject()
+    if subject is not None and not subject.rank:
+        subject = predicted(subject) or subject
+    parts = None
+    if subject is not None:
+        _check_count(data, subject)
+        parts = pieced(
+            subject,
+            data.records,
+            lambda own, local: replace(data, records=own, local=local).subject(),
+        )
+    notes = []
+    options = data.options
+    if parts is not None:
+        subject, notes = parts.subject, [parts.note]
+        data = replace(data, records=list(parts.records))
+        options = replace(options, laws=False, effects=())
+    answer = None if subject is None else _answer(subject, options, progress, deadline)
+    if subject is None or answer is None or subject.observer is not None:
+        read = reading_that_runs(data.law_model, data.records, data.subject)
+        if answer is None or read is not None:
+            raise UserError(_refusal(data, read))
+    _check_rank(data, answer)
+    return answer, data, notes
 
 
 def _designed(
@@ -393,7 +437,8 @@ def _predicted_answer(
 
 def _is_silent(answer: _Answer) -> bool:
     """Return whether nothing is missing."""
-    return answer[1].verdict in ("consistent", "recalibrate")
+    found, conclusion = answer
+    return conclusion.verdict == "consistent" and not _drifts(found.base)
 
 
 def _is_open(answer: _Answer) -> bool:
@@ -455,9 +500,9 @@ def _time_note(options: Options) -> Note:
     return "time", "", text
 
 
-def _refusal(model: Model, records: Sequence[MeasuredRecord], read: Reading | None) -> str:
+def _refusal(data: _Data, read: Reading | None) -> str:
     """Return why a model cannot be fitted, with the reading of the files by which it can."""
-    where = f"{model.name}: a free run over {_names(records)} leaves all bounds"
+    where = f"{data.model.name}: a free run over {data.files} leaves all bounds"
     if read is not None:
         return f"{where}, and follows it if {read.sentence}: {read.correction}"
     return (
@@ -466,7 +511,7 @@ def _refusal(model: Model, records: Sequence[MeasuredRecord], read: Reading | No
     )
 
 
-def _check_count(model: Model, subject: Subject, records: Sequence[MeasuredRecord]) -> None:
+def _check_count(data: _Data, subject: Subject) -> None:
     """Raise an error unless the records leave samples to judge the model by.
 
     Raises
@@ -476,27 +521,26 @@ def _check_count(model: Model, subject: Subject, records: Sequence[MeasuredRecor
     samples, rank = subject.samples, subject.rank
     if samples <= rank:
         raise UserError(
-            f"{model.name}: {_names(records)}: {samples} measured values are fitted, by {rank}"
-            " parameters and start states that they determine, and none is over to judge the model"
-            f" by; add samples or hold parameters ({option('hold')})"
+            f"{data.model.name}: {data.files}: {samples} measured values are fitted, by"
+            f" {rank} parameters and start states that they determine, and none is over to judge"
+            f" the model by; add samples or hold parameters ({option('hold')})"
         )
 
 
-def _check_rank(
-    model: Model, found: Found, records: Sequence[MeasuredRecord], conclusion: Conclusion
-) -> None:
+def _check_rank(data: _Data, answer: _Answer) -> None:
     """Raise an error if the records say nothing of the model in any way to read them.
 
     Raises
     ------
     UserError
     """
+    found, conclusion = answer
     subject = found.subject
     is_misread = conclusion.verdict == "cause" and conclusion.causes[0].reading is not None
     if not subject.rank and len(subject.base.curvature) and not is_misread:
         raise UserError(
-            f"{model.name}: {_names(records)}: its {subject.samples} measured values say nothing of"
-            " any parameter or start state; record a run in which the outputs move"
+            f"{data.model.name}: {data.files}: its {subject.samples} measured values say"
+            " nothing of any parameter or start state; record a run in which the outputs move"
         )
 
 

@@ -15,6 +15,7 @@ from scipy.ndimage import binary_dilation, median_filter
 from fmus.kit.arrays import Array, Mask
 from orchestration.diagnosis.local_values import LocalValues
 from orchestration.diagnosis.recording import jumps_of
+from orchestration.diagnosis.remainder import noise_of
 from orchestration.diagnosis.runs import Record
 from orchestration.diagnosis.subject import Subject
 
@@ -24,6 +25,7 @@ _BESIDE = 8  # samples on each side that say what is usual there
 _APART = 40  # samples of a piece at least
 _MOST = 12  # of one record; a plant that hits a stop again and again has more
 _NEARER = 0.5  # of the error that is left by a model that starts anew
+_WIDTHS = 2.0  # of the noise, up to which an error is noise
 _USUAL = 0.75  # quantile of the changes at jumps of an input, which a model may miss
 
 
@@ -55,7 +57,11 @@ class Pieced:
         if self.is_of_others:
             text = f"in {label} {jumps}, and the parameters are others from there on: it is two"
             return "other_specimen", label, f"{text} records, of two specimens"
-        return "pieced", label, f"in {label} {jumps}: it is {len(self.records)} records"
+        text = (
+            f"in {label} {jumps}: it was cut or joined there, or the plant slipped, and it is taken"
+            f" as {len(self.records)} records"
+        )
+        return "pieced", label, text
 
 
 def pieced(
@@ -64,6 +70,8 @@ def pieced(
     subject_of: Callable[[list[Record], LocalValues], Subject | None],
 ) -> Pieced | None:
     """Return a record as pieces, if a model that starts anew leaves less than half of the error.
+
+    And nothing but noise.
 
     Parameters
     ----------
@@ -83,11 +91,24 @@ def pieced(
     each = LocalValues(tuple(piece.label for piece in halves), tuple(subject.problem.names))
     shared, own = subject_of(pieces, LocalValues()), subject_of(halves, each)
     whole, of_pieces, of_halves = map(_error, (subject, shared, own))
-    if own is not None and of_halves < _NEARER * min(whole, of_pieces):
+    if own is not None and of_halves < _NEARER * min(whole, of_pieces) and _leaves_noise(own):
         return Pieced(own, tuple(halves), (gaps[0][1],), True)
-    if shared is not None and of_pieces < _NEARER * whole:
+    if shared is not None and of_pieces < _NEARER * whole and _leaves_noise(shared):
         return Pieced(shared, tuple(pieces), tuple(sorted(after for _, after in gaps)), False)
     return None
+
+
+def _leaves_noise(subject: Subject) -> bool:
+    """Return whether a model leaves noise alone: one that lacks a law jumps where the plant does.
+
+    Slack that is taken up looks like a joint.
+    """
+    errors = np.concatenate(subject.base.errors)
+    known = np.isfinite(errors).sum(axis=0) > _APART
+    return all(
+        float(np.sqrt(np.nanmean(error**2))) < _WIDTHS * noise_of(error)
+        for error in errors.T[known]
+    )
 
 
 def _error(subject: Subject | None) -> float:

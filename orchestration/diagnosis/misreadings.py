@@ -40,7 +40,7 @@ from orchestration.diagnosis.subject import LeftOut, Subject, divided_as_read, t
 
 _OF_A_KIND = 2  # readings of a kind that are fitted
 _KEPT = 2  # readings on top of which laws are searched
-_STEPS = 3
+_STEPS = 5
 _ROUNDS = 3  # of estimates of a shift and of the parameters by turns
 _WEIGHT = 10.0  # of squared errors in spreads: within a third, as a first fit of the model
 _LATEST = 5  # share of what is fitted, by which a column is late at most
@@ -54,6 +54,7 @@ _BESIDE = 2  # shifts that are tried, within which two are the same place
 _LONGEST = 0.7  # of a step of the screen, in prior deviations
 _MOST = 600  # samples of a screen
 _FOLLOWS = 0.5  # of the spread, up to which a model follows a record
+_AHEAD = 3.0  # of an output, from which on a reading is fitted whatever others leave
 _HOPELESS = 1.0  # misfit above that of the file as it was read, of a reading of as many steps
 
 
@@ -131,6 +132,9 @@ class _Screen:
         """Yield a reading a step from each point at which the model runs, with what is expected."""
         trial = _read(self.subject, replace(reading, shift=shift))
         problem, known = trial.problem, self.subject.problem
+        pairs = zip(problem.records, known.records, strict=True)
+        if any((one.measured != other.measured).any() for one, other in pairs):
+            return  # nothing is left of an output that is so late
         is_same = not reading.moves_inputs(problem.model) and all(
             np.array_equal(one.mean, other.mean)
             for one, other in zip(problem.starts, known.starts, strict=True)
@@ -159,22 +163,25 @@ def misreadings(subject: Subject, base: Judged) -> list[Subject]:
         *readings_of(subject.problem.model, subject.problem.records),
         *screen.readings_by_run(),
     ]
-    as_read = _misfit(screen.subject.problem, subject.base.point)
+    as_read = _logarithms(screen.subject.problem, subject.base.point)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         first = [t for t in pool.map(screen.best, readings) if t is not None]
         refined = pool.map(_refined, list(_best_of_each_kind(first)))
-        hopeful = [t for t in refined if t is not None and t.misfit < as_read + _hope(t, subject)]
+        hopeful = [t for t in refined if t is not None and _is_hopeful(t, subject, as_read)]
         read = pool.map(lambda t: _fitted(_read_again(subject, t)), hopeful)
         judged = [(s, s.judge(s.base)) for s in read if s is not None]
     return _gaining([(s, j) for s, j in judged if j is not None], base)
 
 
-def _hope(trial: _Trial, subject: Subject) -> float:
-    """Return the misfit above that of the file as it was read, up to which a reading is fitted on.
+def _is_hopeful(trial: _Trial, subject: Subject, as_read: Array) -> bool:
+    """Return whether a reading is fitted on, by the logarithms (ny,) of errors of the file as read.
 
-    By another clock a run may take many more steps; the less it may then be behind.
+    If it is not far behind, or far ahead in one output, which a fit may have given up. By another
+    clock a run may take many more steps; the less it may then be behind.
     """
-    return _HOPELESS * subject.problem.substeps / max(trial.problem.substeps, 1)
+    ahead = as_read - _logarithms(trial.problem, trial.point)
+    behind = _HOPELESS * subject.problem.substeps / max(trial.problem.substeps, 1)
+    return bool(np.nanmean(ahead) > -behind or np.nanmax(ahead) > _AHEAD)
 
 
 def _thin(subject: Subject) -> Subject:
@@ -276,21 +283,25 @@ def _stepped(problem: Problem, point: Point, runs: Sequence[Course]) -> tuple[Po
         point.values,
         tuple(x + move * prior.deviation for x, move, prior in starts),
     )
-    return there, _logarithm(left)
+    return there, float(np.nanmean(_logarithm(left)))
 
 
 def _misfit(problem: Problem, point: Point) -> float:
     """Return the mean over the outputs of the logarithm of the mean square error."""
+    return float(np.nanmean(_logarithms(problem, point)))
+
+
+def _logarithms(problem: Problem, point: Point) -> Array:
+    """Return the logarithm of the mean square error of each output (ny,)."""
     errors = _errors(problem, point)
     if errors is None:
-        return float("inf")
+        return np.full(len(problem.spread), np.inf)
     return _logarithm(np.concatenate(errors))
 
 
-def _logarithm(errors: Array) -> float:
-    """Return the mean over the outputs of the logarithm of the mean square of errors (n, ny)."""
-    squares = mean_squares(errors)
-    return float(np.nanmean(np.log(np.maximum(squares, 1e-12))))
+def _logarithm(errors: Array) -> Array:
+    """Return the logarithm of the mean square of each column of errors (n, ny)."""
+    return np.log(np.maximum(mean_squares(errors), 1e-12))
 
 
 def _errors(problem: Problem, point: Point) -> list[Array] | None:
@@ -464,11 +475,12 @@ def reading_that_runs(
     Returns
     -------
     Reading or None
-        None if the model runs by none, or leaves more than half of the spread.
+        None if no free run by any leaves less than half of the spread.
     """
     plain = [r for r in readings_of(model, records) if not r.is_fitted]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         subjects = list(pool.map(subject_as, plain))
-    fits = [(s.base.misfit, r) for s, r in zip(subjects, plain, strict=True) if s is not None]
+    pairs = zip(subjects, plain, strict=True)
+    fits = [(s.base.misfit, r) for s, r in pairs if s is not None and s.observer is None]
     misfit, reading = min(fits, key=lambda entry: entry[0], default=(np.inf, None))
     return reading if misfit < _FOLLOWS else None

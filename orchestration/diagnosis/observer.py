@@ -57,7 +57,10 @@ class Linear:
         """Growth of the fastest mode over the record, e-folds."""
         if not self.transitions.size:
             return -np.inf
-        largest = np.abs(np.linalg.eigvals(self.transitions.mean(axis=0))).max()
+        mean = self.transitions.mean(axis=0)
+        if not np.isfinite(mean).all():
+            return np.inf
+        largest = np.abs(np.linalg.eigvals(mean)).max()
         return len(self.transitions) * float(np.log(max(largest, np.finfo(float).tiny)))
 
     def gains(self, noise: Array, shares: Array) -> Array:

@@ -141,6 +141,11 @@ class Reading:
         shift = float(values[count]) if self.is_fitted else self.shift
         return replace(self, levels=tuple(values[:count].tolist()), shift=shift)
 
+    def is_fed_by_output(self, model: LawModel) -> bool:
+        """Return whether an input and an output are exchanged by it."""
+        inputs = {v.name for v in model.inputs}
+        return self.kind is ReadingKind.EXCHANGED and len(inputs.intersection(self.columns)) == 1
+
     def moves_inputs(self, model: LawModel) -> bool:
         """Return whether a run of the model is another one by it."""
         inputs = {v.name for v in model.inputs} | {TIME}

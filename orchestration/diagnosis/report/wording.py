@@ -144,8 +144,8 @@ def remainder_sentence(one: Remainder) -> str:
 
 def next_step(diagnosis: Diagnosis) -> str:
     """Return what to do next, for every verdict; a file that cannot be believed goes first."""
-    faults = ((Fault(code), text) for code, _, text in diagnosis.notes if code in FAULTS)
-    doubts = [text for fault, text in faults if fault.discredits]
+    doubtful = {code for code in FAULTS if Fault(code).discredits} | _DOUBTFUL
+    doubts = [text for code, _, text in diagnosis.notes if code in doubtful]
     if doubts:
         return (
             f"put the record right, and diagnose it again: {doubts[0]}. Until then this answer"
@@ -235,6 +235,7 @@ def _next_of_unexplained(diagnosis: Diagnosis) -> str:
     return f"{look}; {_experiment(diagnosis)}.{told}" if diagnosis.causes else f"{look}."
 
 
+_DOUBTFUL = {"pieced", "other_specimen", "unrelated"}  # notes on files by what a model follows
 _NEXT: dict[str, Callable[[Diagnosis], str]] = {
     "consistent": _next_of_consistent,
     "recalibrate": _next_of_recalibrate,

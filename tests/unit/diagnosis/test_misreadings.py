@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -13,8 +14,6 @@ from scipy.signal import butter, sosfiltfilt
 from orchestration.diagnosis import Diagnosis, Shape, Term
 from orchestration.diagnosis.conclude import conclude
 from orchestration.diagnosis.misreadings import (
-    _HOPELESS,
-    _hope,
     _Screen,
     misreadings,
     reading_that_runs,
@@ -24,6 +23,7 @@ from orchestration.diagnosis.report import summary, terminal, wording
 from orchestration.records import Record
 from tests.support.oscillator import CUBE, DRY, diagnosis_with, oscillator_record, unsearched
 
+MISREADINGS = sys.modules[misreadings.__module__]
 RIGHT = oscillator_record(1)
 
 
@@ -183,7 +183,8 @@ def test_a_model_that_runs_away_is_asked_in_other_readings(misfit: float, told: 
     base = SimpleNamespace(misfit=misfit)
 
     def subject_as(reading: Reading) -> SimpleNamespace | None:
-        return SimpleNamespace(base=base) if reading.unit == "in min" else None
+        subject = SimpleNamespace(base=base, observer=None)
+        return subject if reading.unit == "in min" else None
 
     problem = subject.problem
     found = reading_that_runs(problem.model, problem.records, subject_as)
@@ -202,7 +203,21 @@ def test_a_unit_that_changes_parameters_alone_is_told_by_these() -> None:
     assert diagnosis.final.fit.misfit == pytest.approx(found.base.fit.misfit, rel=0.05)
 
 
-@pytest.mark.parametrize(("steps", "hope"), [(1, 1.0), (60, 1.0 / 60.0)])
-def test_a_reading_of_more_steps_has_to_be_nearer(steps: int, hope: float) -> None:
-    trial, subject = (SimpleNamespace(problem=SimpleNamespace(substeps=n)) for n in (steps, 1))
-    assert _hope(trial, subject) == pytest.approx(hope * _HOPELESS)
+@pytest.mark.parametrize(
+    ("steps", "ahead", "is_hopeful"),
+    [
+        (1, [-0.9, -0.9], True),
+        (1, [-1.1, -1.1], False),
+        (60, [-0.9, -0.9], False),
+        (60, [-9.0, 3.1], True),
+    ],
+)
+def test_a_reading_of_more_steps_has_to_be_nearer(
+    steps: int, ahead: list[float], is_hopeful: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Unless it is far ahead in an output."""
+    monkeypatch.setattr(MISREADINGS, "_logarithms", lambda problem, point: -np.array(ahead))
+    trial, subject = (
+        SimpleNamespace(problem=SimpleNamespace(substeps=n), point=None) for n in (steps, 1)
+    )
+    assert MISREADINGS._is_hopeful(trial, subject, np.zeros(2)) == is_hopeful
