@@ -172,7 +172,7 @@ def _apart(cause: Cause, named: Cause, common: Common) -> float:
 
 def _is_plain_reading(one: Judged) -> bool:
     """Return whether a fit is without terms, of a file in a reading that has no value to fit."""
-    return one.reading is not None and not len(one.reading.values) and not one.terms
+    return one.reading is not None and not one.reading.is_sized and not one.terms
 
 
 def _calibrated(causes: Sequence[Cause], found: Found) -> list[Cause]:

@@ -21,7 +21,7 @@ from orchestration.diagnosis.extension import extended_component
 from orchestration.diagnosis.joints import pieced
 from orchestration.diagnosis.law_model import MOST_TICKS, LawModel
 from orchestration.diagnosis.local_values import LocalValues
-from orchestration.diagnosis.misreadings import reading_that_runs
+from orchestration.diagnosis.misreadings import misreadings, reading_that_runs
 from orchestration.diagnosis.observer import Observer
 from orchestration.diagnosis.options import Deadline, Options
 from orchestration.diagnosis.pieces import Note, label_of, pieces_of, recorded_inputs
@@ -392,7 +392,7 @@ def _answer(
     drifts = subject.observer is None and (begun is None or _drifts(begun))
     one = predicted(subject) if drifts else None
     first = answer_of(one) if one is not None and _is_trusted(one) else None
-    if first is not None and _is_silent(first):
+    if first is not None and _is_silent(first) and not _follows_otherwise(subject, begun):
         return first
     plain = answer_of(subject)
     if plain is None or options.recalibrates or not _is_open(plain):
@@ -410,6 +410,15 @@ def _answer(
     if first is None:
         return plain
     return _predicted_answer(plain, first, answer_of)
+
+
+def _follows_otherwise(subject: Subject, begun: Judged | None) -> bool:
+    """Return whether free runs follow the file in a plain reading: predictions follow any."""
+    if begun is None:
+        return False
+    plain = [one for one in misreadings(subject, begun) if one.reading and not one.reading.is_sized]
+    judged = [one.judge(one.base) for one in plain]
+    return any(one is not None and not _drifts(one) for one in judged)
 
 
 def _predicted_answer(
@@ -536,7 +545,7 @@ def _check_rank(data: _Data, answer: _Answer) -> None:
     """
     found, conclusion = answer
     subject = found.subject
-    is_misread = conclusion.verdict == "cause" and conclusion.causes[0].reading is not None
+    is_misread = any(cause.reading is not None for cause in conclusion.causes)
     if not subject.rank and len(subject.base.curvature) and not is_misread:
         raise UserError(
             f"{data.model.name}: {data.files}: its {subject.samples} measured values say"

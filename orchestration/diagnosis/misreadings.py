@@ -86,7 +86,7 @@ class _Screen:
         trials = [t for shift in self._shifts(reading) for t in self._trials(reading, shift)]
         moved = [replace(t, misfit=_misfit(t.problem, t.point)) for t in _nearest(trials)]
         best = min(moved, key=lambda t: t.misfit, default=None)
-        if best is not None and len(reading.values) and reading.kind is not ReadingKind.LATE:
+        if best is not None and reading.is_sized and reading.kind is not ReadingKind.LATE:
             return _shifted(best) or best
         return best
 
@@ -353,12 +353,12 @@ def _refined(trial: _Trial) -> _Trial | None:
     """Fit a reading for a few steps, its shift and the parameters by turns."""
     weights = [np.full(len(trial.problem.spread), _WEIGHT) for _ in trial.problem.records]
     starts = [trial.point]
-    for _ in range(_ROUNDS if len(trial.reading.values) else 1):
+    for _ in range(_ROUNDS if trial.reading.is_sized else 1):
         found = fit(trial.problem, (), starts, weights, _STEPS)
         if found is None:
             return None
         trial = replace(trial, point=found.point, misfit=_misfit(trial.problem, found.point))
-        shifted = _shifted(trial) if len(trial.reading.values) else None
+        shifted = _shifted(trial) if trial.reading.is_sized else None
         if shifted is None:
             return trial
         trial, starts = shifted, [shifted.point]
@@ -447,13 +447,13 @@ def _fitted_as(trial: _Trial, smooth: tuple[bool, ...]) -> Subject | None:
     )
     trial = replace(_read(subject, trial.reading), point=trial.point)
     best: Subject | None = None
-    for _ in range(_ROUNDS if len(trial.reading.values) else 1):
+    for _ in range(_ROUNDS if trial.reading.is_sized else 1):
         fitted = fit_base(trial.problem, trial.point.q)
         if fitted is None or (best is not None and fitted.misfit >= best.base.misfit):
             return best
         best = Subject(trial.problem, trial.left_out, fitted, trial.reading)
         there = replace(trial, point=fitted.point, misfit=_misfit(trial.problem, fitted.point))
-        shifted = _shifted(there) if len(trial.reading.values) else None
+        shifted = _shifted(there) if trial.reading.is_sized else None
         if shifted is None:
             return best
         trial = shifted
@@ -477,7 +477,7 @@ def reading_that_runs(
     Reading or None
         None if no free run by any leaves less than half of the spread.
     """
-    plain = [r for r in readings_of(model, records) if not r.is_fitted]
+    plain = [r for r in readings_of(model, records) if not r.is_sized]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         subjects = list(pool.map(subject_as, plain))
     pairs = zip(subjects, plain, strict=True)

@@ -131,6 +131,11 @@ class Reading:
         return self.kind.value.is_fitted
 
     @property
+    def is_sized(self) -> bool:
+        """Whether it has values that are estimated."""
+        return self.is_fitted or bool(self.levels)
+
+    @property
     def values(self) -> Array:
         """Values that are estimated: its levels, and its shift."""
         return np.array([*self.levels, *[self.shift] * self.is_fitted])

@@ -171,7 +171,7 @@ def test_what_the_catalogue_has_is_told_as_the_catalogue_does(tmp_path):
 
 
 def test_laws_may_be_left_out(record):
-    left = ppy.diagnose(record[0], record[1].plant.model, effects=[], laws=False)
+    left = ppy.diagnose(record[0], record[1].plant.model, effects=[], laws=False, engine="old")
     assert (left.verdict, left.causes, left.law_map) == ("unexplained", [], [])
     assert left.details.laws is None
     assert left.to_dict()["law_map"] == []
@@ -190,7 +190,7 @@ def test_time_that_is_spent_asks_no_law(record, monkeypatch):
         return leaves_something(diagnosis)
 
     monkeypatch.setattr("orchestration.discrepancy.pipeline.leaves_something", much_later)
-    said = ppy.diagnose(record[0], record[1].plant.model, effects=[], time=60.0)
+    said = ppy.diagnose(record[0], record[1].plant.model, effects=[], time=60.0, engine="old")
     assert (said.verdict, said.law_map) == ("unexplained", [])
     assert any("not tried: what its laws lack" in note for note in said.notes)
     assert "(The time was spent before all was tried.)" in said.sentence
@@ -201,7 +201,7 @@ def test_a_failure_of_the_laws_leaves_the_diagnosis(record, monkeypatch):
         raise ZeroDivisionError("at rest")
 
     monkeypatch.setattr("orchestration.discrepancy.pipeline.search_laws", fails)
-    said = ppy.diagnose(record[0], record[1].plant.model, effects=[])
+    said = ppy.diagnose(record[0], record[1].plant.model, effects=[], engine="old")
     assert said.verdict == "unexplained"
     assert any(
         "what its laws lack was not judged: ZeroDivisionError: at rest" in note
@@ -215,7 +215,7 @@ def test_a_record_that_is_explained_asks_nothing(tmp_path, monkeypatch):
         "orchestration.discrepancy.pipeline.search_laws",
         lambda *given, budget: pytest.fail("a law was asked"),
     )
-    said = ppy.diagnose(path, plant.plant.model)
+    said = ppy.diagnose(path, plant.plant.model, engine="old")
     assert said.verdict in ("consistent", "recalibrate")
     assert said.law_map == []
 
@@ -226,7 +226,7 @@ def test_several_records_are_asked_as_one_is(tmp_path):
     first = motor(paths[0], NOWHERE)
     for seed, path in zip((4, 5), paths[1:], strict=True):
         motor(path, NOWHERE, seed, first)
-    said = ppy.diagnose(paths, first.plant.model, effects=[])
+    said = ppy.diagnose(paths, first.plant.model, effects=[], engine="old")
     assert (said.verdict, said.causes) == ("cause", ["friction(omega)"])
     assert said.law_map[0]["confirmed"] is True
     errors = {

@@ -302,5 +302,5 @@ def test_options_that_the_new_engine_cannot_use_are_refused(tmp_path):
     assert "--effects stiction: the new engine has no effect named 'stiction'" in message
     message = fails(*words, "--explain", "friction(velocity)", cwd=tmp_path)
     assert "it takes two candidates, not 1" in message
-    message = fails(*words[:-2], "--explain", "a(b),nothing", cwd=tmp_path)
+    message = fails(*words[:-1], "old", "--explain", "a(b),nothing", cwd=tmp_path)
     assert "--explain compares candidates of the new engine" in message
