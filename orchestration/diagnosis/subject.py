@@ -222,7 +222,7 @@ def _before_and_after(fitted: Fit) -> list[Fit]:
 def words_of(model: LawModel, part: Reading | Term) -> float:
     """Return the prior of a part of a model, nats."""
     if isinstance(part, Reading):
-        return WEIGHTS.shifted if part.is_fitted else WEIGHTS.misread
+        return WEIGHTS.shifted if part.is_sized else WEIGHTS.misread
     return words(model, part, depends(model, part))
 
 

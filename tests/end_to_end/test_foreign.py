@@ -251,6 +251,7 @@ def test_a_fit_of_what_has_equations_is_refused(folder):
             "ppy_actuator",
             fit=["R1"],
             mapping={"x": "voltage"},
+            engine="old",
         )
 
 

@@ -126,7 +126,7 @@ def test_an_ambiguous_record_comes_with_an_experiment(tmp_path):
     for k, values in enumerate(drawn.outputs.values()):
         values[:] = 1e-3 * np.random.default_rng(k).standard_normal(values.size)
     write(drawn, path)
-    result = ppy.diagnose(path, effects=[])
+    result = ppy.diagnose(path, effects=[], engine="old")
     assert result.verdict == "ambiguous"
     assert result.model is None
     with pytest.raises(ppy.UserError, match="nothing to make an FMU of"):
