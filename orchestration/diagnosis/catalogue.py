@@ -50,10 +50,15 @@ def usable_effects(cls: type[Component]) -> dict[str, type[Effect]]:
     Without those that it has already, of random numbers, of discrete states, and of a switch that
     is not neutral at zero.
     """
+    return usable_of(cls, catalogue(cls))
+
+
+def usable_of(cls: type[Component], effects: Mapping[str, type[Effect]]) -> dict[str, type[Effect]]:
+    """Return those of some effects by name that a free run can have; see `usable_effects`."""
     present = {effect_name(effect) for effect in unstack(cls)[1]}
     return {
         name: effect
-        for name, effect in catalogue(cls).items()
+        for name, effect in effects.items()
         if effect_name(effect) not in present
         and not (effect.is_random or effect.output or effect.layout.discretes)
         and not _declared(effect)[0].start

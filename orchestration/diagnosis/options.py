@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from time import process_time
 
 from fmus.kit import Component, Effect, UserError
-from fmus.kit.errors import suggestion
 from fmus.kit.registry import Excitation
-from orchestration.diagnosis.catalogue import usable_effects
+from orchestration.diagnosis.catalogue import usable_effects, usable_of
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.terms import NamedTerm, SensorTerm, Term
+from orchestration.fmu.model import find_effects
 from orchestration.reporting import option
 
 _FAMILIES = "families"  # which terms over all laws and signals are, without any name
@@ -109,7 +109,9 @@ class Options:
         return self.laws or isinstance(term, NamedTerm | SensorTerm)
 
     def effects_of(self, cls: type[Component]) -> dict[str, type[Effect]]:
-        """Return the effects of a component's catalogue that may be causes, by name.
+        """Return the effects that may be causes by name: all of the catalogue, or those wanted.
+
+        Faults of sensors may be causes in any case.
 
         Raises
         ------
@@ -123,10 +125,13 @@ class Options:
         for wanted in self.effects:
             named = {n: e for n, e in usable.items() if wanted in (n, e.id)}
             if not named:
-                raise UserError(
-                    f"{option('effects', [wanted])}: the new engine has no effect named"
-                    f" {wanted!r}{suggestion(wanted, sorted(usable))}"
-                )
+                (effect,) = find_effects(cls, [wanted], cls.name)
+                named = usable_of(cls, {wanted: effect})
+                if not (named or effect.output):
+                    raise UserError(
+                        f"{option('effects', [wanted])}: it is random, has discrete states, or is"
+                        f" in the model already; use {option('engine', 'old')}"
+                    )
             chosen |= named
         return chosen
 

@@ -23,6 +23,7 @@ from orchestration.records.quality import (
     check_sizes,
 )
 from orchestration.records.sampling import gaps
+from orchestration.reporting import option
 
 Note = tuple[str, str, str]  # code, subject and sentence
 
@@ -75,7 +76,11 @@ def pieces_of(
         of = where or (f"in {record.source.name}, " if len(records) > 1 else "")
         faults += [(fault, f"{of}{fault.sentence}") for fault in found]
         for name, value in absent_inputs(record, model, given).items():
-            text = f"{name} is not in {record.source.name}: it is taken to be {value:g} throughout"
+            unit = next(v.unit for v in model.inputs if v.name == name)
+            text = (
+                f"{name} is not in {record.source.name}: it is taken to be {value:g} {unit}"
+                f" throughout; {option('settings', f'{name}=...')} says otherwise"
+            )
             notes.append(("absent_input", name, text))
         if len(spans) > 1:
             text = f"{record.source.name} has gaps in its time: it is {len(spans)} records"

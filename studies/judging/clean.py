@@ -100,7 +100,13 @@ def diagnosed(
             settings = settings_of(drawn)
             known = drawn.plant.known
             result = ppy.diagnose(
-                path, drawn.plant.model, settings=settings, hold=known, effects=effects, laws=False
+                path,
+                drawn.plant.model,
+                settings=settings,
+                hold=known,
+                effects=effects,
+                laws=False,
+                engine="old",
             )
         except UserError as error:
             refused = {

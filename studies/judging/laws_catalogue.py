@@ -49,6 +49,7 @@ def judge(case: LawCase) -> Row:
                 settings=settings_of(drawn),
                 hold=drawn.plant.known,
                 laws=True,
+                engine="old",
             )
         except UserError as error:
             return row | {"refused": str(error)[:200], "seconds": processor_time() - began}

@@ -128,7 +128,9 @@ def errors(question: Question) -> dict[str, float]:
     """Return untouched, least-squares and refitted errors of one record, of the model as it is."""
     import orchestration as ppy
 
-    bare = ppy.diagnose(question.record, question.subject, effects=[], laws=False, **question.known)
+    bare = ppy.diagnose(
+        question.record, question.subject, effects=[], laws=False, engine="old", **question.known
+    )
     trial = _Trial(question, bare.details.model.cls, bare.details.diagnosis.estimation.linear)
     nominal = {n: e.nominal for n, e in bare.parameters.items()}
     _, least = trial.least_squares(nominal)
@@ -146,7 +148,9 @@ def answer(question: Question) -> dict[str, Any]:
 
     row: dict[str, Any] = {"record": question.title} | errors(question)
     began = clock.process_time()
-    full = ppy.diagnose(question.record, question.subject, laws=False, **question.known)
+    full = ppy.diagnose(
+        question.record, question.subject, laws=False, engine="old", **question.known
+    )
     return row | {
         "verdict": str(full.verdict),
         "causes": full.causes,

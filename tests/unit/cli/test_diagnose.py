@@ -74,6 +74,8 @@ def test_laws_are_asked_unless_they_are_left_out(tmp_path, monkeypatch):
         "motor.py:Motor",
         "--effects",
         "none",
+        "--engine",
+        "old",
         "--json",
         "d.json",
     ]
@@ -133,6 +135,7 @@ def test_the_command_writes_a_report_of_another_record(tmp_path):
         *mapping,
         "--effects=strain_saturation",
         "--no-laws",
+        "--engine=old",
         "--holdout=other.csv",
     ]
     done = ppy(*arguments, "--report=r.html", "--json=r.json", cwd=tmp_path)
@@ -299,7 +302,7 @@ def test_options_that_the_new_engine_cannot_use_are_refused(tmp_path):
     message = fails(*words, "--fit", "mas", cwd=tmp_path)
     assert "--fit mas: no parameter named 'mas'" in message
     message = fails(*words, "--effects", "stiction", cwd=tmp_path)
-    assert "--effects stiction: the new engine has no effect named 'stiction'" in message
+    assert "no effect named 'stiction'" in message
     message = fails(*words, "--explain", "friction(velocity)", cwd=tmp_path)
     assert "it takes two candidates, not 1" in message
     message = fails(*words[:-1], "old", "--explain", "a(b),nothing", cwd=tmp_path)

@@ -53,6 +53,12 @@ def test_effects_are_those_that_are_named_by_name_or_id():
     assert Options(effects=[]).effects_of(Oscillator) == {}
 
 
+def test_effects_that_fit_laws_by_their_units_and_faults_of_sensors_may_be_named():
+    """Those of sensors may be causes in any case."""
+    assert set(Options(effects=["input_lag(force)"]).effects_of(Oscillator)) == {"input_lag(force)"}
+    assert Options(effects=["sensor_lag(position)"]).effects_of(Oscillator) == {}
+
+
 def test_each_names_parameters_that_are_fitted_and_start_states_are_anyway():
     model = LawModel(Oscillator)
     chosen = Options(each=["damping", "velocity_start", "damping"])

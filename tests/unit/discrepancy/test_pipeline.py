@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,8 @@ from orchestration.records import Record
 from orchestration.records.writing import write_record
 from tests.support.diagnosis import rig_record
 from tests.support.source import ROOT
+
+by_effects = partial(ppy.diagnose, engine="old")
 
 
 @pytest.fixture(scope="module")
@@ -273,7 +276,7 @@ def test_no_cause_is_named_in_a_record_that_the_model_made_itself(tmp_path, hold
     made = ppy.simulate(model_of(Lag), {"u": u}, time=TIME)
     signals = {"u": u, "y": np.array(made["y"]), "seen": u.copy()}
     record = Record(TIME, signals, dict.fromkeys(signals, "1"), tmp_path / "made.csv")
-    found = ppy.diagnose(record, model_of(Lag), hold=hold, effects=[], interpolate=False)
+    found = by_effects(record, model_of(Lag), hold=hold, effects=[], interpolate=False)
     assert not found.causes
     for name, true in (("tau", 0.8), ("gain", 2.0)):
         if name in found.parameters:
@@ -334,7 +337,7 @@ def drive(tmp_path_factory):
 @pytest.mark.slow
 def test_a_dead_zone_is_named_that_no_file_lists(drive):
     model = f"{drive / 'drive.py'}:Drive"
-    said = ppy.diagnose(drive / "drive.csv", model)
+    said = by_effects(drive / "drive.csv", model)
     assert (said.verdict, said.causes) == ("cause", ["dead_zone(voltage)"])
     for name, true in (("gain", GAIN), ("lag", LAG), ("voltage_dead_zone", DEAD)):
         low, high = said.parameters[name].interval
@@ -350,8 +353,8 @@ def test_they_have_to_be_asked_for_where_a_file_lists_its_own(drive):
     listing += '\n\nEFFECTS = {"force_offset": force_offset(Drive, "drag", unit="rad/s")}\n'
     (drive / "listing.py").write_text(listing, encoding="utf-8")
     model = f"{drive / 'listing.py'}:Drive"
-    assert ppy.diagnose(drive / "drive.csv", model).causes != ["dead_zone(voltage)"]
-    assert ppy.diagnose(drive / "drive.csv", model, effects=["families"]).causes == [
+    assert by_effects(drive / "drive.csv", model).causes != ["dead_zone(voltage)"]
+    assert by_effects(drive / "drive.csv", model, effects=["families"]).causes == [
         "dead_zone(voltage)"
     ]
 
@@ -359,10 +362,10 @@ def test_they_have_to_be_asked_for_where_a_file_lists_its_own(drive):
 @pytest.mark.slow
 def test_one_of_them_can_be_asked_for_by_name(drive):
     model = f"{drive / 'drive.py'}:Drive"
-    said = ppy.diagnose(drive / "drive.csv", model, effects=["dead_zone(voltage)"])
+    said = by_effects(drive / "drive.csv", model, effects=["dead_zone(voltage)"])
     assert said.causes == ["dead_zone(voltage)"]
     with pytest.raises(UserError, match=r"no effect named 'dead_zone\(speed\)'"):
-        ppy.diagnose(drive / "drive.csv", model, effects=["dead_zone(speed)"])
+        by_effects(drive / "drive.csv", model, effects=["dead_zone(speed)"])
     cls = load_class(model)
     (effect,) = find_effects(cls, ["backlash(voltage)"], "drive")
     assert effect.id == "backlash"
@@ -389,7 +392,7 @@ def test_a_second_volume_is_named_in_the_unit_of_the_model(tmp_path):
     record = tmp_path / "vessel.csv"
     units = {"opening": "1", "gauge": "bar", "meter": "g/s"}
     write_record(record, step * np.arange(opening.size), signals, units)
-    said = ppy.diagnose(record, f"{ROOT / 'studies/plants/models/vessel.py'}:Vessel", laws=False)
+    said = by_effects(record, f"{ROOT / 'studies/plants/models/vessel.py'}:Vessel", laws=False)
     assert said.causes[0] == "storing_law(outflow)"
     amount = said.parameters["outflow_storing_law"]
     assert convert(1.0, amount.unit, "kg/s/Pa") == pytest.approx(1e-8)
@@ -439,7 +442,7 @@ def test_what_takes_a_few_samples_is_named_whatever_the_clock(tmp_path, step, ki
     written = DRIVE.replace("0.3", f"{12.0 * step}").replace("1e-3, max=1e3", f"{step}, max=1e6")
     (tmp_path / "drive.py").write_text(written, encoding="utf-8")
     write_record(tmp_path / "drive.csv", time, signals, {"voltage": "V", "speed": "rad/s"})
-    said = ppy.diagnose(
+    said = by_effects(
         tmp_path / "drive.csv",
         f"{tmp_path / 'drive.py'}:Drive",
         effects=EFFECTS_IN_TIME,
