@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 from time import process_time
 
 from fmus.kit import Component, Effect, UserError
+from fmus.kit.errors import suggestion
 from fmus.kit.registry import Excitation
 from orchestration.diagnosis.catalogue import usable_effects, usable_of
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.terms import NamedTerm, SensorTerm, Term
-from orchestration.fmu.model import find_effects
+from orchestration.fmu.model import families, known_effects
 from orchestration.reporting import option
 
 _FAMILIES = "families"  # which terms over all laws and signals are, without any name
@@ -125,9 +126,14 @@ class Options:
         for wanted in self.effects:
             named = {n: e for n, e in usable.items() if wanted in (n, e.id)}
             if not named:
-                (effect,) = find_effects(cls, [wanted], cls.name)
-                named = usable_of(cls, {wanted: effect})
-                if not (named or effect.output):
+                known = families(cls) | known_effects(cls)
+                if wanted not in known:
+                    raise UserError(
+                        f"{option('effects', [wanted])}: no effect named"
+                        f" {wanted!r}{suggestion(wanted, sorted(known))}"
+                    )
+                named = usable_of(cls, {wanted: known[wanted]})
+                if not (named or known[wanted].output):
                     raise UserError(
                         f"{option('effects', [wanted])}: it is random, has discrete states, or is"
                         f" in the model already; use {option('engine', 'old')}"
