@@ -19,6 +19,7 @@ from fmus.kit import Component, Effect, stack
 from fmus.kit.arrays import Array, Mask
 from fmus.kit.build import cached_library, load_library
 from fmus.kit.build.toolchain import host_platform
+from fmus.kit.interrupt import uninterrupted
 from fmus.kit.record import Rhythm
 from fmus.kit.symbolic import PerturbedLaws
 from orchestration.diagnosis.delays import (
@@ -322,6 +323,7 @@ class LawModel:
         return frozenset(s.name for s, r in pairs if laws.is_definition(r) or laws.is_count(r))
 
     @cached_property
+    @uninterrupted()
     def measured_states(self) -> dict[int, int]:
         """Positions of states that an output shows as they are, and of that output."""
         names = {s.name: i for i, s in enumerate(self.states)}
