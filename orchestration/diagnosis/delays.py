@@ -1,4 +1,4 @@
-"""Runs whose outputs are measured late or without their sign: those of the model, changed after it.
+"""Outputs as they are recorded: late, by another clock, or without their sign.
 
 A late output moves nothing else, so that it needs no state: outputs and their derivatives are read
 a delay earlier, between samples of the model, and the derivative by the delay is the slope there,

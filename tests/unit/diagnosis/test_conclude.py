@@ -12,10 +12,13 @@ from scipy.signal import lfilter
 from fmus.kit.arrays import Array
 from orchestration.diagnosis import Found, Memory, Shape, Term
 from orchestration.diagnosis.comparison import Judged, shortfall
-from orchestration.diagnosis.conclude import _minimal, conclude
+from orchestration.diagnosis.conclude import _in_order, _minimal, _verdict, conclude
 from orchestration.diagnosis.fitting import effective_samples
+from orchestration.diagnosis.law_model import LawModel
+from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.terms import SensorTerm
 from tests.support.dry_mass import dry, nothing, outside, small_search
+from tests.support.oscillator_model import Oscillator
 
 RNG = np.random.default_rng(8)
 WHITE, SEEN = RNG.standard_normal((300, 1)), RNG.standard_normal((200, 1))
@@ -290,3 +293,29 @@ def test_a_gain_and_a_lag_of_one_sensor_are_two_causes() -> None:
     lag = replace(gain, memory=Memory.FADING, constants=(2.0,))
     conclusion = conclude(found(judged(0.5, 0.5, gain), judged(0.5, 0.501, lag)))
     assert {c.name for c in conclusion.causes} == {"sensor_gain(place)", "sensor_lag(place)"}
+
+
+@pytest.mark.parametrize(("error", "verdict"), [(0.6, "cause"), (0.8, "unexplained")])
+def test_a_cause_that_predicts_no_better_than_a_mean_is_none(error: float, verdict: str) -> None:
+    """A mean leaves about the spread."""
+    judged = SimpleNamespace(**dict.fromkeys(("choosing", "measuring"), np.full((40, 1), error)))
+    judged.reading = None
+    base = SimpleNamespace(measuring=np.full((40, 1), 3.0), reading=None)
+    comparison = SimpleNamespace(evidence=50.0)
+    cause = SimpleNamespace(score=50.0, comparison=comparison, probability=0.95, judged=judged)
+    assert _verdict([cause], SimpleNamespace(base=base)) == verdict
+
+
+def test_the_reading_comes_before_terms_in_it_where_no_part_explains_half_alone() -> None:
+    reading = Reading(ReadingKind.RATE, ("position",), levels=(0.0,))
+    term = Term("friction", "velocity", Shape.DRY)
+    fitted = SimpleNamespace(problem=SimpleNamespace(model=LawModel(Oscillator)))
+    both = SimpleNamespace(parts=(term, reading), fit=fitted)
+    ranked = [
+        SimpleNamespace(
+            judged=SimpleNamespace(parts=parts), comparison=SimpleNamespace(gain=gain, columns=0.0)
+        )
+        for parts, gain in (((term,), 20.0), ((reading,), 10.0), ((term, reading), 100.0))
+    ]
+    found = SimpleNamespace(compared=lambda: ranked, structure=0.0)
+    assert _in_order(both, found) == (reading, term)

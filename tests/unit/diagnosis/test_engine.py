@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,10 +22,12 @@ from orchestration.diagnosis import (
     weights_of,
 )
 from orchestration.diagnosis import Record as KernelRecord
+from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.fmu.model import declared_model_of
 from orchestration.records import Record
 from tests.support.oscillator import CUBE, DRY, diagnosis_with, oscillator_record, with_group
 from tests.support.oscillator_model import Oscillator
+
 
 MODEL = declared_model_of(Oscillator)
 
@@ -287,3 +290,53 @@ def test_an_experiment_is_as_long_as_the_longest_record_within_its_range():
     wrong = Options(excitation=Excitation({"push": (0.0, 1.0)}, 1.0))
     refused = engine._designed(dry.found, group, [long], wrong)
     assert "limits of push: there is no such input" in refused.reason
+
+
+@pytest.mark.parametrize(("drifts", "is_silent"), [(False, True), (True, False)])
+def test_predictions_that_drift_are_not_silent(
+    drifts: bool, is_silent: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(engine, "_drifts", lambda judged: drifts)
+    answer = SimpleNamespace(base=None), SimpleNamespace(verdict="consistent")
+    assert engine._is_silent(answer) == is_silent
+
+
+@pytest.mark.parametrize("follows", [False, True])
+def test_silent_predictions_end_a_search_unless_a_free_run_follows_in_another_reading(
+    follows: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    predicts = SimpleNamespace(observer=SimpleNamespace(is_small=True))
+    runs = SimpleNamespace(observer=None, base=None, judge=lambda base: "drifts")
+    found = {
+        id(one): SimpleNamespace(subject=one, base=base, compared=list)
+        for one, base in ((predicts, "stays"), (runs, "drifts"))
+    }
+    for name, stub in {
+        "predicted": lambda subject: predicts,
+        "search": lambda subject, *ways: found[id(subject)],
+        "conclude": lambda one: SimpleNamespace(
+            verdict="consistent" if one.subject is predicts else "cause"
+        ),
+        "_drifts": lambda judged: judged == "drifts",
+        "_follows_otherwise": lambda subject, begun: follows,
+        "_is_open": lambda answer: False,
+    }.items():
+        monkeypatch.setattr(engine, name, stub)
+    options = SimpleNamespace(recalibrates=False, is_candidate=None)
+    answer = engine._answer(runs, options, print, SimpleNamespace(is_over=None))
+    assert answer[0].subject is (runs if follows else predicts)
+
+
+@pytest.mark.parametrize(
+    ("levels", "drifts", "follows"), [((), False, True), ((0.0,), False, False), ((), True, False)]
+)
+def test_a_free_run_follows_by_a_plain_reading_alone(
+    levels: tuple[float, ...], drifts: bool, follows: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One with values to fit may take up a drift."""
+    reading = Reading(ReadingKind.SIGN, ("force",), levels=levels)
+    read = SimpleNamespace(reading=reading, base=None, judge=lambda base: "judged")
+    monkeypatch.setattr(engine, "misreadings", lambda subject, base: [read])
+    monkeypatch.setattr(engine, "_drifts", lambda judged: drifts)
+    assert engine._follows_otherwise(None, "begun") == follows
+    assert not engine._follows_otherwise(None, None)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +15,8 @@ from orchestration.diagnosis.runs import Record
 from orchestration.diagnosis.subject import Subject, subject_of
 from tests.support.oscillator import oscillator_record
 from tests.support.oscillator_model import Oscillator
+
+JOINTS = sys.modules[pieced.__module__]
 
 
 @pytest.fixture(scope="module")
@@ -86,3 +90,14 @@ def test_single_values_far_off_are_no_joints(model: LawModel) -> None:
     outputs = record.outputs.copy()
     outputs[[150, 320]] += 0.4
     assert as_pieces(model, replace(record, outputs=outputs)) is None
+
+
+@pytest.mark.parametrize(("slow", "is_noise"), [(0.0, True), (5.0, False)])
+def test_pieces_of_which_more_than_noise_is_left_are_those_of_the_plant(
+    slow: float, is_noise: bool
+) -> None:
+    """Noise of 1, and a slow error of so many times that."""
+    noise = np.random.default_rng(1).normal(size=500)
+    error = noise + slow * np.sin(np.arange(500) / 50.0)
+    subject = SimpleNamespace(base=SimpleNamespace(errors=[error[:, np.newaxis]]))
+    assert JOINTS._leaves_noise(subject) == is_noise

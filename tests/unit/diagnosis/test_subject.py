@@ -330,3 +330,14 @@ def test_errors_of_a_reading_are_in_the_spreads_of_the_file_as_it_was_read(
     whole = replace(subject, problem=replace(subject.problem, spread=np.array([0.7])))
     problem, _ = divided_as_read(whole, reading)
     assert problem.spread == pytest.approx([0.7 * size])
+
+
+def test_errors_of_a_model_that_is_fed_what_was_measured_count_double() -> None:
+    """It is fed the position, which moves, and the force is compared."""
+    drawn_one = drawn()
+    input_name, output_name = (v[0].name for v in (mass().inputs, mass().outputs))
+    fed = Reading(ReadingKind.EXCHANGED, (input_name, output_name))
+    subject = made(drawn_one)
+    problem, _ = divided_as_read(subject, fed)
+    (record,) = subject.problem.records
+    assert problem.spread[0] == pytest.approx(0.5 * np.std(record.inputs[:, 0]))
