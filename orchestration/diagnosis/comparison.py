@@ -69,6 +69,8 @@ class Weights:
         Log odds that the true cause is among some, by their `features.features_of`: fitted to
         records of five plants, half of them with truths outside of what can be searched, and to
         records with effects of a catalogue (decisions 91 and 98).
+    fed : float
+        By which errors count more of a model that is fed what was measured, and so knows more.
     no_better : float
         Error on what is left out, in spreads, from which on nothing is predicted: a mean leaves
         about 1.
@@ -112,6 +114,7 @@ class Weights:
             "rise": -3.0,
         }
     )
+    fed: float = 2.0
     no_better: float = 0.7
     sure: float = 0.9
     group: float = 0.9

@@ -45,7 +45,6 @@ _ALL = 5 * _MOST  # by which a conclusion is drawn: ten minutes at 20 Hz
 _LONGEST = 2  # times as many of all records that cannot be thinned: their beginnings decide
 _SHORTEST = _MOST // 2  # of one of many, to which it is cut at most
 _JUMP = 0.01  # standard deviations, from which on an input jumps that stands still at most samples
-_FED = 2.0  # by which errors count more of a model that is fed what was measured: it knows more
 _DECAY = 1.0  # e-folds over a record, by which each mode decays of a model that forgets errors
 _ROUNDS = 3  # of observers and fits by turns
 _UNSEEN = 0.002  # of the spread, by which a run over fewer samples may differ
@@ -647,7 +646,7 @@ def divided_as_read(subject: Subject, reading: Reading) -> tuple[Problem, tuple[
     # as that of the file as it was read, of which these may be a part, or errors would differ by it
     spread = problem.spread * _spread(records) / _spread(problem.records)
     if reading.is_fed_by_output(model):
-        spread = spread / _FED
+        spread = spread / WEIGHTS.fed
     changed = replace(problem, records=records, spread=spread, starts=starts)
     if reading.kind is ReadingKind.CLOCK:
         changed = replace(changed, substeps=_substeps(changed, records, changed.mean))
