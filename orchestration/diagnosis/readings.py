@@ -132,7 +132,7 @@ class Reading:
 
     @property
     def is_sized(self) -> bool:
-        """Whether it has values that are estimated."""
+        """True if it has values that are estimated."""
         return self.is_fitted or bool(self.levels)
 
     @property

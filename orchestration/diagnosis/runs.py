@@ -67,7 +67,7 @@ class Record:
 
     @property
     def is_recorded_otherwise(self) -> bool:
-        """Whether outputs lost their sign, or have a clock of their own."""
+        """True if outputs lost their sign, or have a clock of their own."""
         return self.folds is not None or self.pace != 0.0
 
     @property
