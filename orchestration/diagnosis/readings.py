@@ -76,7 +76,9 @@ class ReadingKind(Enum):
         True,
     )
     RATE = _Kind("{columns} {are} the derivative in time of the signal", "integrate {columns}")
-    INTEGRAL = _Kind("{columns} {are} the integral over time of the signal", "differentiate {columns}")
+    INTEGRAL = _Kind(
+        "{columns} {are} the integral over time of the signal", "differentiate {columns}"
+    )
     UNSIGNED = _Kind("{columns} lost the sign", "record {columns} with the sign")
     FILTERED = _Kind(
         "{columns} {are} filtered forwards and backwards, up to {size} Hz",

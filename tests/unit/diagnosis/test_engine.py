@@ -28,7 +28,6 @@ from orchestration.records import Record
 from tests.support.oscillator import CUBE, DRY, diagnosis_with, oscillator_record, with_group
 from tests.support.oscillator_model import Oscillator
 
-
 MODEL = declared_model_of(Oscillator)
 
 
