@@ -1,5 +1,6 @@
 from . import changes as changes
 from . import comparison as comparison
+from . import effect_sizes as effect_sizes
 from . import parameter_set as parameter_set
 from .comparison import Comparison as Comparison
 from .comparison import fit_model as fit_model

@@ -87,6 +87,7 @@ def cause_figures(diagnosis: Diagnosis, cause: Cause) -> dict[str, Any]:
         **first,
         "with": others,
         "aliases": list(cause.aliases),
+        "sizes": [size.to_dict() for size in wording.sizes(diagnosis, cause)],
         "error": diagnosis.error(cause.judged),
     }
 

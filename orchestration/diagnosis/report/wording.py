@@ -11,8 +11,9 @@ from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.remainder import Remainder
-from orchestration.diagnosis.term_names import sentence
-from orchestration.diagnosis.terms import Term
+from orchestration.diagnosis.term_names import estimates, sentence, stems
+from orchestration.diagnosis.terms import NamedTerm, Term
+from orchestration.identify.effect_sizes import FittedSize, fitted_sizes
 from orchestration.identify.uncertainty import Estimate
 from orchestration.records.quality import FAULTS, Fault
 from orchestration.reporting import option
@@ -65,6 +66,23 @@ def cause_text(diagnosis: Diagnosis, cause: Cause) -> str:
     return part_text(diagnosis, cause.parts[0])
 
 
+def cause_with_size(diagnosis: Diagnosis, cause: Cause) -> str:
+    """Return the leading part of a cause, and of an effect that says it how large it is."""
+    texts = [size.text for size in sizes(diagnosis, cause)]
+    return f"{cause_text(diagnosis, cause)}{': ' if texts else ''}{', '.join(texts)}"
+
+
+def sizes(diagnosis: Diagnosis, cause: Cause) -> list[FittedSize]:
+    """Return the sizes of a cause as they were fitted; empty if it is no effect that has any."""
+    lead = cause.parts[0]
+    if not isinstance(lead, NamedTerm):
+        return []
+    effect = diagnosis.subject.problem.model.effects[lead.effect]
+    fitted = estimates(cause.judged.fit, stems(cause.terms))
+    declared = {p.name: p for p in effect.layout.parameters}
+    return fitted_sizes(effect, fitted, declared)
+
+
 def part_text(diagnosis: Diagnosis, part: Reading | Term) -> str:
     """Return a part of a cause for people: a term, or a fault of the files."""
     if isinstance(part, Reading):
@@ -102,7 +120,7 @@ def headline(diagnosis: Diagnosis) -> str:
         return f"the laws hold with other values of {_listed([*starts, *diagnosis.changed])}"
     if not diagnosis.causes:
         return "the model misses something, and nothing that was tried explains it"
-    parts = [f"{percent(c.probability)} {cause_text(diagnosis, c)}" for c in diagnosis.causes]
+    parts = [f"{percent(c.probability)} {cause_with_size(diagnosis, c)}" for c in diagnosis.causes]
     other = 1.0 - sum(c.probability for c in diagnosis.causes)
     answer = "; ".join([*parts, f"{percent(other)} something else"])
     return answer if diagnosis.is_named else f"no cause is sure; best guesses: {answer}"

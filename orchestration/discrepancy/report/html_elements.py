@@ -14,8 +14,8 @@ from fmus.kit.declare import summary
 from fmus.kit.titles import capitalised, effect_title
 from fmus.kit.units import Described, format_prefixed
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
-from orchestration.discrepancy.report.sizes import NOT_DETERMINED
 from orchestration.discrepancy.report.wording import parameter_title
+from orchestration.identify.effect_sizes import NOT_DETERMINED
 from orchestration.identify.uncertainty import Estimate
 from orchestration.reporting.html import Markup, escaped, format_ends, format_quantities
 from orchestration.reporting.pictures import FITTED

@@ -28,14 +28,13 @@ from orchestration.discrepancy.report import figures, html_elements, wording
 from orchestration.discrepancy.report.effect_picture import effect_chart
 from orchestration.discrepancy.report.figures import Parts, ShownModel, SimulatedModel
 from orchestration.discrepancy.report.html_elements import AxisScale, format_estimate
-from orchestration.discrepancy.report.sizes import told_of_parameter
 from orchestration.discrepancy.report.tables import (
     TriedEffect,
     error_table,
     least_squares_table,
     tried_effects,
 )
-from orchestration.discrepancy.report.wording import EXTENDED, NOMINAL, REFITTED
+from orchestration.discrepancy.report.wording import EXTENDED, NOMINAL, REFITTED, meanings_of
 from orchestration.discrepancy.residuals import (
     OperatingRegion,
     ResidualAnalysis,
@@ -324,7 +323,7 @@ def _parameter_row(
     if owner:
         title = within_sentence(effect_title(owner))
         remark = f"without {title}" if e.nominal == declared.start else ""
-        text = "; ".join([text, *told_of_parameter(diagnosis, owner, name)])
+        text = "; ".join([text, *meanings_of(diagnosis, owner, name)])
     else:
         remark = html_elements.format_change(e)
         interval = scale.draw_interval(e, differs)

@@ -13,8 +13,8 @@ from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.report.laws import LawReport, headline, law_map
-from orchestration.discrepancy.report.sizes import told_sizes
 from orchestration.discrepancy.report.tables import run_errors
+from orchestration.discrepancy.report.wording import sizes_of
 from orchestration.discrepancy.selection import Step
 from orchestration.discrepancy.validation import Errors
 from orchestration.identify import finite_or_none
@@ -123,7 +123,7 @@ def _cause(diagnosis: Diagnosis, step: Step, *corrections: Step) -> dict[str, An
         "shape": effect.term.shape,
         "shape_corrections": [other.chosen.effect_name for other in corrections],
         "parameters": {name: diagnosis.estimates[name].to_dict() for name in own_parameters},
-        "sizes": [told.to_dict() for told in told_sizes(diagnosis, effect)],
+        "sizes": [size.to_dict() for size in sizes_of(diagnosis, effect)],
     }
     evidence = {"delta_bic": step.gain, "p_value": step.p_value}
     if confirmation:

@@ -17,13 +17,13 @@ from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.report.laws import LawReport, headline
 from orchestration.discrepancy.report.laws import terminal as law_terminal
-from orchestration.discrepancy.report.sizes import told_of_parameter
 from orchestration.discrepancy.report.tables import (
     RunError,
     error_table,
     run_errors,
     tried_effects,
 )
+from orchestration.discrepancy.report.wording import meanings_of
 from orchestration.identify import changes
 from orchestration.identify.changes import Change
 from orchestration.records.runs import shown_name
@@ -123,7 +123,7 @@ def _parameters(diagnosis: Diagnosis) -> Table:
         value = format_value(e.value, declared)
         means = [f"{wording.parameter_title(diagnosis, name)}{_mark(diagnosis, name)}"]
         if name in owners:
-            means += told_of_parameter(diagnosis, owners[name], name)
+            means += meanings_of(diagnosis, owners[name], name)
         nominal = format_value(e.nominal, declared)
         table.add_row(shown_name(name), value, interval, nominal, "; ".join(means))
     return table

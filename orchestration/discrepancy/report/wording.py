@@ -7,18 +7,25 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+from fmus.kit import Effect
 from fmus.kit.titles import capitalised, effect_title, in_words, law_title, within_sentence
 from fmus.kit.units import format_prefixed
 from orchestration.discrepancy.candidates import FittedCandidate, own_parameters
 from orchestration.discrepancy.diagnosis import Diagnosis, Verdict
 from orchestration.discrepancy.note import MIXED_UP, Note, NoteCode
 from orchestration.discrepancy.pipeline import Result
-from orchestration.discrepancy.report.sizes import NOT_DETERMINED, format_estimated, told_sizes
 from orchestration.discrepancy.residuals import (
     OperatingRegion,
 )
 from orchestration.discrepancy.selection import ACCEPT, Step
 from orchestration.discrepancy.validation import Outcome
+from orchestration.identify.effect_sizes import (
+    NOT_DETERMINED,
+    FittedSize,
+    fitted_sizes,
+    format_estimated,
+    meanings,
+)
 from orchestration.records.quality import FAULTS, Fault
 from orchestration.records.runs import base_name, shown_name
 from orchestration.reporting import format_percent, option
@@ -392,9 +399,19 @@ def _describe_cause(diagnosis: Diagnosis, step: Step, phrases: Mapping[str, str]
     return f"either {own} or {' or '.join(others)}"
 
 
+def sizes_of(diagnosis: Diagnosis, effect: type[Effect]) -> list[FittedSize]:
+    """Return the sizes of an effect of the final model."""
+    return fitted_sizes(effect, diagnosis.estimates, diagnosis.final.problem.declared)
+
+
+def meanings_of(diagnosis: Diagnosis, effect: type[Effect], name: str) -> list[str]:
+    """Return what a parameter of an effect means where its value alone does not say it."""
+    return meanings(sizes_of(diagnosis, effect), name)
+
+
 def _size(diagnosis: Diagnosis, chosen: FittedCandidate) -> str:
     """Return how large an effect is; of one that does not say how, the values of its parameters."""
-    told = [size.text for size in told_sizes(diagnosis, chosen.effect)]
+    told = [size.text for size in sizes_of(diagnosis, chosen.effect)]
     return ", ".join((told or _own_values(diagnosis, chosen))[:_NAMED])
 
 

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 
 import pytest
 
 from fmus.kit import Component, Output, Parameter, Size
 from fmus.kit.effects import make_effect
 from fmus.kit.units import write_prefixed
-from orchestration.discrepancy.report.sizes import (
+from orchestration.identify.effect_sizes import (
+    fitted_sizes,
     format_estimated,
-    told_of_parameter,
-    told_sizes,
+    meanings,
     with_interval,
 )
 from orchestration.identify.uncertainty import Estimate
@@ -41,22 +40,21 @@ class Plain(Component):
         return self.R
 
 
-def told(**intervals):
+def sizes(**intervals):
     """The sizes of the effect with c = 0.16 and T = 18 s, fitted with these intervals."""
     values = {"c": 0.16, "T": 18.0}
     estimates = {
         name: Estimate(values[name], 0.0, interval, "1") for name, interval in intervals.items()
     }
-    problem = SimpleNamespace(declared=EFFECT.declared)
-    return SimpleNamespace(estimates=estimates, final=SimpleNamespace(problem=problem))
+    return fitted_sizes(EFFECT, estimates, EFFECT.declared)
 
 
-def texts(diagnosis):
-    return [size.text for size in told_sizes(diagnosis, EFFECT)]
+def texts(**intervals):
+    return [size.text for size in sizes(**intervals)]
 
 
 def test_the_interval_goes_through_the_function_of_the_size():
-    level, time, both = told_sizes(told(c=(0.1, 0.25), T=(16.0, 20.0)), EFFECT)
+    level, time, both = sizes(c=(0.1, 0.25), T=(16.0, 20.0))
     assert level.value == pytest.approx(1.0 / math.sqrt(0.16))
     assert level.interval == pytest.approx((1.0 / math.sqrt(0.25), 1.0 / math.sqrt(0.1)))
     assert level.text == "levels off at 2.5 C (95 %: 2.0 … 3.2 C)"
@@ -82,14 +80,14 @@ def test_the_interval_goes_through_the_function_of_the_size():
     ],
 )
 def test_an_interval_with_an_open_end_or_of_no_length(interval, text):
-    assert texts(told(c=interval))[0] == text
+    assert texts(c=interval)[0] == text
 
 
-def test_a_size_is_told_where_something_of_it_was_fitted():
-    assert len(texts(told(c=(0.1, 0.25)))) == 2  # and the product, with T as it is declared
-    assert texts(told()) == []
-    assert told_of_parameter(told(c=(0.1, 0.25)), EFFECT, "c")[0].startswith("levels off at")
-    assert told_of_parameter(told(T=(16.0, 20.0)), EFFECT, "T") == []  # its value says it
+def test_a_size_is_stated_where_something_of_it_was_fitted():
+    assert len(texts(c=(0.1, 0.25))) == 2  # and the product, with T as it is declared
+    assert texts() == []
+    assert meanings(sizes(c=(0.1, 0.25)), "c")[0].startswith("levels off at")
+    assert meanings(sizes(T=(16.0, 20.0)), "T") == []  # its value says it
 
 
 def test_a_parameter_has_its_interval_beside_it():

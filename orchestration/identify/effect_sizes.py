@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fmus.kit import Effect, Size
+from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.units import Described, format_prefixed, write_prefixed
-from orchestration.discrepancy.diagnosis import Diagnosis
-from orchestration.identify import finite_or_none
+from orchestration.identify.metrics import finite_or_none
 from orchestration.identify.uncertainty import Estimate
 from orchestration.reporting.html import format_ends
 
@@ -22,7 +22,7 @@ _FINENESS = 0.5  # of half an interval, to which its ends are rounded or finer
 Writer = Callable[[float, int], str]  # of a value and its digits
 
 
-class ToldSize(NamedTuple):
+class FittedSize(NamedTuple):
     """A size of an effect as it was fitted.
 
     Attributes
@@ -55,23 +55,33 @@ class ToldSize(NamedTuple):
         }
 
 
-def told_sizes(diagnosis: Diagnosis, effect: type[Effect]) -> list[ToldSize]:
-    """Return the sizes of an effect of which a parameter was fitted."""
-    estimates = diagnosis.estimates
+def fitted_sizes(
+    effect: type[Effect],
+    estimates: Mapping[str, Estimate],
+    declared: Mapping[str, ParameterDeclaration],
+) -> list[FittedSize]:
+    """Return the sizes of an effect of which a parameter was fitted.
+
+    Parameters
+    ----------
+    effect : type[Effect]
+    estimates : mapping of str to Estimate
+        Of fitted parameters by name; others have their start value.
+    declared : mapping of str to ParameterDeclaration
+        Parameters of the effect, and perhaps others, by name.
+    """
     fitted = [s for s in effect.sizes if any(name in estimates for name in s.parameters)]
-    return [_told(size, estimates, diagnosis.final.problem.declared) for size in fitted]
+    return [_fitted(size, estimates, declared) for size in fitted]
 
 
-def told_of_parameter(diagnosis: Diagnosis, effect: type[Effect], name: str) -> list[str]:
-    """Return what a parameter of an effect means where its value alone does not say it."""
-    return [
-        told.text
-        for told in told_sizes(diagnosis, effect)
-        if told.size.parameters[0] == name and told.size.unit
-    ]
+def meanings(sizes: Sequence[FittedSize], name: str) -> list[str]:
+    """Return the sizes that say what a parameter means where its value alone does not say it."""
+    return [one.text for one in sizes if one.size.parameters[0] == name and one.size.unit]
 
 
-def _told(size: Size, estimates: Mapping[str, Estimate], declared: Mapping[str, Any]) -> ToldSize:
+def _fitted(
+    size: Size, estimates: Mapping[str, Estimate], declared: Mapping[str, ParameterDeclaration]
+) -> FittedSize:
     first, *others = size.parameters
     values = [
         estimates[name].value if name in estimates else declared[name].start
@@ -81,13 +91,13 @@ def _told(size: Size, estimates: Mapping[str, Estimate], declared: Mapping[str, 
     unit = size.unit or declared[first].unit
     write = _writer(size, declared[first], value)
     if others:
-        return ToldSize(size, value, None, unit, size.phrase.format(write(value, 3)))
+        return FittedSize(size, value, None, unit, size.phrase.format(write(value, 3)))
     interval = estimates[first].interval
     if np.isfinite(interval).any():
         ends = sorted(_through(size, max(end, declared[first].min)) for end in interval)
         interval = (ends[0], ends[1])
     text = size.phrase.format(with_interval(value, interval, write))
-    return ToldSize(size, value, interval, unit, text)
+    return FittedSize(size, value, interval, unit, text)
 
 
 def _writer(size: Size, declared: Described, like: float) -> Writer:
