@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from orchestration.diagnosis.comparison import Comparison, Judged
 from orchestration.diagnosis.readings import Reading
-from orchestration.diagnosis.terms import NamedTerm, Term
+from orchestration.diagnosis.terms import DelayTerm, NamedTerm, SensorTerm, Term
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +42,11 @@ class Cause:
     aliases: tuple[str, ...] = ()
 
     @property
+    def key(self) -> tuple[str, str]:
+        """Law and signal, by which a cause is one with another."""
+        return self.law, self.signal
+
+    @property
     def terms(self) -> tuple[Term, ...]:
         """The terms, in the order in which they explain."""
         return tuple(part for part in self.parts if isinstance(part, Term))
@@ -56,6 +61,11 @@ class Cause:
     def is_effect(self) -> bool:
         """Whether it is an effect of the catalogue."""
         return isinstance(self.parts[0], NamedTerm)
+
+    @property
+    def is_of_a_law(self) -> bool:
+        """Whether it is in a law of the model, rather than in a sensor or a file."""
+        return not isinstance(self.parts[0], Reading | SensorTerm | DelayTerm)
 
     @property
     def name(self) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,15 +16,18 @@ from orchestration.diagnosis.comparison import (
     rises,
     shortfall,
 )
-from orchestration.diagnosis.courses import are_interchangeable
+from orchestration.diagnosis.courses import Courses, are_interchangeable
 from orchestration.diagnosis.features import confidence, features_of
 from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.search import Found, Ranked
+from orchestration.diagnosis.signals import are_alike, remembered_by
 from orchestration.diagnosis.subject import words_of
 from orchestration.diagnosis.terms import SensorTerm, Term
 
 _LEAST = 1e-12
 _SETS = 8  # that share the probability
+
+Pairs = Collection[frozenset[tuple[str, str]]]  # of causes, by their keys
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +51,15 @@ class Conclusion:
     base: Judged
 
 
-def conclude(found: Found) -> Conclusion:
-    """Draw the conclusion from all fits of a search."""
+def conclude(found: Found, inseparable: Pairs = ()) -> Conclusion:
+    """Draw the conclusion from all fits of a search.
+
+    Parameters
+    ----------
+    found : Found
+    inseparable : collection of frozenset
+        Pairs of causes, by their keys, that no experiment tells apart; see `equivalence`.
+    """
     ranked = [entry for entry in found.compared() if not entry.comparison.is_worse]
     best: dict[frozenset[object], Ranked] = {}
     for entry in _near_the_likeliest(ranked, found):
@@ -57,7 +67,7 @@ def conclude(found: Found) -> Conclusion:
     sets = sorted(best.items(), key=lambda item: -item[1].score)
     top = _minimal(sets)[:_SETS]
     *shares, nothing = _shares(top, found.temper)
-    group = _group(_calibrated(_causes(top, shares, found), found))
+    group = _group(_calibrated(_causes(top, shares, found, inseparable), found))
     return Conclusion(_verdict(group, found), group, nothing, found.base)
 
 
@@ -81,7 +91,9 @@ def _shares(top: Sequence[Ranked], temper: float) -> list[float]:
     return [float(share) for share in shares / shares.sum()]
 
 
-def _causes(top: Sequence[Ranked], shares: Sequence[float], found: Found) -> list[Cause]:
+def _causes(
+    top: Sequence[Ranked], shares: Sequence[float], found: Found, inseparable: Pairs
+) -> list[Cause]:
     """Join the sets with the same first part to causes, the most probable first.
 
     Terms that leave what a file leaves that is read in another way, without any value being fitted,
@@ -111,15 +123,16 @@ def _causes(top: Sequence[Ranked], shares: Sequence[float], found: Found) -> lis
             known, probability=known.probability + share, members=known.members | members
         )
     ordered = sorted(causes.values(), key=lambda cause: -cause.probability)
-    return _joined(ordered, found) if ordered else []
+    return _joined(ordered, found, inseparable) if ordered else []
 
 
-def _joined(causes: Sequence[Cause], found: Found) -> list[Cause]:
+def _joined(causes: Sequence[Cause], found: Found, inseparable: Pairs) -> list[Cause]:
     """Join laws that are one cause, of which the plainest has the name; an effect is plainest.
 
     A law is one with an effect over the same signal, or if the evidence of one against the other,
     if it were true, is less than what scores of causes may differ by; and with another law if a
-    function of the signal in the one is a function of it in the other.
+    function of the signal in the one is a function of it in the other, or no experiment tells them
+    apart.
     """
     common = found.common
     joined: list[Cause] = []
@@ -129,6 +142,7 @@ def _joined(causes: Sequence[Cause], found: Found) -> list[Cause]:
             for k, one in enumerate(joined)
             if ((apart := _apart(cause, one, common)) < WEIGHTS.temper and one.is_effect)
             or _is_one_with(cause, one, found)
+            or any(frozenset((cause.key, member)) in inseparable for member in one.members)
         }
         if not same or cause.reading is not None or cause.is_effect:
             joined.append(cause)
@@ -152,14 +166,33 @@ def _plainness(cause: Cause) -> tuple[bool, float]:
 def _is_one_with(cause: Cause, other: Cause, found: Found) -> bool:
     """Return whether two causes are of one signal, in laws in which its functions are the same."""
     ours, theirs = cause.parts[0], other.parts[0]
-    if not isinstance(ours, Term) or not isinstance(theirs, Term) or ours.signal != theirs.signal:
+    if not isinstance(ours, Term) or not isinstance(theirs, Term):
         return False
-    if ours.law == theirs.law:  # a gain and a lag of one sensor are two faults
+    is_one_name = ours.signal == theirs.signal
+    if is_one_name and ours.law == theirs.law:  # a gain and a lag of one sensor are two faults
         return not (isinstance(ours, SensorTerm) and isinstance(theirs, SensorTerm))
-    if found.along is None:
+    if not is_one_name and (ours.is_instant or not theirs.is_instant):
         return False
-    signal = ours.signal if ours.is_instant and theirs.is_instant else ""
-    return are_interchangeable(found.along, ours.law, theirs.law, signal)
+    along = found.along
+    if along is None or not (is_one_name or _remembers(cause, theirs.signal, along)):
+        return False
+    is_of_instants = theirs.is_instant and (ours.is_instant or not is_one_name)
+    signal = theirs.signal if is_of_instants else ""
+    laws = {law for law, _ in other.members}
+    return ours.law in laws or any(
+        are_interchangeable(along, ours.law, law, signal) for law in laws
+    )
+
+
+def _remembers(cause: Cause, signal: str, along: Courses) -> bool:
+    """Return whether what a cause remembers of its signal is another signal."""
+    term = cause.parts[0]
+    values = along.values
+    if not isinstance(term, Term) or not {term.signal, signal} <= set(values):
+        return False
+    fitted = cause.judged.fit.values_of(term)[term.coefficients :]
+    remembered = remembered_by(term.memory, values[term.signal], along.times, np.exp(fitted))
+    return remembered is not None and are_alike(remembered, values[signal])
 
 
 def _apart(cause: Cause, named: Cause, common: Common) -> float:

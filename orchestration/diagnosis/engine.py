@@ -15,8 +15,9 @@ from fmus.kit.arrays import Array
 from fmus.kit.registry import Excitation
 from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.comparison import WEIGHTS, Judged
-from orchestration.diagnosis.conclude import Conclusion, conclude
+from orchestration.diagnosis.conclude import Conclusion, Pairs, conclude
 from orchestration.diagnosis.design import Design, design_experiment
+from orchestration.diagnosis.equivalence import equivalent_pairs
 from orchestration.diagnosis.extension import extended_component
 from orchestration.diagnosis.joints import pieced
 from orchestration.diagnosis.law_model import MOST_TICKS, LawModel
@@ -386,7 +387,7 @@ def _answer(
             found = None if base is None else Found(one, base)
         else:
             found = search(one, progress, deadline.is_over, options.is_candidate)
-        return None if found is None else (found, conclude(found))
+        return None if found is None else (found, _concluded(found))
 
     begun = subject.judge(subject.base)
     drifts = subject.observer is None and (begun is None or _drifts(begun))
@@ -410,6 +411,19 @@ def _answer(
     if first is None:
         return plain
     return _predicted_answer(plain, first, answer_of)
+
+
+def _concluded(found: Found) -> Conclusion:
+    """Return the conclusion, in which one model in several parametrisations is one cause."""
+    conclusion = conclude(found)
+    equivalent: Pairs = frozenset()
+    while conclusion.verdict in ("ambiguous", "unexplained"):
+        further = equivalent_pairs(conclusion.causes, found.base.choosing)
+        if not further:
+            return conclusion
+        equivalent = frozenset((*equivalent, *further))
+        conclusion = conclude(found, equivalent)
+    return conclusion
 
 
 def _follows_otherwise(subject: Subject, begun: Judged | None) -> bool:

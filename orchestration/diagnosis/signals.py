@@ -117,6 +117,21 @@ def seen(
     return result
 
 
+def remembered_by(
+    kind: Memory, values: Array, times: Sequence[Array], constants: Array
+) -> Array | None:
+    """Return what a memory with its time constants (s) keeps of a signal (n,).
+
+    None of a memory that has no single time constant.
+    """
+    return _remembered(kind, values, times, float(constants[0])) if kind in _OF_RECORDS else None
+
+
+def are_alike(remembered: Array, values: Array) -> bool:
+    """Return whether what a fitted memory keeps is a signal, up to a factor."""
+    return abs(float(np.corrcoef(remembered, values)[0, 1])) > _FADES
+
+
 def _seen(
     name: str, kind: Memory, constants: tuple[float, ...], values: Array, base: Array | None = None
 ) -> Seen:

@@ -7,12 +7,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import lfilter, lsim
 
 from fmus.kit.arrays import Array
 from orchestration.diagnosis import Found, Memory, Shape, Term
 from orchestration.diagnosis.comparison import Judged, shortfall
-from orchestration.diagnosis.conclude import _in_order, _minimal, _verdict, conclude
+from orchestration.diagnosis.conclude import _in_order, _is_one_with, _minimal, _verdict, conclude
 from orchestration.diagnosis.fitting import effective_samples
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.readings import Reading, ReadingKind
@@ -293,6 +293,26 @@ def test_a_gain_and_a_lag_of_one_sensor_are_two_causes() -> None:
     lag = replace(gain, memory=Memory.FADING, constants=(2.0,))
     conclusion = conclude(found(judged(0.5, 0.5, gain), judged(0.5, 0.501, lag)))
     assert {c.name for c in conclusion.causes} == {"sensor_gain(place)", "sensor_lag(place)"}
+
+
+@pytest.mark.parametrize(("constant", "is_one"), [(2.0, True), (0.5, False)])
+def test_a_signal_that_a_memory_of_another_keeps_is_one_with_it(
+    constant: float, is_one: bool
+) -> None:
+    """The velocity of a mass with drag alone is what a lag of m / d keeps of its force."""
+    time = np.linspace(0.0, 40.0, 801)
+    force = np.sign(np.sin(time**1.3))
+    _, velocity, _ = lsim(([1.0], [2.0, 1.0]), force, time)
+    along = SimpleNamespace(values={"force": force, "v": velocity}, times=[time])
+    lagging = replace(DRY, signal="force", memory=Memory.LAG, constants=(1.0,))
+    fitted = SimpleNamespace(values_of=lambda term: np.array([1.0, np.log(constant)]))
+    causes = [
+        SimpleNamespace(
+            parts=(term,), members=frozenset({term.cause}), judged=SimpleNamespace(fit=fitted)
+        )
+        for term in (lagging, DRY)
+    ]
+    assert _is_one_with(*causes, SimpleNamespace(along=along)) == is_one
 
 
 @pytest.mark.parametrize(("error", "verdict"), [(0.6, "cause"), (0.8, "unexplained")])
