@@ -9,11 +9,11 @@ import numpy as np
 
 from fmus.kit import Component, Effect, stack
 from fmus.kit.declare import ParameterDeclaration
+from fmus.kit.law_terms import LawTerm, law_term_effect
 from fmus.kit.sampling import Sampling
 from fmus.kit.sensors import transport_delay
 from orchestration.diagnosis.fitting import Fit
 from orchestration.diagnosis.law_model import LawModel
-from orchestration.diagnosis.law_term import LawTerm, law_term_effect
 from orchestration.diagnosis.term_names import (
     FORMS,
     seen_unit,

@@ -20,22 +20,25 @@ Its place is ``VendorAnnotations`` in FMI 2.0 (2.0.4, section 2.2.6), and in FMI
 with the same digest has the equations of the FMU. A user's class is written as
 ``<MadeFrom file="models/creep.py" class="Creep" sha256="..." laws="...">``. An effect that was made
 for a record has the sample time and the length of the record in seconds:
-``<Effect name="transport_delay(voltage)" step="60" duration="86400"/>``.
+``<Effect name="transport_delay(voltage)" step="60" duration="86400"/>``. One that a diagnosis made
+of a term of a law has the term as data: ``<Effect name="friction_of_velocity"><Term law="friction"
+signal="velocity" shape="dry" .../></Effect>``.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from xml.etree.ElementTree import Element, SubElement
 
 from fmus.kit.component import Component
 from fmus.kit.effects import Effect, effect_name, made_with, unstack
 from fmus.kit.errors import UserError
+from fmus.kit.law_terms import LawTerm
 from fmus.kit.registry import is_registered
 from fmus.kit.sampling import Sampling
 
@@ -66,6 +69,8 @@ class Provenance:
         Further statements, one by one.
     samplings : Mapping of str to Sampling
         Sampling of the record that an effect was made for, by the effect's name.
+    terms : Mapping of str to LawTerm
+        Term of a law that an effect was made of, by the effect's name.
     """
 
     component: str = ""
@@ -76,6 +81,7 @@ class Provenance:
     effects: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     samplings: Mapping[str, Sampling] = field(default_factory=dict)
+    terms: Mapping[str, LawTerm] = field(default_factory=dict)
 
     @property
     def place(self) -> str:
@@ -125,19 +131,29 @@ def _made_from(cls: type[Component], graph: Graph) -> Element | None:
     if origin is None or (cls is base and "file" in origin):
         return None
     made_from = Element("MadeFrom", origin, laws=graph.digest)
-    for effect in effects:
-        SubElement(
-            made_from, "Effect", {"name": effect_name(effect)} | _sampling_attributes(effect)
-        )
+    made_from.extend(map(_effect_element, effects))
     for remark in cls.remark.splitlines():
         SubElement(made_from, "Remark").text = remark
     return made_from
 
 
-def _sampling_attributes(effect: type[Effect]) -> dict[str, str]:
-    """Return the attributes for the sampling of the record that an effect was made for."""
-    sampling = made_with(effect).get("sampling")
-    return {name: repr(value) for name, value in vars(sampling).items()} if sampling else {}
+def _effect_element(effect: type[Effect]) -> Element:
+    """Return the element of an effect, with what it was made for or made of."""
+    arguments = made_with(effect)
+    term, sampling = arguments.get("term"), arguments.get("sampling")
+    if isinstance(term, LawTerm):
+        element = Element("Effect", name=term.stem)
+        SubElement(element, "Term", {n: _written(v) for n, v in vars(term).items()})
+        return element
+    of_record = {n: repr(v) for n, v in vars(sampling).items()} if sampling else {}
+    return Element("Effect", {"name": effect_name(effect)} | of_record)
+
+
+def _written(value: str | float | bool | tuple[float, ...]) -> str:
+    """Return a value of a term as an attribute has it."""
+    if isinstance(value, tuple):
+        return " ".join(map(repr, value))
+    return value if isinstance(value, str) else repr(value)
 
 
 def _origin(base: type[Component]) -> dict[str, str] | None:
@@ -174,7 +190,7 @@ def read_provenance(root: Element) -> Provenance | None:
     Raises
     ------
     UserError
-        If the sampling of an effect is not given by two numbers.
+        If the sampling of an effect is not given by two numbers, or a term is incomplete.
     """
     fmi2 = root.find(f"VendorAnnotations/Tool[@name='{_TOOL}']/MadeFrom")
     fmi3 = root.find(f"Annotations/Annotation[@type='{_TOOL}']/MadeFrom")
@@ -182,6 +198,7 @@ def read_provenance(root: Element) -> Provenance | None:
     if element is None:
         return None
     effects = {effect.get("name", ""): effect.attrib for effect in element.iterfind("Effect")}
+    terms = {e.get("name", ""): e.find("Term") for e in element.iterfind("Effect")}
     return Provenance(
         component=element.get("component", ""),
         file=element.get("file", ""),
@@ -193,6 +210,7 @@ def read_provenance(root: Element) -> Provenance | None:
         samplings={
             name: _read_sampling(name, given) for name, given in effects.items() if "step" in given
         },
+        terms={n: _read_term(n, term.attrib) for n, term in terms.items() if term is not None},
     )
 
 
@@ -205,3 +223,27 @@ def _read_sampling(effect: str, given: Mapping[str, str]) -> Sampling:
             f"the effect {effect} has step={given['step']!r} and"
             f" duration={given.get('duration', '')!r}, which must be two numbers, in s"
         ) from error
+
+
+def _read_term(effect: str, given: Mapping[str, str]) -> LawTerm:
+    """Return the term from the attributes that `_effect_element` writes."""
+    values: dict[str, Any] = {}
+    for one in fields(LawTerm):
+        text = given.get(one.name)
+        try:
+            if text is None:
+                raise ValueError("is missing")
+            values[one.name] = _READ[str(one.type)](text)
+        except (KeyError, ValueError) as error:
+            raise UserError(
+                f"the term of the effect {effect}: {one.name} {text!r} cannot be read"
+            ) from error
+    return LawTerm(**values)
+
+
+_READ: dict[str, Callable[[str], Any]] = {
+    "str": str,
+    "float": float,
+    "bool": {"True": True, "False": False}.__getitem__,
+    "tuple[float, ...]": lambda text: tuple(map(float, text.split())),
+}

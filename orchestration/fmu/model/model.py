@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from fmus.kit.build import Provenance, read_provenance
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.files import is_file, is_folder
+from fmus.kit.law_terms import LawTerm, check_term, law_term_effect
 from fmus.kit.units import format_range, format_value
 from orchestration.fmu.archive import Archive, read_description
 from orchestration.fmu.model.effects import check_catalogue, find_effects
@@ -425,8 +426,12 @@ def restore_class(
     base = _base_class(made_from)
     effects: list[type[Effect]] = []
     for effect in made_from.effects:
-        sampling = made_from.samplings.get(effect)
-        effects += find_effects(base, [effect], made_from.place, sampling)
+        term = made_from.terms.get(effect)
+        if term is None:
+            sampling = made_from.samplings.get(effect)
+            effects += find_effects(base, [effect], made_from.place, sampling)
+        else:
+            effects.append(_term_of(stack(base, *effects), term))
     declared = declared_model_of(stack(base, *effects, name=name)).parameters
     if declared.keys() != parameters.keys():
         difference = sorted(declared.keys() ^ parameters.keys())[0]
@@ -441,6 +446,21 @@ def restore_class(
         raise UserError("its laws have changed since the FMU was built")
     restored.remark = "\n".join(made_from.remarks)
     return restored
+
+
+def _term_of(cls: type[Component], term: LawTerm) -> type[Effect]:
+    """Return the effect of a term, which comes from a file.
+
+    Raises
+    ------
+    UserError
+        If the model cannot have it.
+    """
+    from fmus.kit.symbolic import list_laws
+
+    laws = {law.name for law in list_laws(cls)}
+    check_term(term, laws, laws | {v.name for v in (*cls.layout.inputs, *cls.layout.states)})
+    return law_term_effect(cls, term.law, term)
 
 
 def _base_class(made_from: Provenance) -> type[Component]:

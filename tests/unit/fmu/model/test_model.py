@@ -15,6 +15,10 @@ import orchestration as ppy
 from fmus import component, effects
 from fmus.kit import UserError, stack
 from fmus.kit.build import build_cached
+from fmus.kit.effects import effect_name
+from fmus.kit.law_terms import LawTerm, law_term_effect
+from fmus.kit.symbolic import trace
+from fmus.kit.symbolic.families import families_for
 from fmus.kit.units import format_value
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.model.model import built, declared_model, find_class, find_model
@@ -274,3 +278,29 @@ def test_an_fmu_that_tells_no_origin_is_anybody_s(fmu, tmp_path):
         str(edited(fmu("ppy_actuator", "native"), tmp_path / "other.fmu", anonymous))
     )
     assert (model.cls, model.notes) == (None, ())
+
+
+TERM = LawTerm(
+    "charge_elongation", "charge", "root", "none", "elongation_of_charge", "m", "C", 0.0, 1e-4, 2.0
+)
+LAG = LawTerm("terminal_voltage", "current", "linear", "lag", "second_pair", "ohm", "A", 1.0)
+
+
+@pytest.mark.parametrize("runtime", ["native", "python"])
+def test_an_fmu_with_terms_of_its_laws_keeps_its_equations(tmp_path, runtime):
+    """As a diagnosis makes them, after an effect by name, of the catalogue or of a family."""
+    base = component("ppy_actuator")
+    dead_zone = next(one for one in families_for(base) if effect_name(one) == "dead_zone(current)")
+    named = (effects("ppy_actuator")["strain_saturation"], dead_zone)
+    made = stack(base, *named)
+    terms = (law_term_effect(made, term.law, term) for term in (TERM, LAG))
+    values = {"R1": 0.5, "second_pair": 0.3, "second_pair_time": 40.0, TERM.stem: -2e-5}
+    cls = stack(made, *terms, name="extended", defaults=values)
+    cls.remark = "Fitted to record.csv"
+    path = tmp_path / "extended.fmu"
+    path.write_bytes(build_cached(cls, runtime).read_bytes())
+    model = find_model(str(path))
+    assert model.cls is not None
+    assert trace(model.cls).digest == trace(cls).digest
+    assert {name: model.cls.declared[name].start for name in values} == values
+    assert model.cls.remark == cls.remark

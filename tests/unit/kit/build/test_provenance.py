@@ -1,20 +1,24 @@
 """Claims: a description gives back the parts of a component, and builds stay reproducible."""
 
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
+from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import pytest
 
-from fmus.kit import stack
+from fmus.kit import UserError, stack
 from fmus.kit.build import plan_build
 from fmus.kit.build.provenance import Provenance, annotate_fmi2, read_provenance
+from fmus.kit.law_terms import LawTerm, law_term_effect
 from fmus.kit.sampling import Sampling
 from fmus.kit.sensors import sensor_lag
 from fmus.kit.symbolic import trace
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from tests.support import kit_samples
+from tests.support.oscillator_model import Oscillator
 
 
 def annotated(cls):
@@ -75,3 +79,46 @@ def test_a_component_alone_is_the_same_bytes_from_every_folder(
         monkeypatch.chdir(folder)
         plans.append(plan_build(cls, runtime, fmi))
     assert plans[0] == plans[1]
+
+
+TERM = LawTerm(
+    "friction",
+    "velocity",
+    "curve",
+    "play",
+    "friction_of_velocity",
+    "N",
+    "m/s",
+    1.0,
+    2.0,
+    0.1,
+    0.3,
+    "spring_force",
+    (-0.5, 1e-17, 0.25),
+    0.02,
+    False,
+)
+
+
+def test_terms_of_laws_are_given_back_with_every_value():
+    first, second = TERM, replace(TERM, stem="another", places=(), shape="dry")
+    terms = (first, second)
+    cls = stack(Oscillator, *(law_term_effect(Oscillator, t.law, t) for t in terms))
+    root = ElementTree.fromstring(ElementTree.tostring(annotated(cls)))
+    origin = read_provenance(root)
+    assert origin.effects == ("friction_of_velocity", "another")
+    assert origin.terms == {"friction_of_velocity": first, "another": second}
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value"), [("scale", "wide"), ("places", "1 two"), ("is_held", "__import__")]
+)
+def test_a_term_that_cannot_be_read_is_refused(attribute, value):
+    root = annotated(stack(Oscillator, law_term_effect(Oscillator, TERM.law, TERM)))
+    (term,) = root.iter("Term")
+    term.set(attribute, value)
+    with pytest.raises(UserError, match=f"{attribute} '{value}' cannot be read"):
+        read_provenance(root)
+    del term.attrib[attribute]
+    with pytest.raises(UserError, match=f"{attribute} None cannot be read"):
+        read_provenance(root)

@@ -1,4 +1,4 @@
-"""Effects that add a term of a diagnosis to a law; the module travels inside Python FMUs.
+"""Effects that add a term to a law, as a diagnosis finds it.
 
 A term is a function of a signal, or of a memory of it. A law as a signal has its value without any
 terms: a term that hung on what other terms add would close an algebraic loop.
@@ -6,21 +6,24 @@ terms: a term that hung on what other terms add would close an algebraic loop.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import cache
+from math import isfinite
 from typing import Any
 
-from fmus.kit import Component
+from fmus.kit.component import Component
 from fmus.kit.curves import coefficient, per
 from fmus.kit.declare import Constant, Discrete, Parameter, State
 from fmus.kit.effects import Effect, Term, made_by, make_effect, stack, unstack
+from fmus.kit.errors import UserError
 from fmus.kit.functions import absolute, exp, maximum, minimum, sqrt, table, tanh, where
 
 # a sample period, s, that leaves one sample in any simulation: the one at the start
 _ONCE = 1e9
 _ABRUPT = 0.004  # of the scale, within which a step is made, as in free_run.c
 _ROUNDED = 0.02  # of the scale, within which a root is straight, as in free_run.c
+_MEMORIES = ("none", "lag", "fading", "two_lags", "rate_limit", "play", "dahl", "heat")
 _WIDEST = 1e6  # of a width or a constant, in its value, and the reciprocal of the smallest
 
 
@@ -68,6 +71,32 @@ class LawTerm:
     places: tuple[float, ...] = ()
     period: float = 0.0
     is_held: bool = True
+
+
+def check_term(term: LawTerm, laws: Collection[str], signals: Collection[str]) -> None:
+    """Refuse a term that comes from a file, unless a model with these laws and signals can have it.
+
+    Raises
+    ------
+    UserError
+        If it names something else, or one of its values is not finite or has the wrong sign.
+    """
+    known: tuple[tuple[str, Collection[str]], ...] = (
+        (term.law, laws),
+        (term.signal, {*signals, "time", ""}),
+        (term.factor, {*signals, ""}),
+        (term.shape, {*_SHAPES, "curve"}),
+        (term.memory, _MEMORIES),
+    )
+    unknown = next((name for name, names in known if name not in names), None)
+    if unknown is not None:
+        raise UserError(f"the term {term.stem!r} has {unknown!r}, which the model does not have")
+    if not term.stem.isidentifier():
+        raise UserError(f"the term {term.stem!r} has a name that no parameter can have")
+    values = (term.power, term.middle, *term.places)
+    positive = (term.size, term.scale, 1.0 + term.period)
+    if not (all(map(isfinite, (*values, *positive))) and min(positive) > 0.0):
+        raise UserError(f"the term {term.stem!r} has a value that is not finite, or not positive")
 
 
 @cache

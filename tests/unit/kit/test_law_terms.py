@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
-from fmus.kit import stack
-from orchestration.diagnosis.law_term import LawTerm, law_term_effect
+from fmus.kit import UserError, stack
+from fmus.kit.law_terms import LawTerm, check_term, law_term_effect
 from tests.support.oscillator_model import Oscillator
 
 DRY = LawTerm("friction", "velocity", "dry", "none", "rubbing", "N", "m/s", scale=0.5)
@@ -59,3 +60,25 @@ def test_a_curve_is_flat_beyond_its_ends():
         one.velocity = velocity
         added.append(one.friction() - 0.8 * velocity)
     assert added == pytest.approx([-2.0, -0.75, 0.5, 1.75, 3.0])
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"law": "__init__"},
+        {"signal": "__class__"},
+        {"factor": "damping"},
+        {"shape": "exec"},
+        {"memory": "disk"},
+        {"stem": "a-b"},
+        {"scale": math.nan},
+        {"size": 0.0},
+        {"places": (math.inf,)},
+        {"period": -2.0},
+    ],
+)
+def test_a_term_of_a_file_that_the_model_cannot_have_is_refused(wrong):
+    laws = {"friction", "spring_force"}
+    check_term(DRY, laws, laws | {"velocity"})
+    with pytest.raises(UserError, match=repr(wrong.get("stem", DRY.stem))):
+        check_term(replace(DRY, **wrong), laws, laws | {"velocity"})
