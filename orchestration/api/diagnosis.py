@@ -82,7 +82,7 @@ def diagnose(
     given = values_of(subject, options["settings"])
     measured, unseen = held_out(record, options["holdout"], subject, mapping, options["runs"])
     refuse_useless_options(subject, options)
-    if options["engine"] == "new":
+    if _is_by_terms(subject, options):
         return _run_new_engine(subject, measured, unseen, model, options)
     diagnosis_options = _pipeline_options(subject, given, options)
     compare = options["compare"]
@@ -123,6 +123,12 @@ def diagnose(
     return DiagnosisResult(with_notes, compared.changes, compared.later, command)
 
 
+def _is_by_terms(subject: Model, options: DiagnoseKeywords) -> bool:
+    """Return whether the new engine is asked, which needs equations."""
+    engine = options["engine"]
+    return engine == "new" or (engine == "auto" and subject.cls is not None)
+
+
 def refuse_useless_options(subject: Model, options: DiagnoseKeywords) -> None:
     """Raise an error for options of `diagnose` that have no effect on a model.
 
@@ -133,7 +139,8 @@ def refuse_useless_options(subject: Model, options: DiagnoseKeywords) -> None:
     """
     if subject.cls is None and options["compare"] is not None:
         raise UserError(f"compare: {subject.without_equations}; diagnose each record by itself")
-    if options["engine"] == "old" and subject.cls is not None and options["fit"]:
+    is_old = not _is_by_terms(subject, options)
+    if is_old and subject.cls is not None and options["fit"]:
         raise UserError(
             f"fit: {subject.name} has equations, and all its parameters are fitted; hold leaves"
             " some out"

@@ -208,13 +208,15 @@ class DiagnoseOptions(RecordOptions, SearchOptions, total=False):
     engine: Annotated[
         str,
         Option(
-            "old: effects of a catalogue one after another, then laws. new: terms of all laws, many"
-            " fits, one comparison; of a model with equations.",
-            "Engine of the diagnosis: ``old`` tries the effects of a catalogue one after another,"
-            " and then searches the laws; ``new`` fits many sets of terms of all laws and compares"
-            " them once, for a model with equations.",
-            default="old",
-            choices=("old", "new"),
+            "new: terms of all laws, many fits, one comparison; of a model with equations. old:"
+            " effects of a catalogue one after another, then laws. auto: new where a model has"
+            " equations.",
+            "Engine of the diagnosis: ``new`` fits many sets of terms of all laws and compares"
+            " them once, for a model with equations; ``old`` tries the effects of a catalogue one"
+            " after another, and then searches the laws; ``auto`` is ``new`` where a model has"
+            " equations, else ``old``.",
+            default="auto",
+            choices=("auto", "new", "old"),
         ),
     ]
 

@@ -106,7 +106,7 @@ def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
 def _check_explained(options: DiagnoseCommand) -> None:
     """Refuse ``--explain`` with anything but two candidates of the new engine."""
     names = options["explain"]
-    if names and options["engine"] != "new":
+    if names and options["engine"] == "old":
         raise UserError("--explain compares candidates of the new engine; add --engine new")
     if names and len(names) != 2:
         raise UserError(f"--explain {','.join(names)}: it takes two candidates, not {len(names)}")

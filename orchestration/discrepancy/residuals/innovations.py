@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from fmus.kit.arrays import Array, Indices, Mask
-from orchestration.identify import autoregression, moving_average, ranks
+from orchestration.identify import autoregression, ranks
 from orchestration.identify.noise import Noise, segments
 
 _WINDOW = 80  # samples from which the level about one of them is estimated
@@ -87,7 +87,7 @@ class Innovations:
         for start, end in segments(present):
             first = min(end, start + noise.coefficients.size)
             # what makes the first samples what they are
-            driven[start:first] = moving_average(poles, residual[start:first])
+            driven[start:first] = np.convolve(residual[start:first], poles)[: first - start]
             result[first:end] = autoregression(poles, driven[start:end])[first - start :]
         return result
 
