@@ -87,7 +87,8 @@ class Innovations:
         for start, end in segments(present):
             first = min(end, start + noise.coefficients.size)
             # what makes the first samples what they are
-            driven[start:first] = np.convolve(residual[start:first], poles)[: first - start]
+            begun = residual[start:first]
+            driven[start:first] = np.convolve(begun, poles)[: begun.size] if begun.size else begun
             result[first:end] = autoregression(poles, driven[start:end])[first - start :]
         return result
 
