@@ -81,15 +81,9 @@ def write(folder: Path, results: DemoResults) -> Path:
     UserError
         If it cannot be written.
     """
-    diagnosis = results.diagnosis
-    errors = ", ".join(
-        f"{name} from {100.0 * error:.1f} % to {100.0 * diagnosis.gain.after[name]:.1f} %"
-        for name, error in diagnosis.gain.before.items()
-    )
     page = Page(
         "What a diagnosis and a recalibration gain",
-        f"An effect was hidden. {diagnosis.sentence} With it, the error on data that no fit has"
-        f" seen goes: {errors}.",
+        f"An effect was hidden, and this was found: {results.diagnosis.sentence}",
     )
     _cause(page, folder, results)
     _recalibration(page, folder, results)
@@ -104,12 +98,13 @@ def _cause(page: Page, folder: Path, results: DemoResults) -> None:
     page.text(
         f"An emulated rig whose films stop growing around a charge of {results.saturation:g} C, in"
         " a form of its own. No model was told: the simulation was held against what the"
-        " instruments show. All parameters were refitted first; the picture is of the last third"
-        " of the record, which no fit has seen."
+        " instruments show. All parameters were refitted first; errors are of the last third of the"
+        " record, which no fit has seen."
     )
     page.picture(
         folder / "diagnosis.png",
-        "Measured, refitted and extended simulation of what gained most, and residuals.",
+        "Every output as measured, and simulated without and with what was found, above the"
+        " residuals.",
     )
     page.text(
         Markup('<a href="diagnosis.html">The whole diagnosis</a>: evidence, parameters, residuals.')

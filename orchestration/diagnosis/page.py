@@ -158,8 +158,7 @@ def _add_experiment(page: Page, diagnosis: Diagnosis) -> None:
 
 def _add_course(page: Page, diagnosis: Diagnosis, course: curves.OutputCourse) -> None:
     """Add a chart of an output above its residuals."""
-    unit = unit_of(diagnosis.subject.problem.model.cls, course.output)
-    bracket = "" if unit == "1" else f" [{unit}]"
+    bracket = "" if course.unit == "1" else f" [{course.unit}]"
     is_corrected = diagnosis.reading is not None and not np.isfinite(course.before).any()
     measured = "measured, corrected" if is_corrected else "measured"
     above = [Trace(measured, course.time, course.measured, pictures.MEASURED, 3.5)]

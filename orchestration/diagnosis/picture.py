@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.report import curves
-from orchestration.diagnosis.term_names import unit_of
 from orchestration.reporting import draw, pictures
 
 if TYPE_CHECKING:
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
 def draw_diagnosis(diagnosis: Diagnosis) -> Figure:
     """Draw every measured output, with the model without and with terms, above the residuals."""
     courses = curves.output_courses(diagnosis)
-    cls = diagnosis.subject.problem.model.cls
     figure, axes = pictures.panels(2 * len(courses), f"{diagnosis.model.name}: {diagnosis.verdict}")
     for k, course in enumerate(courses):
         over, below = axes[2 * k], axes[2 * k + 1]
@@ -25,8 +23,7 @@ def draw_diagnosis(diagnosis: Diagnosis) -> Figure:
         for name, values, colour in curves.simulations(diagnosis, course):
             over.plot(course.time, values, color=colour, label=name)
             below.plot(course.time, course.measured - values, color=colour)
-        unit = unit_of(cls, course.output)
-        pictures.label(over, course.output, unit)
-        pictures.label(below, "measured - simulated", unit)
+        pictures.label(over, course.output, course.unit)
+        pictures.label(below, "measured - simulated", course.unit)
         over.legend(loc="upper right", ncols=3, frameon=False)
     return figure

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmus.kit.arrays import Array
+from fmus.kit.units import convert, unit_of_differences
 from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.fitting import Fit
@@ -20,11 +21,13 @@ _OUTSIDE = 0.005  # share of the samples beyond either end of a curve
 
 @dataclass(frozen=True)
 class OutputCourse:
-    """An output over a record, SI.
+    """An output over a record, in the unit in which it is shown.
 
     Attributes
     ----------
     output, record : str
+    unit : str
+        That of the output's display, unless that has an offset.
     time, measured, before, after : ndarray, shape (n,)
         Simulated without terms, and by the final model; NaN where a run left its bounds. With
         another reading of the files `measured` is what they mean by it; the model without terms,
@@ -35,6 +38,7 @@ class OutputCourse:
 
     output: str
     record: str
+    unit: str
     time: Array
     measured: Array
     before: Array
@@ -71,11 +75,12 @@ def output_courses(diagnosis: Diagnosis) -> list[OutputCourse]:
     courses = []
     for j, output in enumerate(subject.problem.model.outputs):
         if np.isfinite(record.outputs[:, j]).any():
-            columns = (record.outputs[:, j], before[:, j], after[:, j])
+            unit = unit_of_differences(output)
+            runs = (record.outputs, before, after)
+            measured, first, last = (convert(run[:, j], output.unit, unit) for run in runs)
+            of = output.name, record.label, unit
             unseen_from = float(record.time[one.first])
-            courses.append(
-                OutputCourse(output.name, record.label, record.time, *columns, unseen_from)
-            )
+            courses.append(OutputCourse(*of, record.time, measured, first, last, unseen_from))
     return courses
 
 

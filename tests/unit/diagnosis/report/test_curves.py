@@ -55,6 +55,15 @@ def test_courses_are_the_record_and_its_models(dry):
     assert np.std(course.measured - course.before) > 0.03
 
 
+def test_courses_are_in_the_unit_in_which_their_output_is_shown(dry, monkeypatch):
+    (output,) = dry.subject.problem.model.outputs
+    monkeypatch.setattr(output, "display", "mm")
+    (course,) = output_courses(dry)
+    assert course.unit == "mm"
+    assert course.measured == pytest.approx(1e3 * dry.records[0].signals["position"])
+    assert np.std(course.measured - course.after) == pytest.approx(1.0, rel=0.2)
+
+
 def test_a_misread_input_is_shown_with_the_model_of_the_file_as_it_was_read(flipped):
     (course,) = output_courses(flipped)
     assert course.measured == pytest.approx(flipped.records[0].signals["position"])
