@@ -12,12 +12,12 @@ from functools import cache
 from math import isfinite
 from typing import Any
 
-from fmus.kit.component import Component
-from fmus.kit.curves import coefficient, per
-from fmus.kit.declare import Constant, Discrete, Parameter, State
-from fmus.kit.effects import Effect, Term, made_by, make_effect, stack, unstack
-from fmus.kit.errors import UserError
-from fmus.kit.functions import absolute, exp, maximum, minimum, sqrt, table, tanh, where
+from .component import Component
+from .curves import coefficient, per
+from .declare import Constant, Discrete, Parameter, State
+from .effects import Effect, Term, made_by, make_effect, stack, unstack
+from .errors import UserError
+from .functions import absolute, exp, maximum, minimum, sqrt, table, tanh, where
 
 # a sample period, s, that leaves one sample in any simulation: the one at the start
 _ONCE = 1e9

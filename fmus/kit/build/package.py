@@ -35,6 +35,7 @@ RUNTIME_MODULES = (
     "generic",
     "inputs",
     "integrate",
+    "law_terms",
     "layout",
     "ports",
     "sampling",
