@@ -428,7 +428,7 @@ def _signals(along: Courses) -> list[tuple[str, Array]]:
     """Return the distinct signals of a model along its courses."""
     model = along.model
     # neither is an output's law a signal, nor the rate of a state, which follows from the others
-    no_signal = {o.name for o in model.outputs} | set(model.followed)
+    no_signal = {o.name for o in model.cls.layout.outputs} | set(model.followed)
     # nor a law that is a function of one of them
     no_signal |= {law for law in model.laws if len(model.perturbed.computed_from(law)) < 2}
     named = [(name, values) for name, values in along.values.items() if name not in no_signal]
