@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Unpack
 
 from fmus.kit import UserError, registry
 from fmus.kit.extras import require
-from fmus.kit.sensors import MEASUREMENTS
 from orchestration.api.command import equivalent_command
 from orchestration.api.declaration import takes
 from orchestration.api.forms import optional_seconds
@@ -26,8 +25,8 @@ from orchestration.api.term_results import TermDiagnosisResult
 from orchestration.diagnosis import Options as TermOptions
 from orchestration.diagnosis import diagnose as diagnose_by_terms
 from orchestration.diagnosis.changes import find_changes
+from orchestration.diagnosis.foreign import FmuDiagnosis, diagnose_fmu
 from orchestration.discrepancy import UnusableRecordError, before_after, pipeline, search_laws
-from orchestration.discrepancy.foreign import WrappedFmu, wrap
 from orchestration.discrepancy.report import wording
 from orchestration.discrepancy.report.laws import LawReport
 from orchestration.fmu import Model, Value
@@ -35,8 +34,6 @@ from orchestration.fmu.model import built
 from orchestration.fmu.signal import numeric
 from orchestration.records import Record, refuse_same
 from orchestration.reporting import option
-
-_LINEARISATIONS = 4  # of an FMU at most
 
 
 @takes(DiagnoseKeywords)
@@ -79,29 +76,17 @@ def diagnose(
     subject = as_declared(model)
     progress = options["progress"]
     mapping = options["mapping"]
-    given = values_of(subject, options["settings"])
     measured, unseen = held_out(record, options["holdout"], subject, mapping, options["runs"])
     refuse_useless_options(subject, options)
     if _is_by_terms(subject, options):
         return _run_new_engine(subject, measured, unseen, model, options)
+    given = values_of(subject, options["settings"])
     diagnosis_options = _pipeline_options(subject, given, options)
     compare = options["compare"]
     later = None if compare is None else matching_record(compare, subject, mapping)
     subject = built(subject)
-    around = None
     try:
-        if subject.cls is None:
-            result, around = _diagnose_fmu(
-                subject,
-                measured,
-                unseen,
-                given,
-                options["fit"],
-                diagnosis_options,
-                progress=progress,
-            )
-        else:
-            result = pipeline.diagnose(measured, subject, unseen, diagnosis_options, progress)
+        result = pipeline.diagnose(measured, subject, unseen, diagnosis_options, progress)
     except UnusableRecordError as error:
         raise _unusable_error(measured, error) from error
     command = equivalent_command(
@@ -113,7 +98,7 @@ def diagnose(
         options={**options, "compare": later},
     )
     if later is None:
-        return DiagnosisResult(result, command=command, around=around)
+        return DiagnosisResult(result, command=command)
     try:
         compared = before_after.compare(result, later, diagnosis_options, progress)
     except UnusableRecordError as error:
@@ -124,9 +109,8 @@ def diagnose(
 
 
 def _is_by_terms(subject: Model, options: DiagnoseKeywords) -> bool:
-    """Return whether the new engine is asked, which needs equations."""
-    engine = options["engine"]
-    return engine == "new" or (engine == "auto" and subject.cls is not None)
+    """Return whether the new engine is asked: an FMU without equations has no other."""
+    return options["engine"] != "old" or subject.cls is None
 
 
 def refuse_useless_options(subject: Model, options: DiagnoseKeywords) -> None:
@@ -139,8 +123,7 @@ def refuse_useless_options(subject: Model, options: DiagnoseKeywords) -> None:
     """
     if subject.cls is None and options["compare"] is not None:
         raise UserError(f"compare: {subject.without_equations}; diagnose each record by itself")
-    is_old = not _is_by_terms(subject, options)
-    if is_old and subject.cls is not None and options["fit"]:
+    if options["fit"] and not _is_by_terms(subject, options):
         raise UserError(
             f"fit: {subject.name} has equations, and all its parameters are fitted; hold leaves"
             " some out"
@@ -171,7 +154,13 @@ def _run_new_engine(
     refuse_same([*measured, *unseen], subject.outputs)
     if later is not None:
         refuse_same([*measured, *unseen, later], subject.outputs, option("compare"))
-    diagnosis = diagnose_by_terms(measured, subject, unseen, chosen, options["progress"])
+    around: FmuDiagnosis | None = None
+    if subject.cls is None:
+        settings = values_of(subject, options["settings"])
+        around = diagnose_fmu(measured, subject, unseen, settings, chosen, options["progress"])
+        diagnosis = around.diagnosis
+    else:
+        diagnosis = diagnose_by_terms(measured, subject, unseen, chosen, options["progress"])
     command = equivalent_command(
         "diagnose",
         _word_of(model, subject),
@@ -181,7 +170,7 @@ def _run_new_engine(
         options={**options, "compare": later},
     )
     if later is None:
-        return TermDiagnosisResult(diagnosis, command)
+        return TermDiagnosisResult(diagnosis, command, around=around)
     changed = find_changes(diagnosis, later, chosen, options["progress"])
     return TermDiagnosisResult(diagnosis, command, changed)
 
@@ -191,12 +180,9 @@ def _pipeline_options(
 ) -> pipeline.DiagnosisOptions:
     """Return the options of the pipeline that correspond to those of `diagnose`."""
     excitation = registry.excitation(subject.name)
-    effects = options["effects"]
-    if subject.cls is None and effects is None:
-        effects = [*MEASUREMENTS]
     return pipeline.DiagnosisOptions(
-        given={} if subject.cls is None else numeric(given),
-        effects=effects,
+        given=numeric(given),
+        effects=options["effects"],
         hold=options["hold"],
         each=options["each"],
         interpolate=options["interpolate"],
@@ -205,31 +191,6 @@ def _pipeline_options(
         time=optional_seconds(options["time"]),
         laws=options["laws"],
     )
-
-
-def _diagnose_fmu(
-    fmu: Model,
-    measured: Sequence[Record],
-    unseen: Sequence[Record],
-    given: Mapping[str, Value],
-    fit: Sequence[str],
-    options: pipeline.DiagnosisOptions,
-    *,
-    progress: Callable[[str], None],
-) -> tuple[pipeline.Result, WrappedFmu]:
-    """Diagnose an FMU by corrections of its inputs and outputs.
-
-    The FMU is linearised again, a few times at most, if the fit moves its parameters.
-    """
-    around = wrap(fmu, measured, unseen, given, fit, progress=progress)
-    for remaining in reversed(range(_LINEARISATIONS)):
-        own = replace(options, hold=[*options.hold, *around.at_rest])
-        result = pipeline.diagnose(around.records, around.model, around.holdouts, own, progress)
-        moved = around.moved_to(result.diagnosis.estimates)
-        if not moved or not remaining:
-            break
-        around = wrap(fmu, measured, unseen, given, fit, progress=progress, at=moved)
-    return replace(result, notes=around.of_recorded(result.notes)), around
 
 
 def refuse_without_laws(subject: Model) -> None:

@@ -13,7 +13,6 @@ import numpy as np
 from fmus.kit import Component, UserError, files, stack
 from fmus.kit.build import host_platform
 from orchestration.discrepancy import Verdict, export, fitted_defaults, pipeline
-from orchestration.discrepancy.foreign import WrappedFmu, corrected_system
 from orchestration.discrepancy.laws import Correction, LawMapResult
 from orchestration.discrepancy.report import (
     TriedEffect,
@@ -46,7 +45,6 @@ from orchestration.reporting import (
     plain_table,
 )
 from orchestration.reporting.html import path_of_report
-from orchestration.system.ssp import write as write_ssp
 
 if TYPE_CHECKING:
     import pandas
@@ -276,8 +274,6 @@ class DiagnosisResult(_Result):
         Diagnosis of the later record, in which the changes were found.
     command : sequence of str
         Words of an equivalent command.
-    around : WrappedFmu, optional
-        The wrapped FMU, if it has no equations.
 
     Attributes
     ----------
@@ -323,11 +319,9 @@ class DiagnosisResult(_Result):
         changes: Sequence[Change] | None = None,
         later: pipeline.Result | None = None,
         command: Sequence[str] = (),
-        around: WrappedFmu | None = None,
     ):
         super().__init__([*result.records, *result.holdouts], command)
         self._result = result
-        self._around = around
         self.later: DiagnosisResult | None = None if later is None else DiagnosisResult(later)
         self.changes: list[Change] | None = None if changes is None else list(changes)
         diagnosis = result.diagnosis
@@ -431,19 +425,12 @@ class DiagnosisResult(_Result):
         Raises
         ------
         UserError
-            If the diagnosis is inconclusive, the model has equations, or the file cannot be
-            written.
+            If the model has equations, or the file cannot be written.
         """
-        if self._around is None:
-            raise UserError(
-                f"{path}: the model has equations; the extended one is an FMU of its own (fmu)"
-            )
-        if self.model is None:
-            raise UserError(
-                f"{path}: nothing could be said of the FMU, so there is nothing to correct it by"
-            )
-        write_ssp(corrected_system(self._around, self.model), Path(path))
-        return Path(path)
+        raise UserError(
+            f"{path}: the model has equations; the extended one is an FMU of its own"
+            f" ({option('fmu')})"
+        )
 
 
 class LawsResult(_Result):

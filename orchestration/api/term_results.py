@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,10 +15,12 @@ from orchestration.api.results import (
 )
 from orchestration.diagnosis import Diagnosis
 from orchestration.diagnosis.changes import Changed
+from orchestration.diagnosis.foreign import FmuDiagnosis, corrected_system
 from orchestration.diagnosis.report import Explanation, explain, summary, terminal, wording
 from orchestration.discrepancy import Verdict
 from orchestration.records import Record
 from orchestration.reporting import draw, in_shell, make_page, one_line, option
+from orchestration.system.ssp import write as write_ssp
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,6 +39,8 @@ class TermDiagnosisResult(DiagnosisResult):
         Words of an equivalent command.
     changed : Changed, optional
         What changed in a later record.
+    around : FmuDiagnosis, optional
+        If the model is an FMU without equations.
 
     Attributes
     ----------
@@ -49,11 +53,16 @@ class TermDiagnosisResult(DiagnosisResult):
     """
 
     def __init__(
-        self, diagnosis: Diagnosis, command: Sequence[str] = (), changed: Changed | None = None
+        self,
+        diagnosis: Diagnosis,
+        command: Sequence[str] = (),
+        changed: Changed | None = None,
+        around: FmuDiagnosis | None = None,
     ):
         super(DiagnosisResult, self).__init__([*diagnosis.records, *diagnosis.holdouts], command)
         self._diagnosis = diagnosis
         self._changed = changed
+        self._around = around
         self.verdict = Verdict(diagnosis.verdict)
         self.sentence = f"{wording.headline(diagnosis)}. {wording.support(diagnosis)}".strip()
         named = [cause.name for cause in diagnosis.causes] if diagnosis.is_named else []
@@ -117,18 +126,32 @@ class TermDiagnosisResult(DiagnosisResult):
         """Draw every measured output beside the model without and with terms, with residuals."""
         return draw(self._diagnosis)
 
-    def system(self, path: str | Path) -> Path:
-        """Refuse to write a system, as the model has equations.
+    def fmu(
+        self,
+        path: str | Path,
+        platforms: Sequence[str] | None = None,
+        progress: Callable[[str], None] = lambda text: None,
+    ) -> list[Path]:
+        """Write `model` as an FMU; see `DiagnosisResult.fmu`.
 
         Raises
         ------
         UserError
-            Always.
+            If the model has no equations, or an FMU cannot be built or written.
         """
-        raise UserError(
-            f"{path}: the model has equations; the extended one is an FMU of its own"
-            f" ({option('fmu')})"
-        )
+        if self._around is not None:
+            raise UserError(
+                f"{path}: {self._around.fmu.without_equations}; with its correction it is a system"
+                f" ({option('ssp')})"
+            )
+        return super().fmu(path, platforms, progress)
+
+    def system(self, path: str | Path) -> Path:
+        """Write an FMU without equations and its correction; see `DiagnosisResult.system`."""
+        if self._around is None:
+            return super().system(path)
+        write_ssp(corrected_system(self._around), Path(path))
+        return Path(path)
 
 
 def _known(errors: dict[str, float | None]) -> dict[str, float]:

@@ -140,10 +140,14 @@ def words(model: LawModel, term: Term, depends: bool) -> float:
     if isinstance(term, NamedTerm):
         return 0.0
     if isinstance(term, SensorTerm):
-        return WEIGHTS.misread + _words_of_shape(term.shape)
+        # where the output is a law that may lack a term, a fault of its sensor is a plain one
+        is_plain = term.law in model.targets
+        return _words_of_shape(term.shape) + (0.0 if is_plain else WEIGHTS.misread)
     total = _words_of_shape(term.shape) + WEIGHTS.constant * term.memory.constants
     if term.memory is Memory.FADING:
         total += WEIGHTS.fading
+    if term.law in model.received and depends:
+        total += WEIGHTS.misread
     if not term.signal:
         return total
     if term.factor:
@@ -152,7 +156,7 @@ def words(model: LawModel, term: Term, depends: bool) -> float:
         total += WEIGHTS.foreign
     if term.is_trend:
         total += WEIGHTS.time
-    if term.signal in model.laws:
+    if term.signal in model.laws and term.signal not in model.plain_laws:
         total += WEIGHTS.law_as_signal
     return total
 

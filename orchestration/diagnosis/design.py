@@ -17,6 +17,7 @@ from itertools import combinations, permutations, zip_longest
 
 import numpy as np
 
+from fmus.kit import UserError
 from fmus.kit.arrays import Array, single_threaded
 from fmus.kit.registry import Excitation
 from orchestration.diagnosis.cause import Cause
@@ -116,13 +117,13 @@ def design_experiment(
     if len(causes) < 2:
         return Design(reason="no experiment is designed: a look at file and wiring tells more")
     model = found.subject.problem.model
-    within = menu.limits_of_inputs(model.inputs, recorded, rig.ranges)
+    within = menu.limits_of_inputs(model.recorded, recorded, rig.ranges)
     if all(low == high for low, high in within.values()):
         return Design(reason="no experiment is designed: no input of the model may move")
     step = float(f"{np.median(np.diff(time)):.9g}")
     duration = float(f"{round(float(time[-1] - time[0]) / step) * step:.9g}")
     shortest = max(2.0 * step, 0.5 / rig.bandwidth)
-    shapes = menu.menus(model.inputs, within, duration=duration, step=step, shortest=shortest)
+    shapes = menu.menus(model.recorded, within, duration=duration, step=step, shortest=shortest)
     contest = _Contest(causes, found, duration, step)
     return contest.concluded(contest.improved(shapes), within)
 
@@ -245,6 +246,10 @@ class _Contest:
             record.inputs[:, j] = (
                 variable.start if stimulus is None else stimulus.values(self._time)
             )
+        try:
+            record = self._model.simulated(record)
+        except UserError:
+            return None
         rows, columns = [], []
         for forecast in self._forecasts:
             response = forecast.respond(record)
@@ -352,7 +357,7 @@ def _rehearsed(fitted: Fit, effects: Sequence[str]) -> Rehearsal:
             values |= {one.name: one.value(value) for one, value in pairs}
     measured = np.any([record.measured for record in problem.records], axis=0)
     return Rehearsal(
-        {v.name: v.unit for v in model.inputs},
+        {v.name: v.unit for v in model.recorded},
         [o.name for o, seen in zip(model.outputs, measured, strict=True) if seen],
         values,
         effects,

@@ -21,7 +21,7 @@ from orchestration.diagnosis.equivalence import equivalent_pairs
 from orchestration.diagnosis.extension import extended_component
 from orchestration.diagnosis.joints import pieced
 from orchestration.diagnosis.law_model import MOST_TICKS, LawModel
-from orchestration.diagnosis.local_values import COMMON, LocalValues
+from orchestration.diagnosis.local_values import LocalValues
 from orchestration.diagnosis.misreadings import misreadings, reading_that_runs
 from orchestration.diagnosis.observer import Observer
 from orchestration.diagnosis.options import Deadline, Options
@@ -163,10 +163,7 @@ class Diagnosis:
 
     @cached_property
     def changed(self) -> tuple[str, ...]:
-        """Parameters of the model that differ from nominal, significantly and noticeably.
-
-        None is the phase of a clock: it is started when anybody likes.
-        """
+        """Parameters of the model that differ from nominal, significantly and noticeably."""
         fitted = self.final.fit
         problem = fitted.problem
         changes = fitted.point.q - problem.mean
@@ -174,7 +171,7 @@ class Diagnosis:
         return tuple(
             name
             for name, change, error in zip(problem.names, changes, errors, strict=True)
-            if is_significantly_different(change, error) and name not in problem.model.shifts
+            if is_significantly_different(change, error)
         )
 
     @cached_property
@@ -230,6 +227,7 @@ def diagnose(
     holdouts: Sequence[MeasuredRecord] = (),
     options: Options | None = None,
     progress: Callable[[str], None] = lambda text: None,
+    law_model: LawModel | None = None,
 ) -> Diagnosis:
     """Diagnose a component over records.
 
@@ -238,13 +236,15 @@ def diagnose(
     records : sequence of MeasuredRecord
         Each has start states of its own; one with gaps in its time is cut there.
     model : Model
-        With equations.
+        With equations, unless `law_model` has them.
     holdouts : sequence of MeasuredRecord
         By one half of which models are compared, and by the other measured; without any, the last
         third of every record.
     options : Options, optional
     progress : callable
         Called with a text about each step of the work.
+    law_model : LawModel, optional
+        By default the model, compiled.
 
     Returns
     -------
@@ -256,7 +256,7 @@ def diagnose(
         If the model, the records or the options cannot be used.
     """
     options = options or Options()
-    law_model = _law_model(model, options)
+    law_model = law_model or _law_model(model, options)
     fitted, notes = pieces_of(records, law_model, options.given)
     unseen, others = pieces_of(holdouts, law_model, options.given, "in what was held out, ")
     unseen = [replace(one, group=len(records)) for one in unseen]
@@ -284,26 +284,6 @@ def diagnose(
         tuple(notes),
         design.experiment,
     )
-
-
-def is_followed(records: Sequence[MeasuredRecord], model: Model, options: Options) -> bool:
-    """Return whether free runs of a model stay with records, with fitted parameters.
-
-    Raises
-    ------
-    UserError
-        If the model, the records or the options cannot be used.
-    """
-    law_model = _law_model(model, options)
-    pieces, _ = pieces_of(records, law_model, options.given)
-    data = _Data(model, law_model, _names(records), pieces, [], options, COMMON)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)
-        subject = data.subject()
-        if subject is None or subject.observer is not None:
-            return False
-        judged = subject.judge(subject.base)
-        return judged is not None and not _drifts(judged)
 
 
 @dataclass(frozen=True, eq=False)
@@ -356,8 +336,6 @@ def _decide(
     parts = None
     if subject is not None:
         _check_count(data, subject)
-    # behind a joint a clock would tick at other instants
-    if subject is not None and not len(subject.problem.phases):
         parts = pieced(
             subject,
             data.records,
@@ -585,7 +563,10 @@ def _check_rank(data: _Data, answer: _Answer) -> None:
     found, conclusion = answer
     subject = found.subject
     is_misread = any(cause.reading is not None for cause in conclusion.causes)
-    if not subject.rank and len(subject.base.curvature) and not is_misread:
+    known = 0
+    if subject.problem.model.begins_as_declared:
+        known = sum(len(start) for start in subject.base.point.starts)
+    if not subject.rank and len(subject.base.curvature) > known and not is_misread:
         raise UserError(
             f"{data.model.name}: {data.files}: its {subject.samples} measured values say"
             " nothing of any parameter or start state; record a run in which the outputs move"

@@ -19,6 +19,7 @@ from fmus.kit import Component, Effect, stack
 from fmus.kit.arrays import Array, Mask
 from fmus.kit.build import cached_library, load_library
 from fmus.kit.build.toolchain import host_platform
+from fmus.kit.declare import InputDeclaration
 from fmus.kit.interrupt import uninterrupted
 from fmus.kit.record import Rhythm
 from fmus.kit.symbolic import PerturbedLaws
@@ -54,7 +55,6 @@ class _Run(ctypes.Structure):
         *((n, ctypes.c_int) for n in ("measured", "starts")),
         *((n, _ARRAY) for n in ("time", "inputs", "parameters", "values", "start", "tick_time")),
         *((n, _ARRAY) for n in ("smooth", "position", "tick_clock", "tick", "output", "state")),
-        ("shifts", _ARRAY),
         ("term", ctypes.POINTER(TermStructure)),
         *((n, _ARRAY) for n in ("observed", "gain", "outputs", "slopes", "states")),
     )
@@ -81,20 +81,21 @@ class LawModel:
         Laws that are the rate of a state or, of a discrete one, its next value.
     clocks : list of Clock
         Of the discrete states.
-    periods : set of str
-        Parameters that are periods of clocks, by which a run has no derivatives.
-    shifts : dict of str to float or str
-        Parameters that shift a clock, each with its period or the parameter for it.
+    clock_parameters : set of str
+        Their periods and shifts, by which a run has no derivatives.
+    begins_as_declared : bool
+        Whether each run begins at the declared start states, which are known.
     """
+
+    begins_as_declared = False
 
     def __init__(self, cls: type[Component], effects: Mapping[str, type[Effect]] | None = None):
         layout = cls.layout
         self.cls = cls
-        self.perturbed = PerturbedLaws(cls, with_shown_states=True)
+        self.perturbed = PerturbedLaws(cls)
         self.inputs, self.states = layout.inputs, (*layout.states, *layout.discretes)
         self.rates = [*(s.rate for s in layout.states), *(z.update for z in layout.discretes)]
-        self.outputs = (*layout.outputs, *self.perturbed.shown)
-        self.parameters = layout.parameters
+        self.outputs, self.parameters = layout.outputs, layout.parameters
         self.laws = self.perturbed.names
         own = [v.name for v in (*self.inputs, *self.states)]
         self.signals = [*own, *self.laws, "time"]
@@ -102,8 +103,7 @@ class LawModel:
         self.start_positions = [index[layout.start_of[s.name]] for s in self.states]
         self.effects = dict(effects or {})
         self.clocks = [clock for clock, _ in layout.sampled]
-        self.shifts = {name: clock.period for clock in self.clocks for name in clock.shift}
-        self.periods = layout.clock_parameters - set(self.shifts)
+        self.clock_parameters = layout.clock_parameters
         self._stacked: dict[tuple[str, ...], StackedModel] = {}
         self._locks: defaultdict[tuple[str, ...], Lock] = defaultdict(Lock)
         self._library = self._compiled()
@@ -130,9 +130,7 @@ class LawModel:
         }
         of = {f.name(): ca.DM(f.jac_sparsity(0, _PARAMETERS), 1).full() > 0 for f in functions}
         self._by_parameters: Mask = np.vstack([of.pop("outputs_of"), of.pop("laws_of")])
-        moving = [f.any(axis=0) for f in of.values()]
-        shifting = np.array([p.name in self.shifts for p in self.parameters], dtype=bool)
-        self._moving: Mask = np.any([*moving, shifting], axis=0)
+        self._moving: Mask = np.any([f.any(axis=0) for name, f in of.items()], axis=0)
         generator = ca.CodeGenerator("model.c", {"with_header": False, "casadi_int": "int"})
         for function in functions:
             generator.add(function)
@@ -247,8 +245,7 @@ class LawModel:
         searched = range(len(self.states)) if setting.searched is None else setting.searched
         shown = range(len(self.outputs)) if measured is None else np.flatnonzero(measured)
         own = (setting.parameters, setting.values, start, ticks.time)
-        shifts = [[self.parameters[i].name in c.shift for i in setting.free] for c in self.clocks]
-        positions = (setting.free, ticks.clock, ticks.first, shown, searched, shifts)
+        positions = (setting.free, ticks.clock, ticks.first, shown, searched)
         doubles = [np.ascontiguousarray(a, dtype=float) for a in own]
         integers = [np.ascontiguousarray(a, dtype=np.int32) for a in (record.smooth, *positions)]
         seen = () if record.gain is None else (record.outputs, record.gain)
@@ -313,6 +310,60 @@ class LawModel:
         slopes = self.linearise(record.part(0, len(record.time), step), setting, thin).rates
         return steps_of(slopes, record)
 
+    @property
+    def recorded(self) -> tuple[InputDeclaration, ...]:
+        """Inputs that a file may have."""
+        return tuple(self.inputs)
+
+    def simulated(self, record: Record) -> Record:
+        """Return a record with inputs that follow from those that were recorded."""
+        return record
+
+    def linearise_at(self, parameters: Array) -> bool:
+        """Take parameters (np,) as a place at which the model is exact; whether it was none yet."""
+        return False
+
+    @property
+    def received(self) -> frozenset[str]:
+        """Laws of inputs as they arrive; another function of one is like a misread file."""
+        return frozenset()
+
+    @property
+    def is_dynamic(self) -> bool:
+        """Whether an output depends on what inputs were before."""
+        return bool(self.states)
+
+    @cached_property
+    def targets(self) -> list[str]:
+        """Laws that may lack a term: no outputs, no definitions, and no count of an input."""
+        outputs = {o.name for o in self.outputs}
+        laws = self.perturbed
+        return [
+            law
+            for law in self.laws
+            if law not in outputs and not laws.is_definition(law) and not laws.is_count(law)
+        ]
+
+    @cached_property
+    def arguments(self) -> frozenset[str]:
+        """Signals that a term may be a function of.
+
+        Neither the law of an output nor the rate of a state, which follows from the others, nor a
+        law that is a function of one of them.
+        """
+        left_out = {o.name for o in self.outputs} | set(self.followed)
+        left_out |= {law for law in self.laws if len(self.perturbed.computed_from(law)) < 2}
+        return frozenset(self.signals) - left_out
+
+    @cached_property
+    def plain_laws(self) -> frozenset[str]:
+        """Laws that are as plain a signal of another as a state."""
+        return frozenset()
+
+    def depends_on(self, law: str) -> set[str]:
+        """Return the signals of which a law is a function already."""
+        return set(self.perturbed.computed_from(law))
+
     @cached_property
     def followed(self) -> list[str]:
         """Rates that follow from the signals: not the sample of another signal that is kept."""
@@ -337,7 +388,6 @@ class LawModel:
         names = {s.name: i for i, s in enumerate(self.states)}
         shown = enumerate(ca.vertsplit(self.perturbed.graph.outputs))
         symbols = [(j, e.name()) for j, e in shown if e.is_symbolic()]
-        symbols += enumerate((s.name for s in self.perturbed.shown), len(self.cls.layout.outputs))
         return {names[name]: j for j, name in symbols if name in names}
 
     @cached_property
@@ -453,19 +503,15 @@ class StackedModel:
         return replace(plain, substeps=self._substeps(record, plain, start))
 
     def _substeps(self, record: Record, setting: Setting, start: Array) -> int:
-        """Return the steps between two samples that the effects ask for at the start.
-
-        At rest dry friction is steepest.
-        """
-        if len(record.time) < 2:
+        """Return the steps between two samples that the effects ask for at the start."""
+        if not self._added or len(record.time) < 2:
             return setting.substeps
         bare = replace(setting, terms=(), values=np.zeros(0), free=setting.free[:0])
         states = self._start(bare, start)[np.newaxis]
         none = np.zeros((0, 0, 0))
         first = Course(np.zeros((1, len(self.base.outputs))), none, states)
         part = self.stacked.linearise(self._seen(record.first), bare, first)
-        most = _MOST_OF_EFFECTS if self._added else _MOST_STEPS
-        return max(setting.substeps, min(steps_of(part.rates, record), most))
+        return max(setting.substeps, min(steps_of(part.rates, record), _MOST_OF_EFFECTS))
 
     def _seen(self, record: Record) -> Record:
         """Return a record with the gain for all states; those of effects run freely."""

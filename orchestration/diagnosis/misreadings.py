@@ -159,10 +159,12 @@ def misreadings(subject: Subject, base: Judged) -> list[Subject]:
         Its fit without terms.
     """
     screen = _Screen(_thin(subject))
-    readings = [
-        *readings_of(subject.problem.model, subject.problem.records),
-        *screen.readings_by_run(),
-    ]
+    model = subject.problem.model
+    readings = [*readings_of(model, subject.problem.records), *screen.readings_by_run()]
+    if model.begins_as_declared:  # each size of an input is a run of its own
+        readings = [r for r in readings if not (r.is_sized and r.moves_inputs(model))]
+        # of one output it is the delay of its sensor
+        readings = [r for r in readings if r.kind is not ReadingKind.LATE or len(r.columns) > 1]
     as_read = _logarithms(screen.subject.problem, subject.base.point)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         first = [t for t in pool.map(screen.best, readings) if t is not None]
@@ -428,7 +430,7 @@ def _fitted(trial: _Trial) -> Subject | None:
     """
     here = trial.problem.records[0].smooth
     ways = dict.fromkeys([here, tuple(not one for one in here)])
-    if not trial.problem.model.states:
+    if not trial.problem.model.is_dynamic:
         ways = {here: None}
     fits = [one for smooth in ways if (one := _fitted_as(trial, smooth)) is not None]
     return min(fits, key=lambda one: one.base.misfit, default=None)
@@ -440,8 +442,10 @@ def _fitted_as(trial: _Trial, smooth: tuple[bool, ...]) -> Subject | None:
     The shift of a reading is fitted by all samples, in turns with the parameters.
     """
     subject = trial.subject
-    records = tuple(replace(r, smooth=smooth) for r in subject.problem.records)
-    own = [replace(o, record=replace(o.record, smooth=smooth)) for o in subject.left_out]
+    model = subject.problem.model
+    records = tuple(model.simulated(replace(r, smooth=smooth)) for r in subject.problem.records)
+    others = [model.simulated(replace(o.record, smooth=smooth)) for o in subject.left_out]
+    own = [replace(o, record=r) for o, r in zip(subject.left_out, others, strict=True)]
     subject = replace(
         subject, problem=replace(subject.problem, records=records), left_out=tuple(own)
     )

@@ -60,23 +60,22 @@ def pieces_of(
         channels, found = _screened(record, model, given)
         inputs, outputs = _columns(channels, model)
         label = label_of(record)
-        spans = _spans(channels.time)
+        spans = _spans(channels.time, model)
         for number, (first, last) in enumerate(spans, 1):
-            pieces.append(
-                Record(
-                    np.ascontiguousarray(channels.time[first:last] - channels.time[first]),
-                    np.ascontiguousarray(inputs[first:last]),
-                    np.ascontiguousarray(outputs[first:last]),
-                    (False,) * inputs.shape[1],
-                    f"{label}.{number}" if len(spans) > 1 else label,
-                    float(record.time[0] - channels.time[first]),
-                    group=group,
-                )
+            piece = Record(
+                np.ascontiguousarray(channels.time[first:last] - channels.time[first]),
+                np.ascontiguousarray(inputs[first:last]),
+                np.ascontiguousarray(outputs[first:last]),
+                (False,) * inputs.shape[1],
+                f"{label}.{number}" if len(spans) > 1 else label,
+                float(record.time[0] - channels.time[first]),
+                group=group,
             )
+            pieces.append(model.simulated(piece))
         of = where or (f"in {record.source.name}, " if len(records) > 1 else "")
         faults += [(fault, f"{of}{fault.sentence}") for fault in found]
         for name, value in absent_inputs(record, model, given).items():
-            unit = next(v.unit for v in model.inputs if v.name == name)
+            unit = next(v.unit for v in model.recorded if v.name == name)
             text = (
                 f"{name} is not in {record.source.name}: it is taken to be {value:g} {unit}"
                 f" throughout; {option('settings', f'{name}=...')} says otherwise"
@@ -112,12 +111,12 @@ def recorded_inputs(
 ) -> dict[str, Array]:
     """Return the inputs (n,) of a record by name: as given, as recorded, or as they start."""
     absent = absent_inputs(record, model, given)
-    constant = {**absent, **{v.name: given[v.name] for v in model.inputs if v.name in given}}
+    constant = {**absent, **{v.name: given[v.name] for v in model.recorded if v.name in given}}
     return {
         v.name: np.full(len(record.time), float(constant[v.name]))
         if v.name in constant
         else record.signals[v.name].astype(float)
-        for v in model.inputs
+        for v in model.recorded
     }
 
 
@@ -126,7 +125,7 @@ def absent_inputs(
 ) -> dict[str, float]:
     """Return the values of inputs that a record lacks, by name."""
     known = {*given, *record.signals}
-    return {v.name: float(v.start) for v in model.inputs if v.name not in known}
+    return {v.name: float(v.start) for v in model.recorded if v.name not in known}
 
 
 def _screened(
@@ -166,10 +165,10 @@ def _simulated(channels: Channels, model: LawModel, given: Mapping[str, float]) 
     start = problem.nominal[list(model.start_positions)]
     inputs, unknown = _columns(channels, model)
     outputs = np.full(unknown.shape, np.nan)
-    for first, last in _spans(channels.time):
+    for first, last in _spans(channels.time, model):
         held = (False,) * inputs.shape[1]
         time = channels.time[first:last] - channels.time[first]
-        part = Record(time, inputs[first:last], unknown[first:last], held)
+        part = model.simulated(Record(time, inputs[first:last], unknown[first:last], held))
         course = None
         for substeps in _SUBSTEPS:
             course = course or model.run(part, replace(setting, substeps=substeps), start)
@@ -185,17 +184,23 @@ def _simulated(channels: Channels, model: LawModel, given: Mapping[str, float]) 
 def _columns(channels: Channels, model: LawModel) -> tuple[Array, Array]:
     """Return inputs (n, nu) and measured outputs (n, ny) in the order of a model; NaN is a gap."""
     count = len(channels.time)
-    inputs = np.empty((count, len(model.inputs)))
+    inputs = np.zeros((count, len(model.inputs)))
     for j, variable in enumerate(model.inputs):
-        inputs[:, j] = channels.inputs[variable.name]
+        if variable in model.recorded:
+            inputs[:, j] = channels.inputs[variable.name]
     outputs = np.full((count, len(model.outputs)), np.nan)
     for j, output in enumerate(model.outputs):
         outputs[:, j] = channels.outputs.get(output.name, np.nan)
     return inputs, outputs
 
 
-def _spans(time: Array) -> list[tuple[int, int]]:
-    """Return first and last sample of the pieces between gaps; the whole if most would be lost."""
+def _spans(time: Array, model: LawModel) -> list[tuple[int, int]]:
+    """Return first and last sample of the pieces between gaps.
+
+    The whole if most would be lost, or if a model has to run from the beginning.
+    """
+    if model.begins_as_declared:
+        return [(0, len(time))]
     ends = [0, *(gaps(time) + 1).tolist(), len(time)]
     spans = [(first, last) for first, last in pairwise(ends) if last - first >= _SHORTEST]
     lost = len(time) - sum(last - first for first, last in spans)

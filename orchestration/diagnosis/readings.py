@@ -14,6 +14,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import butter, sosfiltfilt
 
+from fmus.kit import UserError
 from fmus.kit.arrays import Array, Mask
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.runs import Record
@@ -160,7 +161,20 @@ class Reading:
         return is_of_inputs or not inputs.isdisjoint(self.columns)
 
     def apply(self, model: LawModel, record: Record) -> Record:
-        """Return a record of the values that the file means."""
+        """Return a record of the values that the file means.
+
+        Not a number are inputs that follow from others, if these cannot be so.
+        """
+        read = self._applied(model, record)
+        if not self.moves_inputs(model):
+            return read
+        try:
+            return model.simulated(read)
+        except UserError:
+            return replace(read, inputs=np.full_like(read.inputs, np.nan))
+
+    def _applied(self, model: LawModel, record: Record) -> Record:
+        """Return a record with the columns and the clock that are meant."""
         if self.kind is ReadingKind.CLOCK:
             time = np.ascontiguousarray(record.time * self.factor)
             return replace(record, time=time, begin=record.begin * self.factor)
@@ -280,22 +294,24 @@ def readings_of(model: LawModel, records: Sequence[Record]) -> list[Reading]:
         for v, column in zip(
             (*model.inputs, *model.outputs), np.hstack([inputs, outputs]).T, strict=True
         )
-        if np.isfinite(column).sum() > 1 and np.nanstd(column) > 0.0
+        if v in (*model.recorded, *model.outputs)
+        and np.isfinite(column).sum() > 1
+        and np.nanstd(column) > 0.0
     }
     kinds = ReadingKind
     result = [Reading(kinds.SIGN, (name,), factor=-1.0) for name in moving]
     for name, unit in moving.items():
         result += _units(name, unit)
     # of an input that stands still another zero acts, while a factor is one of what it drives
-    still = [v for v in model.inputs if v.name not in moving]
+    still = [v for v in model.recorded if v.name not in moving]
     result += [reading for v in still for reading in _units(v.name, v.unit) if reading.shift]
-    own = [v for v in model.inputs if v.name in moving]
+    own = [v for v in model.recorded if v.name in moving]
     # of whatever units: a header names columns, and not values
     pairs = [*itertools.combinations(moving, 2), *((v.name, s.name) for v in own for s in still)]
     result += [Reading(kinds.EXCHANGED, pair) for pair in pairs]
     # an offset of an output is one of its sensor, which is a term
     result += [Reading(kinds.OFFSET, (v.name,), unit=v.unit) for v in own]
-    if not model.states:
+    if not model.is_dynamic:
         return result
     for unit, size in _CLOCKS.items():
         result.append(Reading(kinds.CLOCK, (TIME,), size, unit=f"in {unit}"))
@@ -341,7 +357,7 @@ def readings_by_run(
     for places in sets:
         names = tuple(model.outputs[j].name for j in places)
         begins = tuple(nominal[0, list(places)].tolist())
-        if model.states:
+        if model.is_dynamic:
             yield Reading(ReadingKind.RATE, names, levels=begins)
             for levels in ((0.0,) * len(names), begins):  # some take off the first value before
                 yield Reading(ReadingKind.INTEGRAL, names, levels=levels)

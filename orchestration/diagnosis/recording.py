@@ -53,7 +53,7 @@ def evenly(model: LawModel, record: Record) -> Record:
     if not is_noise or effective_samples(late) < _WHITE * len(late):
         return record
     even = np.ascontiguousarray(record.time[0] + step * count)
-    return replace(record, time=even, denoised=(*record.denoised, TIME))
+    return model.simulated(replace(record, time=even, denoised=(*record.denoised, TIME)))
 
 
 def with_quiet_inputs(model: LawModel, record: Record) -> Record:
@@ -66,11 +66,13 @@ def with_quiet_inputs(model: LawModel, record: Record) -> Record:
     for j, variable in enumerate(model.inputs):
         values = inputs[:, j]
         noise = noise_of(values)
-        if noise > _NOISY * float(np.std(values)):
+        if variable in model.recorded and noise > _NOISY * float(np.std(values)):
             levels = _levels(values, noise)
             inputs[:, j] = _smooth(values, noise) if levels is None else levels
             names.append(variable.name)
-    return replace(record, inputs=inputs, denoised=(*record.denoised, *names)) if names else record
+    if not names:
+        return record
+    return model.simulated(replace(record, inputs=inputs, denoised=(*record.denoised, *names)))
 
 
 def without_outliers(model: LawModel, record: Record, errors: Array) -> Record:

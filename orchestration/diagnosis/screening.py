@@ -398,17 +398,14 @@ class Screen:
 
 
 def alike(model: LawModel, parts: Sequence[Linearisation]) -> list[list[str]]:
-    """Return the laws in classes of those that act alike: whose columns are in proportion.
+    """Return the targets in classes of those that act alike: whose columns are in proportion.
 
-    Outputs and definitions are no targets, nor is a law without any action.
+    A law without any action is left out.
     """
-    perturbed = model.perturbed
-    outputs = {o.name for o in model.outputs}
     classes: list[list[str]] = []
     actions: list[Array] = []
-    for i, law in enumerate(model.laws):
-        if law in outputs or perturbed.is_definition(law) or perturbed.is_count(law):
-            continue
+    for law in model.targets:
+        i = model.laws.index(law)
         action = np.concatenate([a[:, :, i].ravel() for part in parts for a in part.actions])
         action = np.nan_to_num(action)
         size = np.linalg.norm(action)
@@ -426,18 +423,14 @@ def alike(model: LawModel, parts: Sequence[Linearisation]) -> list[list[str]]:
 
 def _signals(along: Courses) -> list[tuple[str, Array]]:
     """Return the distinct signals of a model along its courses."""
-    model = along.model
-    # neither is an output's law a signal, nor the rate of a state, which follows from the others
-    no_signal = {o.name for o in model.cls.layout.outputs} | set(model.followed)
-    # nor a law that is a function of one of them
-    no_signal |= {law for law in model.laws if len(model.perturbed.computed_from(law)) < 2}
-    named = [(name, values) for name, values in along.values.items() if name not in no_signal]
+    arguments = along.model.arguments
+    named = [(name, values) for name, values in along.values.items() if name in arguments]
     return distinct([(name, values) for name, values in named if np.isfinite(values).all()])
 
 
 def _owner(model: LawModel, classes: Sequence[str], signal: str) -> tuple[str, bool]:
     """Return the law of a class that owns a signal, and whether it depends on it already."""
-    depends = {law: model.perturbed.computed_from(law) for law in classes}
+    depends = {law: model.depends_on(law) for law in classes}
     having = [law for law in classes if signal in depends[law] or signal == law]
     if having:
         return min(having, key=lambda law: (len(depends[law]), law in model.rates)), True
@@ -489,6 +482,7 @@ def _candidates(
 ) -> Iterator[Candidate]:
     """Yield every term that may be missing."""
     model = along.model
+    outputs = {o.name for o in model.outputs}
     signals = _signals(along)
     views = [
         view
@@ -499,18 +493,27 @@ def _candidates(
     for same in classes:
         size = max(float(np.sqrt(np.mean(value_of[law] ** 2))) for law in same) or 1.0
         whole = next((law for law in same if law in model.rates), same[0])
-        constant = Term(whole, "", Shape.CONSTANT, size=size)
         amount = np.full(len(along.laws), size)
-        yield Candidate(constant, np.ones((len(amount), 1)), amount, 0.0)
+        if whole not in outputs:  # of an output it is one of its sensor
+            constant = Term(whole, "", Shape.CONSTANT, size=size)
+            yield Candidate(constant, np.ones((len(amount), 1)), amount, 0.0)
         yield from _of_itself(shapes, whole, value_of[whole], amount)
         for view in views:
             if view.signal in same and view.memory is Memory.NONE:
                 continue  # a law that acts alike is no signal of another
             law, depends = _owner(model, same, view.signal)
+            of_sensor = law in outputs and _is_one(view, value_of[view.signal], value_of[law])
             for term in _terms(law, view, _REMEMBERED.get(view.memory, _PLAIN), size):
-                yield shapes.candidate(term, view, amount, depends)
+                if not (of_sensor and term.shape is Shape.LINEAR):
+                    yield shapes.candidate(term, view, amount, depends)
         yield from _in_percent(shapes, same, views, value_of)
         yield from _by_inputs(shapes, same, size, views, dict(signals), value_of)
+
+
+def _is_one(view: Seen, signal: Array, output: Array) -> bool:
+    """Return whether a view of a signal (n,) is one that a sensor has of an output (n,)."""
+    is_of_sensor = view.memory in (Memory.NONE, Memory.FADING)
+    return is_of_sensor and len(distinct([("output", output), ("signal", signal)])) == 1
 
 
 def _of_sensors(along: Courses, shapes: _Shapes) -> Iterator[Candidate]:
@@ -560,7 +563,7 @@ def _of_itself(shapes: _Shapes, law: str, values: Array, amount: Array) -> Itera
     model = shapes.model
     state = next((s.name for s in model.cls.layout.states if s.rate == law), None)
     scale = float(np.sqrt(np.mean(values**2)))
-    if state not in model.perturbed.computed_from(law) or not scale:
+    if state not in model.depends_on(law) or not scale:
         return
     view = Seen(law, Memory.NONE, (), values, scale, 0.0)
     for term in _terms(law, view, _OF_ITSELF, float(amount[0])):
@@ -575,7 +578,7 @@ def _in_percent(
     for law in same:
         if len(same) > 1 and (law in model.rates or np.ptp(value_of[law]) == 0.0):
             continue
-        own = model.perturbed.computed_from(law)
+        own = model.depends_on(law)
         for view in views:
             factors = _FACTORS.get(view.memory, ())
             is_own = view.memory is Memory.NONE and own == {view.signal}
@@ -611,7 +614,7 @@ def _by_inputs(
                 law = law if depends else _owner(model, same, factor)[0]
                 is_own = any(_cosine(value_of[one], view.values) > _SAME for one in same)
                 shapes_of = _PRODUCT[1:] if is_own else _PRODUCT  # in percent over the factor
-                has_both = depends and factor in model.perturbed.computed_from(law)
+                has_both = depends and factor in model.depends_on(law)
                 for term in _terms(law, view, shapes_of, unit, factor=factor):
                     yield shapes.candidate(term, view, addition, has_both)
 

@@ -31,6 +31,7 @@ from orchestration.diagnosis.fitting import (
     Point,
     StartPrior,
     fit,
+    fit_base,
     fit_start,
     located,
     variance_of,
@@ -65,6 +66,8 @@ _STEPS, _FEWER_STEPS = 15, 12  # of a fit; of one that starts from a fit of near
 _LAST_STEPS = 25
 _NEARLY_FLAT = 1e-3  # fall of the cost that ends a fit before the last ones: a nat of thousands
 _SUBSETS, _SHAPES = 6, 2  # of the best fits, that are fitted with fewer terms, or other shapes
+_FAULTS = 4  # of sensors, that are fitted alone where the model is linearised anew
+_LINEARISATIONS = 3  # of a model that is linear in its parameters, at most
 _LEADING, _FINALISTS = 8, 12  # best sets and fits that are fitted to all samples
 _SHORTEST = 12  # samples of a piece
 _PIECE_WEIGHT = 0.5 / 0.1**2 / 5.0  # of squared errors of a piece: within a tenth of the spread
@@ -209,7 +212,9 @@ def search(
         return None
     ways = progress, is_over, is_candidate
     rounds = _Rounds(Found(subject, base), *ways)
-    rounds.propose(subject.base, _PIECES if subject.problem.model.states else (1,), _QUOTAS)
+    model = subject.problem.model
+    pieces = _PIECES if model.states and not model.begins_as_declared else (1,)
+    rounds.propose(subject.base, pieces, _QUOTAS)
     other = _between_samples(rounds.found)
     if other is not None:
         progress("inputs go otherwise between samples")
@@ -222,19 +227,72 @@ def search(
     rounds.owners()
     rounds.polish()
     rounds.subsets()
-    return _on_all_samples(_read_otherwise(rounds.found, *ways))
+    found = _on_all_samples(_read_otherwise(rounds.found, *ways))
+    linearised = 0
+    while linearised < _LINEARISATIONS and _is_linearised_anew(found):
+        read = [_with_base_anew(subject) for subject in found.read]
+        found = _refitted(found, _with_base_anew(found.subject), read, _faults(found))
+        linearised += 1
+    # what inputs do between samples is less than a linearisation elsewhere leaves
+    other = _between_samples(found) if linearised else None
+    return found if other is None else search(other, *ways)
+
+
+def _is_linearised_anew(found: Found) -> bool:
+    """Linearise a model where its best fits are, if it is linear; return whether it was not yet."""
+    model = found.subject.problem.model
+    known = True
+    for one in (found.base, *found.best(_BEST), *_faults(found)):
+        problem = one.fit.problem
+        known &= not model.linearise_at(problem.parameters(one.fit.point.q))
+    return not known
+
+
+def _with_base_anew(subject: Subject) -> Subject:
+    """Return a subject with the fit without terms made anew."""
+    base = fit_base(subject.problem, subject.base.point.q)
+    return subject if base is None else replace(subject, base=base)
+
+
+def _faults(found: Found) -> list[Judged]:
+    """Return the best fits of a fault of one sensor alone, each of another fault."""
+    best: dict[object, Judged] = {}
+    for one in sorted(found.fits, key=lambda one: one.fit.misfit):
+        if len(one.parts) == 1 and isinstance(one.parts[0], SensorTerm):
+            best.setdefault(one.parts[0].cause, one)
+    return list(best.values())[:_FAULTS]
 
 
 def _on_all_samples(found: Found) -> Found:
     """Return the fits among which a conclusion is drawn, of all samples if there are more."""
     whole = found.subject.complete()
-    base = None if whole is None else whole.judge(whole.base)
-    if whole is None or base is None:
+    if whole is None or whole.judge(whole.base) is None:
         return found
-    finalists = _finalists(found)
-    readings = {one.reading for one in finalists}
+    readings = {one.reading for one in _finalists(found)}
     again = [read_again(whole, few) for few in found.read if few.reading in readings]
-    read = [one for one in again if one is not None]
+    return _refitted(found, whole, [one for one in again if one is not None])
+
+
+def _refitted(
+    found: Found, whole: Subject, read: Sequence[Subject], others: Sequence[Judged] = ()
+) -> Found:
+    """Return the fits among which a conclusion is drawn, fitted anew.
+
+    Parameters
+    ----------
+    found : Found
+    whole : Subject
+        Of the file as it was read.
+    read : sequence of Subject
+        Of the file in other readings.
+    others : sequence of Judged
+        Further fits that are fitted anew.
+    """
+    finalists = _finalists(found)
+    finalists += [one for one in others if one not in finalists]
+    base = whole.judge(whole.base)
+    if base is None:
+        return found
     subjects = {one.reading: one for one in (whole, *read)}
 
     def refitted(one: Judged) -> Judged | None:
@@ -248,7 +306,7 @@ def _on_all_samples(found: Found) -> Found:
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         fits = [one for one in pool.map(refitted, finalists) if one is not None]
-    chosen_from = len(found.fits) - len(finalists)
+    chosen_from = found.chosen_from + len(found.fits) - len(finalists)
     return Found(whole, base, tuple(fits), tuple(read), chosen_from)
 
 
@@ -356,10 +414,7 @@ class _Rounds:
                 continue
             self._terms += [c.term for c in screen.candidates if not isinstance(c.term, SensorTerm)]
             room = _MOST_TERMS - len(fitted.terms)
-            moved = fitted.point.q - fitted.problem.nominal_at_phases(fitted.point.q)
-            is_far = bool(np.any(np.abs(moved) > _FAR * fitted.problem.deviation))
-            ways = quotas[count], room, fitted.terms
-            asked = list(_by_quota(screen, *ways, is_far=is_far and count == 1))
+            asked = list(_by_quota(screen, quotas[count], room, fitted.terms))
             along = "the record" if count == 1 else f"{count} pieces of the record"
             self._progress(f"{len(screen.candidates)} terms along {along}, {len(asked)} sets")
             asked.sort(key=len)
@@ -406,11 +461,10 @@ class _Rounds:
             Point(moved, np.concatenate([base, *wanted]), starts),
             Point(q, np.concatenate([base, *wanted]), starts),
         ]
-        nominal = problem.nominal_at_phases(q)
-        if np.any(np.abs(q - nominal) > _FAR * problem.deviation):
+        if np.any(np.abs(q - problem.mean) > _FAR * problem.deviation):
             for others in itertools.product(*map(with_shorter_lags, terms)):
                 small = [t.values(SMALL) for t in others]
-                points.append(Point(nominal, np.concatenate([base, *small]), starts))
+                points.append(Point(problem.mean, np.concatenate([base, *small]), starts))
         for k, term in enumerate(terms):
             for other in at_other_instants(term):
                 instead = [*wanted[:k], other.values(wanted[k][0]), *wanted[k + 1 :]]
@@ -538,18 +592,12 @@ def _extended(fitted: Fit, terms: Sequence[Term]) -> Point:
 
 
 def _by_quota(
-    screen: Screen,
-    quota: dict[int, int],
-    most: int,
-    there: Sequence[Term],
-    *,
-    is_far: bool = False,
+    screen: Screen, quota: dict[int, int], most: int, there: Sequence[Term]
 ) -> Iterable[tuple[int, ...]]:
     """Yield the best sets of each number of terms; a first term leads few of them, time fewer.
 
     Each fault of a sensor is tried alone first: parameters that do its work beside the truth may
-    hide it from the screen, and they are few. So is each effect of the catalogue if they went far
-    (`is_far`): dry friction looks like another damping and inductance.
+    hide it from the screen, and they are few.
     """
     taken: dict[object, int] = {}
     sources = {t.source for t in there}
@@ -562,8 +610,7 @@ def _by_quota(
         is_named = bool(effects_in(terms))
         own = _NAMED if is_named else quota
         kind = size, "named" if is_named else "laws"
-        is_hidden = isinstance(terms[0], SensorTerm) or (is_named and is_far)
-        if size == 1 and not there and is_hidden:
+        if size == 1 and not there and isinstance(terms[0], SensorTerm):
             yield chosen
             continue
         if (

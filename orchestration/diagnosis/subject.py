@@ -39,6 +39,7 @@ _STRETCHES = 10  # of it, each of which gives local values in its first part: a 
 _BLOCKS = 8  # of what is left out, by turns for the choice and for the figure
 _FIRST = 6  # samples that show where a state starts
 _DECLARED = 0.1  # deviation of a start state that is declared, in its nominal value
+_KNOWN = 1e-6  # the same of one that is known, as a share
 _WELL = 20.0 / 0.05**2  # weight of the beginning: twenty samples within a twentieth of the spread
 _MOST = 2400  # samples of a record, among which terms are searched; more are thinned
 _ALL = 5 * _MOST  # by which a conclusion is drawn: ten minutes at 20 Hz
@@ -227,7 +228,7 @@ def words_of(model: LawModel, part: Reading | Term) -> float:
 
 def depends(model: LawModel, term: Term) -> bool:
     """Return whether a law depends on the signals of a term already, or is one of them."""
-    own = {"", term.law} | set(model.perturbed.computed_from(term.law))
+    own = {"", term.law} | model.depends_on(term.law)
     return term.signal in own and term.factor in own
 
 
@@ -245,6 +246,8 @@ def start_prior(problem: Problem, record: Record) -> StartPrior:
     """
     model = problem.model
     nominal = model.nominal_states
+    if model.begins_as_declared:
+        nominal = _KNOWN * nominal
     mean = problem.nominal[list(model.start_positions)]
     near = _DECLARED if len(model.inputs) and not problem.begins_anywhere else 1.0
     deviation = near * nominal
@@ -287,7 +290,7 @@ def thinned(
     step = int(np.ceil(len(record.time) / most))
     while step > 1 and whole is not None:
         kept = _kept(record, step)
-        part = _thinned_to(record, kept)
+        part = model.simulated(_thinned_to(record, kept))
         course = model.run(part, setting, start)
         if course is not None:
             gap = (whole.outputs[kept] - course.outputs) / problem.spread
@@ -331,10 +334,10 @@ def _kept(record: Record, step: int) -> Indices:
 
 def _thinned_to(record: Record, kept: Indices) -> Record:
     """Return some samples of a record; inputs that are held are averaged up to the next."""
-    inputs = record.inputs[kept]
-    if not any(record.smooth):  # an average up to the next would be half a step late
-        counts = np.diff(kept, append=len(record.time))
-        inputs = np.add.reduceat(record.inputs, kept, axis=0) / counts[:, np.newaxis]
+    counts = np.diff(kept, append=len(record.time))
+    averages = np.add.reduceat(record.inputs, kept, axis=0) / counts[:, np.newaxis]
+    # of a straight line an average up to the next would be half a step late
+    inputs = np.where(record.smooth, record.inputs[kept], averages)
     return replace(
         record,
         time=record.time[kept],
@@ -381,10 +384,12 @@ def subject_of(
     fitted = records if held_out else [r.part(0, int(_PART * len(r.time))) for r in records]
     problem = Problem(model, (), _spread(fitted), (), frozenset(hold), values, local=local)
     ways = [False] if interpolate is None else [interpolate]
-    if interpolate is None and len(model.inputs) and len(model.states):
+    if interpolate is None and len(model.inputs) and model.is_dynamic:
         ways = [False, True]
     read = [
-        _as_recorded(problem, _inputs_go(records, smooth), _inputs_go(held_out, smooth))
+        _as_recorded(
+            problem, _inputs_go(model, records, smooth), _inputs_go(model, held_out, smooth)
+        )
         for smooth in ways
     ]
     first, second = [*(one for one in read if one is not None), None, None][:2]
@@ -436,9 +441,10 @@ def read_again(whole: Subject, few: Subject) -> Subject | None:
     """Return a subject of all samples in the reading of one of few; None if the model runs away."""
     assert few.reading is not None
     problem, left_out = divided_as_read(whole, few.reading)
-    smooth = few.problem.records[0].smooth
-    records = tuple(replace(record, smooth=smooth) for record in problem.records)
-    left_out = tuple(replace(o, record=replace(o.record, smooth=smooth)) for o in left_out)
+    model, smooth = problem.model, few.problem.records[0].smooth
+    records = tuple(model.simulated(replace(record, smooth=smooth)) for record in problem.records)
+    others = [model.simulated(replace(o.record, smooth=smooth)) for o in left_out]
+    left_out = tuple(replace(o, record=r) for o, r in zip(left_out, others, strict=True))
     problem = replace(problem, records=records)
     base = fit_base(problem, few.base.point.q)
     return None if base is None else Subject(problem, left_out, base, few.reading, fewer=few)
@@ -476,14 +482,15 @@ class _Recorded:
     subject: Subject
 
 
-def _inputs_go(records: Sequence[Record], smooth: bool) -> list[Record]:
+def _inputs_go(model: LawModel, records: Sequence[Record], smooth: bool) -> list[Record]:
     """Return records with inputs that go in straight lines between samples, or are held."""
-    return [replace(r, smooth=(smooth,) * r.inputs.shape[1]) for r in records]
+    read = [replace(r, smooth=(smooth,) * r.inputs.shape[1]) for r in records]
+    return [model.simulated(record) for record in read]
 
 
 def _turned(model: LawModel, record: Record) -> Record:
     """Return a record with inputs in straight lines where they were held, or the reverse."""
-    return replace(record, smooth=tuple(not one for one in record.smooth))
+    return model.simulated(replace(record, smooth=tuple(not one for one in record.smooth)))
 
 
 def _as_recorded(
@@ -522,6 +529,8 @@ def predicted(subject: Subject, fitted: Fit | None = None) -> Subject | None:
     Subject or None
         None if the model runs away, or forgets all errors of its states.
     """
+    if subject.problem.model.begins_as_declared:
+        return None
     subject = subject.fewer or subject
     at = subject.base if fitted is None else fitted
     if growth_of(_place(subject.problem, subject.left_out, at)) < -_DECAY:
@@ -607,8 +616,9 @@ def _begun(subject: Subject) -> Subject:
     it would miss any that moves a state at first.
     """
     problem = subject.problem
-    at_rest = len(problem.model.inputs) and subject.observer is None
-    if not problem.model.states or not at_rest:
+    model = problem.model
+    at_rest = len(model.inputs) and subject.observer is None
+    if not model.states or model.begins_as_declared or not at_rest:
         return subject
     free = replace(problem, begins_anywhere=True)
     free = replace(free, starts=tuple(start_prior(free, r) for r in free.records))
@@ -620,7 +630,7 @@ def _begun(subject: Subject) -> Subject:
     if ours is None or declared is None:
         return subject
     gain = compare(ours, declared, common_of([ours, declared]))
-    columns = 0.5 * len(problem.model.states) * len(problem.records)
+    columns = 0.5 * len(model.states) * len(problem.records)
     columns *= float(np.log(max(sum(n.sum() for n in ours.effective), 3.0)))
     return other if min(gain.fitted - columns, gain.left_out) > WEIGHTS.least else subject
 

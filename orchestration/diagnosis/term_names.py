@@ -167,10 +167,9 @@ def estimates(fitted: Fit, terms: Mapping[str, Term]) -> dict[str, Estimate]:
     for k in sorted(range(len(problem.free)), key=lambda k: problem.free[k]):
         i, scale = problem.free[k], problem.scales[k]
         declared = problem.model.parameters[i]
-        place = fitted.point.q[k] % 1.0 if k in problem.phases else fitted.point.q[k]
-        ends = interval_of(place, deviation[k], problem.deviation[k])
+        ends = interval_of(fitted.point.q[k], deviation[k], problem.deviation[k])
         result[problem.names[k]] = Estimate(
-            scale.value(place),
+            scale.value(fitted.point.q[k]),
             float(problem.nominal[i]),
             (scale.value(ends[0]), scale.value(ends[1])),
             declared.unit,
@@ -240,6 +239,8 @@ def _start_states(fitted: Fit, deviation: Array) -> dict[str, Estimate]:
     problem = fitted.problem
     model = problem.model
     nx = len(model.states)
+    if model.begins_as_declared:
+        return {}
     result = {}
     for r, (record, start) in enumerate(zip(problem.records, fitted.point.starts, strict=True)):
         suffix = f"@{record.label}" if len(problem.records) > 1 else ""

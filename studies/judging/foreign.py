@@ -203,7 +203,7 @@ sensor, with its gain.
     code=(
         *DIAGNOSIS,
         "orchestration/api/diagnosis.py",
-        "orchestration/discrepancy/foreign",
+        "orchestration/diagnosis",
         "studies/hidden",
         "studies/clean",
         "studies/judging/foreign.py",

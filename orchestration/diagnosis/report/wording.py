@@ -189,7 +189,7 @@ def _next_of_recalibrate(diagnosis: Diagnosis) -> str:
     if diagnosis.begins_elsewhere:
         return _next_of_start(diagnosis)
     values = ", ".join(_settings(diagnosis, diagnosis.changed))
-    return f"use the model with {values}; {option('fmu', 'fitted.fmu')} builds it."
+    return f"use the model with {values}; {_built(diagnosis, 'fitted')} builds it."
 
 
 def _settings(diagnosis: Diagnosis, names: Sequence[str]) -> list[str]:
@@ -207,9 +207,15 @@ def _next_of_cause(diagnosis: Diagnosis) -> str:
     left = [one.output for one in diagnosis.remainders if one.is_more_than_noise]
     more = f" It does not explain all of {_listed(left)} yet." if left else ""
     return (
-        f"build the extended model with {option('fmu', 'extended.fmu')}, and test it on a record"
+        f"build the extended model with {_built(diagnosis, 'extended')}, and test it on a record"
         f" that it has not seen, with {option('holdout', 'NEW.csv')}.{more}"
     )
+
+
+def _built(diagnosis: Diagnosis, name: str) -> str:
+    """Return the option that builds a model: an FMU without equations is a part of a system."""
+    has_equations = diagnosis.model.cls is not None
+    return str(option("fmu", f"{name}.fmu") if has_equations else option("ssp", f"{name}.ssp"))
 
 
 def _next_of_misread(diagnosis: Diagnosis, reading: Reading) -> str:
@@ -218,7 +224,7 @@ def _next_of_misread(diagnosis: Diagnosis, reading: Reading) -> str:
     check = "" if diagnosis.verdict == "cause" else "check file and wiring; if it is so, "
     return (
         f"{check}{ways} ({files(diagnosis)}), and diagnose it again;"
-        f" {option('fmu', 'fitted.fmu')} builds the model fitted to the corrected values."
+        f" {_built(diagnosis, 'fitted')} builds the model fitted to the corrected values."
     )
 
 
@@ -232,7 +238,7 @@ def _next_of_start(diagnosis: Diagnosis) -> str:
     common = [name for name in diagnosis.changed if "@" not in name]
     sets = " ".join(str(option("set", text)) for text in _settings(diagnosis, [*other, *common]))
     ways = f"start the model there, with {sets}," if sets else "start the model where the run does"
-    return f"{ways} or begin a record at rest; {option('fmu', 'fitted.fmu')} builds it so."
+    return f"{ways} or begin a record at rest; {_built(diagnosis, 'fitted')} builds it so."
 
 
 def _next_of_ambiguous(diagnosis: Diagnosis) -> str:

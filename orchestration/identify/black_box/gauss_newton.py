@@ -151,7 +151,9 @@ def minimise(
             step = linearised.step(radius)
             better = _lower_point(problem, best, step @ linearised.directions)
             fallen = best.cost - better.cost if better else 0.0
-            radius = _next_radius(radius, step, fallen / linearised.promised(step))
+            promised = linearised.promised(step)
+            share = fallen / promised if promised > 0.0 else 0.0  # rounding promises nothing
+            radius = _next_radius(radius, step, share)
         best = better
     return GaussNewtonMinimum(best.theta, best.cost, not theta.size)
 

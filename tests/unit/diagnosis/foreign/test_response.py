@@ -5,23 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import orchestration as ppy
-from orchestration.discrepancy.foreign.response import identify_responses
+from orchestration.diagnosis.foreign.response import identify_responses
 from orchestration.identify.fitting.any_fmu import FmuWithDifferences
 from orchestration.identify.fitting.simulation_input import SimulationInput
-from tests.support.hosts import build_one_state_fmu
-
-STEP = 0.1
-TAU = 0.8
-TIME = STEP * np.arange(2000)
-U = 2.0 * np.sin(0.3 * TIME) + 1.5 * np.sin(0.91 * TIME + 1.0) + np.sin(2.3 * TIME + 2.0)
-
-
-@pytest.fixture(scope="module")
-def lag(tmp_path_factory):
-    """An FMU of one lag, whose equations nobody knows."""
-    folder = tmp_path_factory.mktemp("foreign")
-    return ppy.find_model(str(build_one_state_fmu(folder)))
+from tests.support.lag import TAU, TIME, U
 
 
 def test_the_response_is_that_of_the_lag(lag):

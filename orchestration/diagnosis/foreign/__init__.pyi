@@ -1,0 +1,3 @@
+from .diagnosis import FmuDiagnosis as FmuDiagnosis
+from .diagnosis import diagnose_fmu as diagnose_fmu
+from .system import corrected_system as corrected_system
