@@ -14,6 +14,7 @@ from orchestration.api import (
     DiagnosisResult,
     LawsResult,
     diagnose,
+    forms,
     held_out,
     laws,
     refuse_useless_options,
@@ -30,6 +31,7 @@ from orchestration.cli.commands.options import DiagnoseCommand, LawsCommand, Sys
 from orchestration.cli.models import build_model, model_file, note_neutral
 from orchestration.cli.options import IsolateOption, JsonOption, platform_list
 from orchestration.cli.outputs import JSON, PAGE, Outputs, same_file, write_json
+from orchestration.diagnosis import systems
 from orchestration.discrepancy import Verdict, fmu_paths
 from orchestration.discrepancy.report import system_diagnosis_summary, system_overview
 from orchestration.discrepancy.systems import diagnose_system
@@ -163,7 +165,10 @@ def run_system(options: DiagnoseCommand, system: Path) -> None:
     UserError
         If the record or the system cannot be used, or an option is given that is of one model only.
     """
-    of_a_system = {"records", *options_of(*_SYSTEM_OPTIONS)}
+    is_new = options["engine"] == "new"
+    of_a_system = {"records", "engine", *options_of(*_SYSTEM_OPTIONS)}
+    if is_new:
+        of_a_system.add("time")
     values = cast("Mapping[str, object]", options)
     unfit = [
         option.flags[0]
@@ -184,10 +189,18 @@ def run_system(options: DiagnoseCommand, system: Path) -> None:
     settings = [f"{name}={value}" for name, value in (options["settings"] or {}).items()]
     mapping = [f"{column}={signal}" for column, signal in (options["mapping"] or {}).items()]
     with progress() as tell:
-        diagnosis = diagnose_system(record, system, mapping, settings, tell)
-    tell_repairs(diagnosis.record.repairs)
-    out.print(system_overview(diagnosis))
-    write_json(path, system_diagnosis_summary(diagnosis))
+        if is_new:
+            seconds = forms.optional_seconds(options["time"])
+            judged = systems.diagnose_system(record, system, mapping, settings, tell, seconds)
+            shown, figures = systems.overview(judged), systems.summary(judged)
+            repairs = judged.record.repairs
+        else:
+            diagnosis = diagnose_system(record, system, mapping, settings, tell)
+            shown, figures = system_overview(diagnosis), system_diagnosis_summary(diagnosis)
+            repairs = diagnosis.record.repairs
+    tell_repairs(repairs)
+    out.print(shown)
+    write_json(path, figures)
 
 
 def open_judged(options: DiagnoseCommand | LawsCommand, check: Callable[[Model], None]) -> Judged:

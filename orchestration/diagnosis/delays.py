@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from fmus.kit.arrays import Array
-from fmus.kit.declare import OutputDeclaration
+from fmus.kit.declare import Declaration
 from orchestration.diagnosis.runs import Course, Linearisation, Record, Setting
 from orchestration.diagnosis.terms import DelayTerm
 
@@ -21,7 +21,7 @@ from orchestration.diagnosis.terms import DelayTerm
 class _Model(Protocol):
     """A model that runs without delays."""
 
-    outputs: tuple[OutputDeclaration, ...]
+    outputs: tuple[Declaration, ...]
 
     def run(
         self, record: Record, setting: Setting, start: Array, *, sensitive: bool

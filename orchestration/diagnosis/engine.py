@@ -21,7 +21,7 @@ from orchestration.diagnosis.equivalence import equivalent_pairs
 from orchestration.diagnosis.extension import extended_component
 from orchestration.diagnosis.joints import pieced
 from orchestration.diagnosis.law_model import MOST_TICKS, LawModel
-from orchestration.diagnosis.local_values import LocalValues
+from orchestration.diagnosis.local_values import COMMON, LocalValues
 from orchestration.diagnosis.misreadings import misreadings, reading_that_runs
 from orchestration.diagnosis.observer import Observer
 from orchestration.diagnosis.options import Deadline, Options
@@ -163,7 +163,10 @@ class Diagnosis:
 
     @cached_property
     def changed(self) -> tuple[str, ...]:
-        """Parameters of the model that differ from nominal, significantly and noticeably."""
+        """Parameters of the model that differ from nominal, significantly and noticeably.
+
+        None is the phase of a clock: it is started when anybody likes.
+        """
         fitted = self.final.fit
         problem = fitted.problem
         changes = fitted.point.q - problem.mean
@@ -171,7 +174,7 @@ class Diagnosis:
         return tuple(
             name
             for name, change, error in zip(problem.names, changes, errors, strict=True)
-            if is_significantly_different(change, error)
+            if is_significantly_different(change, error) and name not in problem.model.shifts
         )
 
     @cached_property
@@ -286,6 +289,26 @@ def diagnose(
     )
 
 
+def is_followed(records: Sequence[MeasuredRecord], model: Model, options: Options) -> bool:
+    """Return whether free runs of a model stay with records, with fitted parameters.
+
+    Raises
+    ------
+    UserError
+        If the model, the records or the options cannot be used.
+    """
+    law_model = _law_model(model, options)
+    pieces, _ = pieces_of(records, law_model, options.given)
+    data = _Data(model, law_model, _names(records), pieces, [], options, COMMON)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        subject = data.subject()
+        if subject is None or subject.observer is not None:
+            return False
+        judged = subject.judge(subject.base)
+        return judged is not None and not _drifts(judged)
+
+
 @dataclass(frozen=True, eq=False)
 class _Data:
     """A model with its records, as they are fitted and as they are left out."""
@@ -336,6 +359,8 @@ def _decide(
     parts = None
     if subject is not None:
         _check_count(data, subject)
+    # behind a joint a clock would tick at other instants
+    if subject is not None and not len(subject.problem.phases):
         parts = pieced(
             subject,
             data.records,

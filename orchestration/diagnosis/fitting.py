@@ -8,7 +8,7 @@ of Levenberg and Marquardt (Nocedal, Wright: Numerical Optimization, section 10.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
@@ -27,6 +27,8 @@ _PLAIN = 3.0  # prior deviation of other parameters, in their size
 _COEFFICIENT = 10.0  # prior deviation of a coefficient, in the size of its law
 _CONSTANT = 0.8  # prior deviation of the logarithm of a constant of a memory
 _WIDTH = 0.6  # prior deviation of the logarithm of a width
+_PHASE = 1.0  # prior deviation of the phase of a clock, in periods: nobody knows it
+_PHASES = 24  # of a clock, from which a fit may start: within 2 % of a period of the nearest
 _LONGEST = 1.5  # step of a coordinate, in prior deviations of a logarithm
 FLAT = 1e-4  # relative fall of the cost that ends a search, twice in a row
 _HALVINGS = 8  # of a step that does not go downhill, before a search ends
@@ -118,9 +120,9 @@ class Problem:
 
     @cached_property
     def searched(self) -> Indices:
-        """Positions of the parameters that are searched; clocks keep their instants."""
+        """Positions of the parameters that are searched; clocks keep their periods."""
         starts = set(self.model.start_positions)
-        held = self.hold | self.model.clock_parameters
+        held = self.hold | self.model.periods
         return np.array(
             [
                 i
@@ -163,9 +165,27 @@ class Problem:
 
     @cached_property
     def scales(self) -> list[Scale]:
-        """Scale of each free parameter."""
-        declared = [self.model.parameters[i] for i in self.free]
-        return [scale_of(p, self.nominal[i]) for i, p in zip(self.free, declared, strict=True)]
+        """Scale of each free parameter: of a shift of a clock, the period."""
+        return [
+            Scale(False, float(self.period_of[i]))
+            if i in self.period_of
+            else scale_of(self.model.parameters[i], self.nominal[i])
+            for i in self.free
+        ]
+
+    @cached_property
+    def period_of(self) -> dict[int, float]:
+        """Period of the clock that each parameter shifts, s, by its position."""
+        places = {p.name: i for i, p in enumerate(self.model.parameters)}
+        return {
+            places[name]: float(self.nominal[places[of]] if isinstance(of, str) else of)
+            for name, of in self.model.shifts.items()
+        }
+
+    @cached_property
+    def phases(self) -> Indices:
+        """Which searched coordinates are shifts of clocks, in their periods."""
+        return np.array([k for k, i in enumerate(self.free) if i in self.period_of], dtype=int)
 
     @cached_property
     def _logarithmic(self) -> Mask:
@@ -181,20 +201,33 @@ class Problem:
         pairs = zip(self.scales, self.nominal[self.free], strict=True)
         return np.array([s.position(v) for s, v in pairs])
 
+    def nominal_at_phases(self, q: Array) -> Array:
+        """Return the coordinates (p,) of the nominal values at the phases of others (p,)."""
+        nominal = self.mean.copy()
+        nominal[self.phases] = q[self.phases]
+        return nominal
+
     @cached_property
     def deviation(self) -> Array:
         """Prior deviations of the free parameters, in searched coordinates."""
-        return np.array([_LOGARITHM if s.logarithmic else _PLAIN for s in self.scales])
+        deviation = np.array([_LOGARITHM if s.logarithmic else _PLAIN for s in self.scales])
+        deviation[self.phases] = _PHASE
+        return deviation
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
-        """Both ends of the ranges of the free parameters, in searched coordinates."""
+        """Both ends of the ranges of the free parameters, in searched coordinates.
+
+        That of a phase is open: later by a period, a clock ticks at the same instants.
+        """
         low, high = [], []
         for i, scale in zip(self.free, self.scales, strict=True):
             p = self.model.parameters[i]
             low.append(scale.position(p.min))
             high.append(scale.position(p.max))
-        return np.array(low), np.array(high)
+        ends = np.array(low, dtype=float), np.array(high, dtype=float)
+        ends[0][self.phases], ends[1][self.phases] = -np.inf, np.inf
+        return ends
 
     def parameters(self, q: Array, group: int = 0) -> Array:
         """Return all parameters (np,) of a group of records, SI, at searched coordinates."""
@@ -202,6 +235,8 @@ class Problem:
         with np.errstate(over="ignore"):  # the end of an interval may lie beyond every number
             values = np.where(self._logarithmic, np.exp(q), q * self._sizes)
         all_of_them[self.searched] = values[self.columns(group)]
+        for i, period in self.period_of.items():
+            all_of_them[i] %= period
         return all_of_them
 
     def slopes(self, q: Array) -> Array:
@@ -563,7 +598,9 @@ def fit(
     search = _Search(problem, terms, weights)
     points = list(starts)
     nearest = sorted(points, key=search.cost)[:_STARTS] if len(points) > _STARTS else points
-    nominal = [p for p in points if np.array_equal(p.q, problem.mean)]
+    nominal = [p for p in points if np.array_equal(p.q, problem.nominal_at_phases(p.q))]
+    if len(problem.phases):
+        nominal = sorted(nominal, key=search.cost)[:_STARTS]
     nearest = [p for p in nearest if p not in nominal]
     steps = [_TRIAL] * len(nearest) + [_FARTHER * _TRIAL] * len(nominal)
     begun = zip(map(search.begin, [*nearest, *nominal]), steps, strict=True)
@@ -589,19 +626,32 @@ def fit_base(problem: Problem, q: Array | None = None) -> Fit | None:
     ----------
     problem : Problem
     q : ndarray, shape (p,), optional
-        Where it starts; by default nominal.
+        Where it starts; by default nominal, but for the phases of clocks, which may be any.
     """
     point = nominal_point(problem)
-    point = point if q is None else replace(point, q=q)
+    points = list(_at_phases(problem, point)) if q is None else [replace(point, q=q)]
     weights = [np.ones(len(problem.spread)) * 10.0 for _ in problem.records]
     best = None
     for _ in range(3):
-        found = fit(problem, (), [point], weights, 60)
+        found = fit(problem, (), points, weights, 60)
         if found is None:
             return best
-        best, point = found, found.point
+        best, points = found, [found.point]
         weights = weights_of(found.errors)
     return best
+
+
+def _at_phases(problem: Problem, point: Point) -> Iterator[Point]:
+    """Yield a point, and those with another phase of each clock in turn.
+
+    The cost has a kink where a tick passes a sample, and many minima over a phase.
+    """
+    yield point
+    for k in problem.phases:
+        for phase in range(1, _PHASES):
+            q = point.q.copy()
+            q[k] += phase / _PHASES
+            yield replace(point, q=q)
 
 
 def fit_start(

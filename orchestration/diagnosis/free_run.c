@@ -13,7 +13,10 @@
  *
  * Discrete states are the last of the states. Their rates are zero, and at each tick of their clock
  * the update x+ = U(x, u, t, p, a) takes their place, with S+ = U_x S + U_a da/dtheta + U_theta. A
- * tick belongs to the step after it: an output at its instant shows the values before it.
+ * tick belongs to the step after it: an output at its instant shows the values before it. If the
+ * clock is later by d, its tick is, and the states behind it differ by U_x f + U_t - f+ times d, f
+ * being their rates before and behind (Hiskens, Pai: Trajectory sensitivity analysis of hybrid
+ * systems, IEEE Trans. Circuits and Systems I 47, 2000).
  *
  * With a gain a run is that of an observer: after each sample, measured less simulated outputs
  * correct the states, X += G (y - Y(X)) and S += -G dY/dtheta (Ljung: System Identification, section
@@ -35,6 +38,7 @@ enum memory { NONE, LAG, FADING, TWO_LAGS, RATE_LIMIT, PLAY, DAHL, HEAT };
 #define KNOTS 9
 #define ROUNDED 0.02   /* of the scale, within which a root is straight */
 #define ABRUPT 0.004   /* of the scale, within which a step is made */
+#define LATER 1e-4     /* of a step, by which an update is later for its slope */
 #define LARGEST 1e12   /* of a state or an output, beyond which a run has left its range */
 
 typedef struct {
@@ -48,6 +52,7 @@ typedef struct {
     const double *time, *inputs, *parameters, *values, *start, *tick_time;
     const int *smooth, *position, *tick_clock, *tick; /* tick: the first of each step, n of them */
     const int *output, *state; /* with slopes; by whose start value there are slopes */
+    const int *shifts; /* of each clock, which of the free parameters shift it: clocks x free */
     const term *term;
     const double *observed, *gain; /* n x NY, NaN is a gap; n x NX x NY, or 0 for a free run */
     double *outputs, *slopes, *states;
@@ -412,8 +417,37 @@ static void integrate(double *X, double *S, int j, double begin, double width, d
     }
 }
 
-/* Update the discrete states of a clock. */
-static void update(double *X, double *S, double t, int clock, work *k) {
+/* By how much the update of a clock changes with its instant, as inputs j go in straight lines. */
+static void later(const double *X, double t, int j, int clock, double *by_time, work *k) {
+    const run *r = k->of;
+    const double *here = r->inputs + j * NU, width = r->time[j + 1] - r->time[j], d = LATER * width;
+    double *values[8] = {by_time};
+    for (int i = 0; i < NU; i++) if (r->smooth[i]) k->u[i] += LATER * (here[i + NU] - here[i]);
+    add_terms(X, 0, k->u, t + d, 0, 0, k);
+    call(updates_of[clock], X, k->u, t + d, r->parameters, k->arg_a, values, k);
+    for (int i = 0; i < NU; i++) if (r->smooth[i]) k->u[i] -= LATER * (here[i + NU] - here[i]);
+    for (int i = 0; i < NX; i++) by_time[i] = (by_time[i] - k->Y[i]) / d;
+}
+
+/* Add the rates of the states, times a sign, to their slopes by what shifts a clock. */
+static void shift(const double *X, double *S, double t, int clock, double sign, work *k) {
+    const run *r = k->of;
+    const int *shifts = r->shifts + clock * r->free;
+    k->is_known = 0;
+    rates(X, 0, k->u, t, k->K, 0, k);
+    for (int q = 0; q < r->free; q++)
+        if (shifts[q]) for (int i = 0; i < NX + k->nz; i++) S[i * k->ns + q] += sign * k->K[i];
+}
+
+static int is_shifted(int clock, const work *k) {
+    for (int q = 0; q < k->of->free; q++) if (k->of->shifts[clock * k->of->free + q]) return 1;
+    return 0;
+}
+
+/* Update the discrete states of a clock, in the step after sample j. */
+static void update(double *X, double *S, double t, int j, int clock, work *k) {
+    int shifted = S && is_shifted(clock, k);
+    if (shifted) shift(X, S, t, clock, 1.0, k);
     k->is_known = 0;
     add_terms(X, S, k->u, t, 0, 0, k);
     double *values[8] = {k->Y}, *all[8] = {k->Y, k->fx, k->fp, k->fa};
@@ -423,7 +457,14 @@ static void update(double *X, double *S, double t, int clock, work *k) {
         for (int i = 0; i < NX; i++) chain(i, of_updates + clock, S, k->T + i * k->ns, k);
         memcpy(S, k->T, NX * k->ns * sizeof(double));
     }
+    if (shifted) {
+        const int *shifts = k->of->shifts + clock * k->of->free;
+        later(X, t, j, clock, k->L, k);
+        for (int q = 0; q < k->of->free; q++)
+            if (shifts[q]) for (int i = 0; i < NX; i++) S[i * k->ns + q] += k->L[i];
+    }
     memcpy(X, k->Y, NX * sizeof(double));
+    if (shifted) shift(X, S, t, clock, -1.0, k);
     if (k->nz) {
         see_laws(X, k->u, t, S != 0, k);
         follow(X, S, k->u, t, k->before, k->dbefore, k);
@@ -444,7 +485,7 @@ static void advance(double *X, double *S, int j, work *k) {
         }
         if (is_tick) {
             set_inputs(j, end, k);
-            update(X, S, until, r->tick_clock[i], k);
+            update(X, S, until, j, r->tick_clock[i], k);
         }
         now = until;
         begin = end;

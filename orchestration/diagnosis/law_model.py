@@ -55,6 +55,7 @@ class _Run(ctypes.Structure):
         *((n, ctypes.c_int) for n in ("measured", "starts")),
         *((n, _ARRAY) for n in ("time", "inputs", "parameters", "values", "start", "tick_time")),
         *((n, _ARRAY) for n in ("smooth", "position", "tick_clock", "tick", "output", "state")),
+        ("shifts", _ARRAY),
         ("term", ctypes.POINTER(TermStructure)),
         *((n, _ARRAY) for n in ("observed", "gain", "outputs", "slopes", "states")),
     )
@@ -81,8 +82,10 @@ class LawModel:
         Laws that are the rate of a state or, of a discrete one, its next value.
     clocks : list of Clock
         Of the discrete states.
-    clock_parameters : set of str
-        Their periods and shifts, by which a run has no derivatives.
+    periods : set of str
+        Parameters that are periods of clocks, by which a run has no derivatives.
+    shifts : dict of str to float or str
+        Parameters that shift a clock, each with its period or the parameter for it.
     begins_as_declared : bool
         Whether each run begins at the declared start states, which are known.
     """
@@ -92,10 +95,11 @@ class LawModel:
     def __init__(self, cls: type[Component], effects: Mapping[str, type[Effect]] | None = None):
         layout = cls.layout
         self.cls = cls
-        self.perturbed = PerturbedLaws(cls)
+        self.perturbed = PerturbedLaws(cls, with_shown_states=True)
         self.inputs, self.states = layout.inputs, (*layout.states, *layout.discretes)
         self.rates = [*(s.rate for s in layout.states), *(z.update for z in layout.discretes)]
-        self.outputs, self.parameters = layout.outputs, layout.parameters
+        self.outputs = (*layout.outputs, *self.perturbed.shown)
+        self.parameters = layout.parameters
         self.laws = self.perturbed.names
         own = [v.name for v in (*self.inputs, *self.states)]
         self.signals = [*own, *self.laws, "time"]
@@ -103,7 +107,8 @@ class LawModel:
         self.start_positions = [index[layout.start_of[s.name]] for s in self.states]
         self.effects = dict(effects or {})
         self.clocks = [clock for clock, _ in layout.sampled]
-        self.clock_parameters = layout.clock_parameters
+        self.shifts = {name: clock.period for clock in self.clocks for name in clock.shift}
+        self.periods = layout.clock_parameters - set(self.shifts)
         self._stacked: dict[tuple[str, ...], StackedModel] = {}
         self._locks: defaultdict[tuple[str, ...], Lock] = defaultdict(Lock)
         self._library = self._compiled()
@@ -130,7 +135,9 @@ class LawModel:
         }
         of = {f.name(): ca.DM(f.jac_sparsity(0, _PARAMETERS), 1).full() > 0 for f in functions}
         self._by_parameters: Mask = np.vstack([of.pop("outputs_of"), of.pop("laws_of")])
-        self._moving: Mask = np.any([f.any(axis=0) for name, f in of.items()], axis=0)
+        moving = [f.any(axis=0) for f in of.values()]
+        shifting = np.array([p.name in self.shifts for p in self.parameters], dtype=bool)
+        self._moving: Mask = np.any([*moving, shifting], axis=0)
         generator = ca.CodeGenerator("model.c", {"with_header": False, "casadi_int": "int"})
         for function in functions:
             generator.add(function)
@@ -245,7 +252,8 @@ class LawModel:
         searched = range(len(self.states)) if setting.searched is None else setting.searched
         shown = range(len(self.outputs)) if measured is None else np.flatnonzero(measured)
         own = (setting.parameters, setting.values, start, ticks.time)
-        positions = (setting.free, ticks.clock, ticks.first, shown, searched)
+        shifts = [[self.parameters[i].name in c.shift for i in setting.free] for c in self.clocks]
+        positions = (setting.free, ticks.clock, ticks.first, shown, searched, shifts)
         doubles = [np.ascontiguousarray(a, dtype=float) for a in own]
         integers = [np.ascontiguousarray(a, dtype=np.int32) for a in (record.smooth, *positions)]
         seen = () if record.gain is None else (record.outputs, record.gain)
@@ -351,7 +359,7 @@ class LawModel:
         Neither the law of an output nor the rate of a state, which follows from the others, nor a
         law that is a function of one of them.
         """
-        left_out = {o.name for o in self.outputs} | set(self.followed)
+        left_out = {o.name for o in self.cls.layout.outputs} | set(self.followed)
         left_out |= {law for law in self.laws if len(self.perturbed.computed_from(law)) < 2}
         return frozenset(self.signals) - left_out
 
@@ -388,6 +396,7 @@ class LawModel:
         names = {s.name: i for i, s in enumerate(self.states)}
         shown = enumerate(ca.vertsplit(self.perturbed.graph.outputs))
         symbols = [(j, e.name()) for j, e in shown if e.is_symbolic()]
+        symbols += enumerate((s.name for s in self.perturbed.shown), len(self.cls.layout.outputs))
         return {names[name]: j for j, name in symbols if name in names}
 
     @cached_property
@@ -503,15 +512,19 @@ class StackedModel:
         return replace(plain, substeps=self._substeps(record, plain, start))
 
     def _substeps(self, record: Record, setting: Setting, start: Array) -> int:
-        """Return the steps between two samples that the effects ask for at the start."""
-        if not self._added or len(record.time) < 2:
+        """Return the steps between two samples that the effects ask for at the start.
+
+        At rest dry friction is steepest.
+        """
+        if len(record.time) < 2:
             return setting.substeps
         bare = replace(setting, terms=(), values=np.zeros(0), free=setting.free[:0])
         states = self._start(bare, start)[np.newaxis]
         none = np.zeros((0, 0, 0))
         first = Course(np.zeros((1, len(self.base.outputs))), none, states)
         part = self.stacked.linearise(self._seen(record.first), bare, first)
-        return max(setting.substeps, min(steps_of(part.rates, record), _MOST_OF_EFFECTS))
+        most = _MOST_OF_EFFECTS if self._added else _MOST_STEPS
+        return max(setting.substeps, min(steps_of(part.rates, record), most))
 
     def _seen(self, record: Record) -> Record:
         """Return a record with the gain for all states; those of effects run freely."""

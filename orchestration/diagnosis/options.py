@@ -34,6 +34,8 @@ class Options:
         Nominal values of parameters, and values of inputs that are constant, SI.
     effects : sequence of str or None
         Names or ids of the effects of the catalogue that may be causes; by default all.
+    catalogue : Mapping of str to type[Effect] or None
+        The effects of the catalogue by name; by default those that the model's authors list.
     laws : bool
         Whether terms of the laws may be causes, beside effects and faults of sensors and files.
     interpolate : bool or None
@@ -50,6 +52,7 @@ class Options:
     each: Collection[str] = ()
     given: Mapping[str, float] = field(default_factory=dict)
     effects: Sequence[str] | None = None
+    catalogue: Mapping[str, type[Effect]] | None = None
     laws: bool = True
     interpolate: bool | None = None
     time: float | None = None
@@ -94,7 +97,7 @@ class Options:
         UserError
             If one is unknown, or not fitted.
         """
-        held = self.held([p.name for p in model.parameters]) | model.clock_parameters
+        held = self.held([p.name for p in model.parameters]) | model.periods | set(model.shifts)
         real = {p.name for p in model.parameters if p.type == "real"}
         for name in self.each:
             if name not in real or name in held:
@@ -119,7 +122,8 @@ class Options:
         UserError
             If one is unknown, or none that a free run can have.
         """
-        usable = usable_effects(cls)
+        listed = self.catalogue
+        usable = usable_effects(cls) if listed is None else usable_of(cls, listed)
         if self.effects is None or _FAMILIES in self.effects:
             return usable
         chosen: dict[str, type[Effect]] = {}

@@ -414,7 +414,10 @@ class _Rounds:
                 continue
             self._terms += [c.term for c in screen.candidates if not isinstance(c.term, SensorTerm)]
             room = _MOST_TERMS - len(fitted.terms)
-            asked = list(_by_quota(screen, quotas[count], room, fitted.terms))
+            moved = fitted.point.q - fitted.problem.nominal_at_phases(fitted.point.q)
+            is_far = bool(np.any(np.abs(moved) > _FAR * fitted.problem.deviation))
+            ways = quotas[count], room, fitted.terms
+            asked = list(_by_quota(screen, *ways, is_far=is_far and count == 1))
             along = "the record" if count == 1 else f"{count} pieces of the record"
             self._progress(f"{len(screen.candidates)} terms along {along}, {len(asked)} sets")
             asked.sort(key=len)
@@ -461,10 +464,11 @@ class _Rounds:
             Point(moved, np.concatenate([base, *wanted]), starts),
             Point(q, np.concatenate([base, *wanted]), starts),
         ]
-        if np.any(np.abs(q - problem.mean) > _FAR * problem.deviation):
+        nominal = problem.nominal_at_phases(q)
+        if np.any(np.abs(q - nominal) > _FAR * problem.deviation):
             for others in itertools.product(*map(with_shorter_lags, terms)):
                 small = [t.values(SMALL) for t in others]
-                points.append(Point(problem.mean, np.concatenate([base, *small]), starts))
+                points.append(Point(nominal, np.concatenate([base, *small]), starts))
         for k, term in enumerate(terms):
             for other in at_other_instants(term):
                 instead = [*wanted[:k], other.values(wanted[k][0]), *wanted[k + 1 :]]
@@ -592,12 +596,18 @@ def _extended(fitted: Fit, terms: Sequence[Term]) -> Point:
 
 
 def _by_quota(
-    screen: Screen, quota: dict[int, int], most: int, there: Sequence[Term]
+    screen: Screen,
+    quota: dict[int, int],
+    most: int,
+    there: Sequence[Term],
+    *,
+    is_far: bool = False,
 ) -> Iterable[tuple[int, ...]]:
     """Yield the best sets of each number of terms; a first term leads few of them, time fewer.
 
     Each fault of a sensor is tried alone first: parameters that do its work beside the truth may
-    hide it from the screen, and they are few.
+    hide it from the screen, and they are few. So is each effect of the catalogue if they went far
+    (`is_far`): dry friction looks like another damping and inductance.
     """
     taken: dict[object, int] = {}
     sources = {t.source for t in there}
@@ -610,7 +620,8 @@ def _by_quota(
         is_named = bool(effects_in(terms))
         own = _NAMED if is_named else quota
         kind = size, "named" if is_named else "laws"
-        if size == 1 and not there and isinstance(terms[0], SensorTerm):
+        is_hidden = isinstance(terms[0], SensorTerm) or (is_named and is_far)
+        if size == 1 and not there and is_hidden:
             yield chosen
             continue
         if (

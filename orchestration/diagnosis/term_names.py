@@ -167,9 +167,10 @@ def estimates(fitted: Fit, terms: Mapping[str, Term]) -> dict[str, Estimate]:
     for k in sorted(range(len(problem.free)), key=lambda k: problem.free[k]):
         i, scale = problem.free[k], problem.scales[k]
         declared = problem.model.parameters[i]
-        ends = interval_of(fitted.point.q[k], deviation[k], problem.deviation[k])
+        place = fitted.point.q[k] % 1.0 if k in problem.phases else fitted.point.q[k]
+        ends = interval_of(place, deviation[k], problem.deviation[k])
         result[problem.names[k]] = Estimate(
-            scale.value(fitted.point.q[k]),
+            scale.value(place),
             float(problem.nominal[i]),
             (scale.value(ends[0]), scale.value(ends[1])),
             declared.unit,

@@ -11,3 +11,6 @@ from .model import Member as Member
 from .model import Port as Port
 from .model import System as System
 from .model import connect as connect
+from .signals import columns_of as columns_of
+from .signals import read_system_record as read_system_record
+from .signals import signal_names as signal_names

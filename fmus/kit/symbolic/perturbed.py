@@ -16,7 +16,7 @@ import numpy as np
 
 from fmus.kit.arrays import Array
 from fmus.kit.component import Component
-from fmus.kit.declare import Declaration
+from fmus.kit.declare import Declaration, Started
 from fmus.kit.interrupt import uninterrupted
 from fmus.kit.layout import law_of
 from fmus.kit.symbolic.tracing import Graph, trace
@@ -58,6 +58,9 @@ class PerturbedLaws:
     Parameters
     ----------
     cls : type[Component]
+    with_shown_states : bool
+        Whether states that are outputs of the FMU are outputs here too, each behind a law of its
+        name that returns it.
 
     Attributes
     ----------
@@ -65,9 +68,11 @@ class PerturbedLaws:
         Laws that its rates, outputs and updates call, in the order of the first calls.
     graph : Graph
         Graph of the component without additions.
+    shown : tuple of Started
+        States that are outputs here, behind the declared ones.
     """
 
-    def __init__(self, cls: type[Component]):
+    def __init__(self, cls: type[Component], *, with_shown_states: bool = False):
         self._additions: dict[str, ca.SX] = {}  # symbol that is added to each law
         self._values: dict[str, ca.SX] = {}  # value of each law at its first call
         self._calling: list[str] = []  # stack of the laws that are being called
@@ -77,9 +82,25 @@ class PerturbedLaws:
         self._signals = {v.name for v in variables} | {"time"}
         self._perturbed = trace(self._recording_class(cls))
         self.graph: Graph = trace(cls)
+        names = [s.name for s in (*layout.states, *layout.discretes)]
+        symbols = dict(zip(names, self._states_of(self._perturbed), strict=True))
+        shown = [
+            *(s for s in layout.states if s.output),
+            *(z for z in layout.discretes if z.output),
+        ]
+        self.shown: tuple[Started, ...] = tuple(shown) if with_shown_states else ()
+        for name in (s.name for s in self.shown):
+            self._additions[name] = ca.SX.sym(name)
+            self._values[name] = symbols[name]
+            self._read[name] = {name}
         self.names = list(self._additions)
         # `_function` over n points, by n
         self._functions_over_points: dict[int, ca.Function] = {}
+
+    @staticmethod
+    def _states_of(graph: Graph) -> list[ca.SX]:
+        """Return the symbols of all states of a graph, discrete ones last."""
+        return [*ca.vertsplit(graph.states), *ca.vertsplit(graph.discretes)]
 
     def _recording_class(self, cls: type[Component]) -> type[Component]:
         """Return a subclass whose laws add their symbol to their value.
@@ -161,6 +182,8 @@ class PerturbedLaws:
             If there is no such law.
         """
         layout = self.graph.layout
+        if law in {s.name for s in self.shown}:
+            return True
         is_state = self._is_one_of(layout.states, law)
         if law in {o.name for o in layout.outputs}:
             return is_state or not self._read[law] - set(self.names)
@@ -287,14 +310,16 @@ class PerturbedLaws:
             results = [ca.densify(value), *(ca.jacobian(value, s) for s in symbols)]
             return ca.Function(name, known, ca.cse(results))
 
+        of_states = (self._values[s.name] + self._additions[s.name] for s in self.shown)
+        outputs = ca.vertcat(graph.outputs, *of_states)
         slopes = [states, graph.parameters, added]
         updates = [ca.vertcat(graph.states, update) for update in graph.updates]
         return [
             function("laws_of", laws, slopes[:2]),
             function("rates_of", rates, []),
-            function("outputs_of", graph.outputs, []),
+            function("outputs_of", outputs, []),
             function("rate_slopes_of", rates, slopes),
-            function("output_slopes_of", graph.outputs, slopes),
+            function("output_slopes_of", outputs, slopes),
             *(function(f"update_{i}_of", update, slopes) for i, update in enumerate(updates)),
         ]
 

@@ -33,7 +33,6 @@ from orchestration.discrepancy.systems.in_loop import (
 )
 from orchestration.discrepancy.systems.loop_verdict import diagnoses_in_loop
 from orchestration.discrepancy.systems.member import MemberSimulation, opened
-from orchestration.discrepancy.systems.system_record import columns_of, read_system_record
 from orchestration.discrepancy.systems.verdict import (
     Effort,
     MemberDiagnosis,
@@ -43,7 +42,7 @@ from orchestration.discrepancy.systems.verdict import (
     not_assessed,
 )
 from orchestration.records import parse_mapping
-from orchestration.system import Port, System, check, interface, ssp
+from orchestration.system import Port, System, check, columns_of, interface, read_system_record, ssp
 
 # communication steps of the system that are made at once while two members hold each other
 _LOOP_STEP = 5.0
@@ -67,7 +66,7 @@ def diagnose_system(
     ----------
     record_path, ssp_path : Path
     mapping : sequence of str
-        ``column=signal`` entries; signals have the names of `systems.system_record.signal_names`.
+        ``column=signal`` entries; signals have the names of `orchestration.system.signal_names`.
     settings : sequence of str
         ``member.variable=value[unit]``: parameters, and inputs that stayed at a value.
     progress : callable

@@ -128,7 +128,7 @@ class SystemDiagnosis:
     members : list of MemberDiagnosis
     columns : dict of Port to tuple of str
         Which column of the file every port can be read from, see
-        `systems.system_record.columns_of`.
+        `orchestration.system.columns_of`.
     """
 
     system: str

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fmus.kit import Output, Parameter
+from fmus.kit import Output, Parameter, State
 from fmus.kit.arrays import Array
 from orchestration.diagnosis import LawModel, Memory, Record, Shape, Term, law_model
 from orchestration.diagnosis.runs import Course, Setting
@@ -401,3 +401,32 @@ def test_an_output_that_is_a_state_is_seen() -> None:
     assert mass().measured_states == {0: 0}
     assert mass().integrals == {"x"}, "of the velocity"
     assert mass().nominal_states == pytest.approx([0.1, 1.0])
+
+
+class ShownMass(Mass):
+    """A mass whose velocity is an output of its FMU, too."""
+
+    name = "shown_mass"
+    v = State("m/s", rate="acceleration", nominal=1.0, output=True)
+
+
+def test_a_state_that_the_fmu_shows_is_an_output() -> None:
+    model = LawModel(ShownMass)
+    assert [output.name for output in model.outputs] == ["position", "v"]
+    record = replace(pushed(60), outputs=np.zeros((60, 2)))
+    setting = Setting(nominal(), FREE, substeps=4)
+    course = model.run(record, setting, START, sensitive=True)
+    assert course is not None
+
+    def rates(x: Array, u: float, t: float) -> list[float]:
+        return [x[1], (u - K * x[0] - D * x[1]) / M]
+
+    states = integrated(record, rates, START, 1e-9)
+    later = integrated(record, rates, np.array([START[0], START[1] + 1.0]), 1e-9)
+    assert course.outputs == pytest.approx(states, abs=1e-5)
+    assert course.slopes[:, :, -1] == pytest.approx(later - states, abs=1e-5)
+    assert model.measured_states[1] == 1
+    offset = Term("v", "", Shape.CONSTANT, size=0.5)
+    shifted = model.run(record, replace(setting, terms=(offset,), values=np.array([0.2])), START)
+    assert shifted is not None
+    assert shifted.outputs - course.outputs == pytest.approx(np.tile([0.0, 0.1], (60, 1)))

@@ -7,10 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orchestration.diagnosis import Memory, Shape, Term
+from fmus.kit import Effect, Parameter, tanh
+from fmus.kit import Term as EffectTerm
+from orchestration.diagnosis import LawModel, Memory, Shape, Term
 from orchestration.diagnosis.runs import Setting
 from orchestration.diagnosis.terms import NamedTerm, Released
 from orchestration.identify.fitting import Scale
+from tests.support.diagnosed_mass import Mass, nominal, pushed
 from tests.support.diagnosed_tank import AREA, DRAIN, START, drawn, tank
 
 SILTING = NamedTerm(
@@ -130,3 +133,37 @@ def test_an_effect_that_is_faster_than_any_record_shows_has_twelve_steps_in_a_sa
     slower = stacked._setting(record, replace(quick, substeps=20), np.array([START]))
     assert slower is not None
     assert slower.substeps == 20, "which the model asks for itself"
+
+
+class Braked(Effect):
+    """Dry friction of a mass, which is steep within a tenth of a millimetre a second."""
+
+    id = "braked"
+    neutral = "brake"
+    term = EffectTerm("friction", "v", "F tanh(v / w)", "friction over v")
+    brake = Parameter(0.0, "N", min=0.0, max=100.0, nominal=1.0, doc="force")
+    brake_velocity = Parameter(1e-4, "m/s", min=1e-9, max=1.0, nominal=1e-4, doc="width")
+
+    def friction(self):
+        """Of the slide, and dry."""
+        return super().friction() + self.brake * tanh(self.v / self.brake_velocity)
+
+
+def test_dry_friction_has_steps_as_short_as_it_is_steep() -> None:
+    """The mass stands until the spring outweighs the brake: its slope at rest is 5000 1/s."""
+    model = LawModel(Mass, {"braked": Braked})
+    record = pushed(50, 0.005)
+    held = replace(record, inputs=np.full((50, 1), 0.5))
+    released = (
+        Released("brake", "N", Scale(False, 1.0), 0.0, 100.0),
+        Released("brake_velocity", "m/s", Scale(True, 1e-4), 1e-9, 1.0),
+    )
+    term = NamedTerm(
+        "friction", "v", Shape.LINEAR, constants=(1e-4,), effect="braked", released=released
+    )
+    values = np.array([1.0, np.log(1e-4)])
+    setting = Setting(nominal(), np.array([0]), (term,), values, substeps=1)
+    course = model.run(held, setting, np.zeros(2))
+    assert course is not None
+    creep = 1e-4 * np.arctanh(0.5)  # at which the brake holds the force
+    assert course.states[5:, 1] == pytest.approx(creep, rel=0.05)

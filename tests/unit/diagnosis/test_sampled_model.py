@@ -12,20 +12,29 @@ import pytest
 
 from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
-from orchestration.diagnosis import LawModel, Memory, Record, Shape, Term, diagnose
+from orchestration.diagnosis import LawModel, Memory, Options, Record, Shape, Term, diagnose
 from orchestration.diagnosis.catalogue import named_terms
 from orchestration.diagnosis.courses import Courses, courses_of
-from orchestration.diagnosis.fitting import Fit, Problem, StartPrior, nominal_point
+from orchestration.diagnosis.fitting import Fit, Problem, StartPrior, fit_base, nominal_point
 from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.responses import respond
 from orchestration.diagnosis.runs import Course, Setting
 from orchestration.diagnosis.screening import alike
+from orchestration.diagnosis.term_names import estimates
 from orchestration.fmu import find_model
 from orchestration.fmu.model import declared_model_of
 from orchestration.records import Record as MeasuredRecord
 from tests.contract.raw import instance
 from tests.support.diagnosed_vessels import drives_of
-from tests.support.sampled_loop import KI, START, SampledLoop, driven, exact, sampled_loop
+from tests.support.sampled_loop import (
+    KI,
+    PERIOD,
+    START,
+    SampledLoop,
+    driven,
+    exact,
+    sampled_loop,
+)
 
 FREE = np.arange(4)  # gain, lag, kp, ki
 
@@ -264,8 +273,52 @@ def test_a_file_in_another_clock_has_no_more_ticks_than_a_run_can_take() -> None
     assert sampled_loop().run(microseconds, setting_of(), START) is None
 
 
-def test_clocks_keep_their_instants() -> None:
-    assert sampled_loop().clock_parameters == {"period", "shift"}
+@pytest.mark.parametrize("smooth", [False, True])
+def test_slopes_by_a_shift_are_those_of_the_recursion(smooth: bool) -> None:
+    record = driven(70, 0.07, smooth=smooth)
+    setting = replace(setting_of(), free=np.array([0, 5]))
+    setting.parameters[5] = 0.0331  # no tick at a sample, where a command that is shown jumps
+    slopes = run(record, setting, sensitive=True).slopes[:, :, 1]
+
+    def shown(shift: float) -> Array:
+        if not smooth:
+            return exact(record, shift=shift)[:, :2]
+        moved = setting.parameters.copy()
+        moved[5] = shift
+        return run(record, replace(setting, parameters=moved)).outputs
+
+    h = 1e-6
+    expected = (shown(0.0331 + h) - shown(0.0331 - h)) / (2.0 * h)
+    assert slopes == pytest.approx(expected, abs=1e-4 * np.abs(expected).max())
+    assert np.abs(expected).max() > 1.0
+
+
+@pytest.mark.parametrize("shift", [0.0004, 0.031, 0.0993])
+def test_the_phase_of_a_clock_is_found_anywhere_in_its_period(shift: float) -> None:
+    rng = np.random.default_rng(5)
+    record = driven(150, 0.03)
+    steps = rng.uniform(-1.5, 1.5, (30, 2)) * (1.0, 0.3)
+    record = replace(record, inputs=np.repeat(steps, 5, axis=0))
+    shown = exact(record, np.zeros(3), shift=shift, gain=2.4)[:, :2]
+    record = replace(record, outputs=shown + 0.01 * rng.standard_normal(shown.shape))
+    prior = StartPrior(np.zeros(3), 0.01 * np.ones(3))
+    problem = Problem(sampled_loop(), (record,), np.ones(2), (prior,), substeps=4)
+    fitted = fit_base(problem)
+    assert fitted is not None
+    found = estimates(fitted, {})["shift"]
+    assert 0.0 <= found.value < PERIOD
+    apart = (np.array(found.interval) - shift + 0.5 * PERIOD) % PERIOD - 0.5 * PERIOD
+    assert apart[0] <= 0.0 <= apart[1]
+    assert np.ptp(apart) < 0.1 * PERIOD
+
+
+def test_a_phase_is_no_change_of_the_model() -> None:
+    record = measured(11, 0.0)
+    late = replace(record, time=record.time + 0.055)
+    found = diagnose([late], declared_model_of(SampledLoop), (), Options(laws=False, effects=()))
+    assert found.changed == ()
+    assert "shift" in found.parameters
+    assert "period" not in found.parameters
 
 
 def measured(seed: int, cube: float) -> MeasuredRecord:

@@ -15,7 +15,7 @@ from orchestration.diagnosis.conclude import conclude
 from orchestration.diagnosis.fitting import Point
 from orchestration.diagnosis.search import search
 from orchestration.diagnosis.term_names import sentence
-from orchestration.diagnosis.terms import SensorTerm
+from orchestration.diagnosis.terms import NamedTerm, SensorTerm
 from tests.support.diagnosed_mass import START, D, K, M, integrated, mass, pushed
 from tests.support.dry_mass import drawn, dry, nothing, outside, searched, small_search
 
@@ -181,6 +181,20 @@ def test_a_quota_limits_sets_of_one_size_and_one_lead() -> None:
     again = NAMES._by_quota(screen, {1: 50}, 1, friction)
     there = {t.source for t in friction}
     assert not any(screen.candidates[i].term.source in there for c in again for i in c)
+
+
+def test_effects_are_tried_alone_where_parameters_went_far(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the screen says of one whose work they do."""
+    subject = subject_of(mass(), [drawn(dry, 200)])
+    assert subject is not None
+    rounds = NAMES._Rounds(Found(subject, subject.judge(subject.base)), print)
+    screen = rounds._screen(subject.base, 1)
+    assert screen is not None
+    term = NamedTerm("friction", "v", Shape.LINEAR, effect="braked", family="braked")
+    screen.candidates[0] = replace(screen.candidates[0], term=term)
+    monkeypatch.setattr(screen, "propose", lambda most: [(-30.0, (0,))])
+    assert list(NAMES._by_quota(screen, {1: 3}, 2, ())) == []
+    assert list(NAMES._by_quota(screen, {1: 3}, 2, (), is_far=True)) == [(0,)]
 
 
 def test_a_model_that_runs_away_over_what_is_left_out_is_not_searched() -> None:

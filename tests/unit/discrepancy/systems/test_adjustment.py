@@ -8,7 +8,7 @@ import pytest
 from orchestration.discrepancy.systems.adjustment import ParameterSearch
 from orchestration.discrepancy.systems.cut import isolated_members
 from orchestration.discrepancy.systems.member import choose_interpolation, opened
-from orchestration.discrepancy.systems.system_record import read_system_record
+from orchestration.system import read_system_record
 from tests.support.system.lags import lags
 
 

@@ -9,8 +9,7 @@ from orchestration.discrepancy.systems.adjustment import ParameterSearch
 from orchestration.discrepancy.systems.assessment import assess_outputs
 from orchestration.discrepancy.systems.cut import isolated_members
 from orchestration.discrepancy.systems.member import choose_interpolation, opened
-from orchestration.discrepancy.systems.system_record import read_system_record
-from orchestration.system import Port
+from orchestration.system import Port, read_system_record
 from tests.support.system.lags import SAMPLES, STEP, lags
 
 TIME = STEP * np.arange(SAMPLES)

@@ -14,7 +14,8 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.records import Record, read_record
 from orchestration.records.tables import split_header_cell
-from orchestration.system import Port, System, interface
+from orchestration.system.checking import interface
+from orchestration.system.model import Port, System
 
 
 def signal_names(system: System) -> dict[str, Port]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from orchestration.discrepancy.systems.system_record import signal_names
-from orchestration.system import Member, Port, System, connect
+from orchestration.system import Member, Port, System, connect, signal_names
 from orchestration.system.model import Connection
 from tests.support.hosts import build_one_state_fmu
 

@@ -1,0 +1,9 @@
+from .diagnosis import MemberDiagnosis as MemberDiagnosis
+from .diagnosis import MemberVerdict as MemberVerdict
+from .diagnosis import SystemDiagnosis as SystemDiagnosis
+from .diagnosis import diagnose_system as diagnose_system
+from .parts import InputOrigin as InputOrigin
+from .parts import InputSource as InputSource
+from .report import overview as overview
+from .report import sentence as sentence
+from .report import summary as summary

@@ -1,0 +1,452 @@
+"""Diagnosis of a system: which member a record contradicts, and by which cause.
+
+Each member that was recorded at its ports is cut there, and is a component with a record of its
+own. Members between which nothing was recorded, and those of a loop in which one cannot be run by
+what was recorded, are closed over their connections, and are one component together: nothing
+between samples is unknown there, and no noise of a measurement goes in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from fmus.kit import UserError
+from fmus.kit.storage import scratch
+from orchestration.diagnosis.cause import Cause
+from orchestration.diagnosis.engine import Diagnosis, diagnose, is_followed
+from orchestration.diagnosis.options import Options
+from orchestration.diagnosis.remainder import Remainder
+from orchestration.diagnosis.systems.fused_component import Fused, full_name, fused
+from orchestration.diagnosis.systems.parts import Cuts, InputSource, Part
+from orchestration.diagnosis.systems.program import program_constants
+from orchestration.diagnosis.terms import Term
+from orchestration.fmu import Model
+from orchestration.fmu.model import catalogue, declared_model_of
+from orchestration.identify.uncertainty import Estimate
+from orchestration.records import Record, parse_mapping
+from orchestration.system import (
+    Member,
+    Port,
+    System,
+    check,
+    columns_of,
+    interface,
+    read_system_record,
+    ssp,
+)
+
+_SHORTEST = 100  # samples
+# of a loop of several members: a run takes a step for every millisecond, and terms are many
+_LONGEST = 1000  # samples, or so many seconds as follow
+_SECONDS = 10.0
+
+
+class MemberVerdict(StrEnum):
+    """Verdict on a member, the gravest first."""
+
+    WRONG = "wrong"  # in its laws
+    RECALIBRATE = "recalibrate"
+    CONSISTENT = "consistent"
+    CANNOT_BE_JUDGED = "cannot be judged"
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """The diagnosis of a part of a system.
+
+    Attributes
+    ----------
+    part : Part
+    diagnosis : Diagnosis or None
+        None if the part cannot be judged.
+    reason : str
+        Why not.
+    whole : Fused or None
+        The component that several members are together.
+    """
+
+    part: Part
+    diagnosis: Diagnosis | None = None
+    reason: str = ""
+    whole: Fused | None = None
+
+    def origin(self, name: str) -> tuple[str, str]:
+        """Return the member of a variable, law or effect of the part, and its name there."""
+        return (self.part.names[0], name) if self.whole is None else self.whole.origin(name)
+
+    def name(self, member: str, variable: str) -> str:
+        """Return the name of a variable of a member in the part."""
+        return variable if self.whole is None else full_name(member, variable)
+
+
+@dataclass(frozen=True, eq=False)
+class MemberDiagnosis:
+    """The diagnosis of one member.
+
+    Attributes
+    ----------
+    name, fmu : str
+        In the system, and of its file.
+    model : str
+        The name that the FMU gives its model: for one of ours that of the component.
+    judgement : Judgement
+        Of the part that it belongs to.
+    """
+
+    name: str
+    fmu: str
+    model: str
+    judgement: Judgement
+
+    @property
+    def partners(self) -> list[str]:
+        """Members with which it was judged in one loop."""
+        return [name for name in self.judgement.part.names if name != self.name]
+
+    @cached_property
+    def causes(self) -> list[tuple[str, Cause]]:
+        """Causes of the part that are its own, the most probable first, by their name in it."""
+        diagnosis = self.judgement.diagnosis
+        own = []
+        for cause in diagnosis.causes if diagnosis else ():
+            member, name = self._name_of(cause)
+            if member == self.name:
+                own.append((name, cause))
+        return own
+
+    @cached_property
+    def probability(self) -> float:
+        """Probability that a cause is in it."""
+        return float(sum(cause.probability for _, cause in self.causes))
+
+    @cached_property
+    def verdict(self) -> MemberVerdict:
+        """Wrong if the most probable cause of its part is its own, or nothing explains the part."""
+        diagnosis = self.judgement.diagnosis
+        if diagnosis is None:
+            return MemberVerdict.CANNOT_BE_JUDGED
+        if diagnosis.verdict not in ("consistent", "recalibrate"):
+            leading = diagnosis.causes[:1]
+            if not leading or leading[0] in [cause for _, cause in self.causes]:
+                return MemberVerdict.WRONG
+            if self.causes:
+                return MemberVerdict.CANNOT_BE_JUDGED
+        changed = any(p.differs for p in self.parameters.values())
+        return MemberVerdict.RECALIBRATE if changed else MemberVerdict.CONSISTENT
+
+    @cached_property
+    def parameters(self) -> dict[str, MemberParameter]:
+        """Fitted parameters by name, those of its causes among them, without start states."""
+        diagnosis = self.judgement.diagnosis
+        if diagnosis is None:
+            return {}
+        model = diagnosis.found.subject.problem.model
+        starts = {model.parameters[i].name for i in model.start_positions}
+        result = {}
+        for full, estimate in diagnosis.parameters.items():
+            member, name = self.judgement.origin(full)
+            if member == self.name and full not in starts:
+                differs = full in diagnosis.changed
+                result[name] = MemberParameter(estimate, differs)
+        return result
+
+    @cached_property
+    def outputs(self) -> dict[str, MemberOutput]:
+        """Its measured outputs, by name."""
+        diagnosis = self.judgement.diagnosis
+        if diagnosis is None:
+            return {}
+        before = diagnosis.errors(diagnosis.found.base)
+        after = diagnosis.errors(diagnosis.final)
+        found = {}
+        for remainder in diagnosis.remainders:
+            member, name = self.judgement.origin(remainder.output)
+            if member == self.name:
+                known = before[remainder.output], after[remainder.output]
+                found[name] = MemberOutput(remainder, *known)
+        return found
+
+    @property
+    def inputs(self) -> dict[str, InputSource]:
+        """Sources of its inputs, by name."""
+        sources = self.judgement.part.inputs.items()
+        return {port.variable: source for port, source in sources if port.member == self.name}
+
+    def _name_of(self, cause: Cause) -> tuple[str, str]:
+        """Return the member of a cause, and its name there; of a reading its first column's."""
+        lead = cause.parts[0]
+        if not isinstance(lead, Term):
+            column = next(iter(lead.columns), "")
+            return self.judgement.origin(column)[0], str(lead)
+        member, _ = self.judgement.origin(lead.law or lead.name)
+        name = lead.name
+        for other in self.judgement.part.names:
+            prefix = self.judgement.name(other, "")
+            own = "" if other == member else f"{other}."
+            name = name.replace(prefix, own) if prefix else name
+        return member, name
+
+
+@dataclass(frozen=True)
+class MemberParameter:
+    """A parameter of a member as it was fitted.
+
+    Attributes
+    ----------
+    estimate : Estimate
+    differs : bool
+        Significantly and noticeably.
+    """
+
+    estimate: Estimate
+    differs: bool
+
+
+@dataclass(frozen=True)
+class MemberOutput:
+    """A measured output of a member.
+
+    Attributes
+    ----------
+    remainder : Remainder
+        What the final model leaves.
+    before, after : float or None
+        Errors over the size of the output where nothing was fitted: of the model with fitted
+        parameters, and of the final one.
+    """
+
+    remainder: Remainder
+    before: float | None
+    after: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class SystemDiagnosis:
+    """The diagnoses of all members of a system.
+
+    Attributes
+    ----------
+    system : str
+    record : Record
+    members : list of MemberDiagnosis
+    columns : dict of Port to tuple of str
+        Column of the file from which every port can be read, see `orchestration.system.columns_of`.
+    """
+
+    system: str
+    record: Record
+    members: list[MemberDiagnosis]
+    columns: dict[Port, tuple[str, str]] = field(default_factory=dict)
+
+    @property
+    def wrong(self) -> list[MemberDiagnosis]:
+        """Members whose laws are wrong, the first suspect first."""
+        found = [m for m in self.members if m.verdict is MemberVerdict.WRONG]
+        return sorted(found, key=lambda member: -member.probability)
+
+    @property
+    def verdict(self) -> MemberVerdict:
+        """The gravest of all; no member could be judged if that is the verdict."""
+        gravity = list(MemberVerdict)
+        return min((m.verdict for m in self.members), key=gravity.index)
+
+
+def diagnose_system(
+    record_path: Path,
+    ssp_path: Path,
+    mapping: Sequence[str] = (),
+    settings: Sequence[str] = (),
+    progress: Callable[[str], None] = lambda text: None,
+    time: float | None = None,
+) -> SystemDiagnosis:
+    """Diagnose which members of a system a record contradicts, and by which causes.
+
+    Parameters
+    ----------
+    record_path, ssp_path : Path
+    mapping : sequence of str
+        ``column=signal`` entries; signals have the names of `orchestration.system.signal_names`.
+    settings : sequence of str
+        ``member.variable=value[unit]``: parameters, and inputs that stayed at a value.
+    progress : callable
+        Called with a text about each step of the work.
+    time : float, optional
+        Processor time of the search in each part, s; by default without a limit.
+
+    Raises
+    ------
+    UserError
+        If the system or the record cannot be used.
+    """
+    with scratch.folder("ssp") as folder:
+        system = ssp.read(ssp_path, folder)
+        check(system)
+        system, given = _configured(system, settings)
+        renamed = parse_mapping(mapping)
+        record, measured = read_system_record(record_path, system, renamed)
+        if record.time.size < _SHORTEST:
+            raise UserError(
+                f"{record_path}: {record.time.size} samples are too few; {_SHORTEST} are the least"
+            )
+        judged = judgements(Cuts(system, measured, given), record, progress, time)
+        members = [_member(member, judged) for member in system.members]
+        return SystemDiagnosis(system.name, record, members, columns_of(system, record, renamed))
+
+
+def _member(member: Member, judged: Sequence[Judgement]) -> MemberDiagnosis:
+    judgement = next(one for one in judged if member.name in one.part.names)
+    model = interface(member).name
+    return MemberDiagnosis(member.name, member.fmu.name, model, judgement)
+
+
+def _configured(system: System, settings: Sequence[str]) -> tuple[System, dict[Port, float]]:
+    """Set parameters in a system; return the values of inputs that are given besides."""
+    given: dict[Port, float] = {}
+    members = {member.name: member for member in system.members}
+    for text in settings:
+        name, _, amount = text.partition("=")
+        port = system.port(name.strip())
+        member = members[port.member]
+        model = interface(member)
+        value = model.settings([f"{port.variable}={amount}"])[port.variable]
+        if port.variable in model.inputs:
+            given[port] = float(value)
+        else:
+            parameters = {**member.parameters, port.variable: value}
+            members[member.name] = replace(member, parameters=parameters)
+    return replace(system, members=tuple(members.values())), given
+
+
+def judgements(
+    cuts: Cuts, record: Record, progress: Callable[[str], None], time: float | None
+) -> list[Judgement]:
+    """Judge the parts of a system, with members in their loops that cannot be judged by cuts."""
+    cut = cuts.parts()
+    open_ones = []
+    for part in cut:
+        if _can_be_closed(part, cuts) and not _is_followed(part, record):
+            open_ones += part.names
+    parts = cuts.closed(cut, open_ones)
+    return [_judgement(part, record, progress, time) for part in parts]
+
+
+def _can_be_closed(part: Part, cuts: Cuts) -> bool:
+    """Return whether a part is in a loop with others whose equations are all known."""
+    partners = {other for name in part.names for other in cuts.loop_members(name)}
+    if partners <= set(part.names) or part.missing:
+        return False
+    whole = next(p for p in cuts.closed(cuts.parts(), part.names) if part.names[0] in p.names)
+    return whole.classes is not None and not whole.missing
+
+
+def _is_followed(part: Part, record: Record) -> bool:
+    """Return whether a part runs by what was recorded at its ports, in step with its clocks."""
+    classes = part.classes
+    if classes is None or not part.outputs:
+        return True
+    if any(clock.shift for cls in classes.values() for clock, _ in cls.layout.sampled):
+        return False  # its sampled inputs come from a loop in which they change between samples
+    try:
+        subject = _subject(part, record)
+        return is_followed([subject.record], subject.model, subject.options)
+    except UserError:
+        return False
+
+
+@dataclass(frozen=True, eq=False)
+class _PartSubject:
+    """A part as a model with a record."""
+
+    model: Model
+    record: Record
+    options: Options
+    whole: Fused | None
+
+
+def _subject(part: Part, record: Record, time: float | None = None) -> _PartSubject:
+    """Return a part as a model with a record; several members are one component."""
+    whole = None
+    classes = part.classes
+    options = Options(time=time)
+    if len(part.members) == 1:
+        model = part.models[part.names[0]]
+    else:
+        if classes is None:
+            names = ", ".join(n for n, m in part.models.items() if m.cls is None)
+            raise UserError(f"the equations of {names} are unknown, so that its loop stays open")
+        values = {member.name: member.parameters for member in part.members}
+        whole = fused("_".join(part.names), classes, values, part.connections)
+        effects = whole.lifted({name: catalogue(cls) for name, cls in classes.items()})
+        model = declared_model_of(whole.cls)
+        options = replace(options, catalogue=effects)
+        record = _beginning(record)
+
+    def name(port: Port) -> str:
+        return port.variable if whole is None else full_name(port.member, port.variable)
+
+    count = len(record.time)
+    signals = {name(port): values[:count] for port, values in part.outputs.items()}
+    given: dict[str, float] = {}
+    for port, source in part.inputs.items():
+        if source.values is not None:
+            signals[name(port)] = source.values[:count]
+        elif source.value is not None:
+            given[name(port)] = source.value
+    for member in part.members:
+        for variable, value in member.parameters.items():
+            port = Port(member.name, variable)
+            if port not in part.inputs and not isinstance(value, str):
+                given[name(port)] = float(value)
+    hold = [] if model.cls is None else program_constants(model.cls, signals)
+    options = replace(options, given=given, hold=hold)
+    return _PartSubject(model, replace(record, signals=signals), options, whole)
+
+
+def _beginning(record: Record) -> Record:
+    """Return the beginning of a record, which is enough of a loop."""
+    count = max(int(np.searchsorted(record.time, record.time[0] + _SECONDS)), _LONGEST)
+    if count >= len(record.time):
+        return record
+    signals = {name: values[:count] for name, values in record.signals.items()}
+    return replace(record, time=record.time[:count], signals=signals)
+
+
+def _judgement(
+    part: Part, record: Record, progress: Callable[[str], None], time: float | None
+) -> Judgement:
+    """Diagnose a part: by the catalogues of its members first, and by all laws if that leaves more.
+
+    A loop has the laws and signals of all members, and a search among them takes minutes.
+    """
+    if part.missing:
+        told = [f"{name} is not measured (measure {signal})" for name, signal in part.missing]
+        return Judgement(part, reason="; ".join(told))
+    if not part.outputs:
+        return Judgement(part, reason="none of its outputs is measured")
+
+    def tell(text: str) -> None:
+        progress(f"judging {part.label}: {text}")
+
+    try:
+        subject = _subject(part, record, time)
+        records = [subject.record]
+        if subject.whole is None:
+            return Judgement(part, diagnose(records, subject.model, (), subject.options, tell))
+        by_effects = replace(subject.options, laws=False)
+        diagnosis = diagnose(records, subject.model, (), by_effects, tell)
+        if _leaves_more(diagnosis):
+            diagnosis = diagnose(records, subject.model, (), subject.options, tell)
+        return Judgement(part, diagnosis, whole=subject.whole)
+    except UserError as error:
+        return Judgement(part, reason=str(error))
+
+
+def _leaves_more(diagnosis: Diagnosis) -> bool:
+    """Return whether a diagnosis leaves more than noise, by whatever it found."""
+    return any(one.is_more_than_noise for one in diagnosis.remainders)

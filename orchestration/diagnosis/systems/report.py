@@ -1,0 +1,182 @@
+"""The diagnosis of a system in sentences, on a terminal, and as figures for JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from fmus.kit import registry
+from orchestration.diagnosis.cause import Cause
+from orchestration.diagnosis.report import wording
+from orchestration.diagnosis.systems.diagnosis import (
+    MemberDiagnosis,
+    MemberOutput,
+    MemberParameter,
+    MemberVerdict,
+    SystemDiagnosis,
+)
+from orchestration.diagnosis.systems.parts import InputOrigin, InputSource
+from orchestration.diagnosis.term_names import shape_text
+from orchestration.diagnosis.terms import Term
+from orchestration.identify import finite_or_none
+from orchestration.reporting import plain_table
+
+_VERDICTS = {
+    MemberVerdict.WRONG: "The laws of {members} are wrong.",
+    MemberVerdict.RECALIBRATE: (
+        "The laws of all that could be judged hold; parameters of {members} differ."
+    ),
+    MemberVerdict.CONSISTENT: "All that could be judged is consistent with the record.",
+    MemberVerdict.CANNOT_BE_JUDGED: "Nothing can be judged from this record.",
+}
+
+
+def sentence(diagnosis: SystemDiagnosis) -> str:
+    """Return the verdict on a system in one sentence, with the first suspect first."""
+    of_verdict = [m for m in diagnosis.members if m.verdict is diagnosis.verdict]
+    members = ", ".join(m.name for m in (diagnosis.wrong or of_verdict))
+    return _VERDICTS[diagnosis.verdict].format(members=members)
+
+
+def reason(member: MemberDiagnosis) -> str:
+    """Return why a member has its verdict."""
+    if member.judgement.reason:
+        return member.judgement.reason
+    if member.verdict is MemberVerdict.WRONG and not member.causes:
+        return "something is missing, and nothing that was tried explains it"
+    causes = "; ".join(_cause_text(name, cause) for name, cause in member.causes)
+    diagnosis = member.judgement.diagnosis
+    sure = diagnosis is not None and diagnosis.is_named
+    if member.verdict is MemberVerdict.WRONG:
+        return causes if sure else f"no cause is sure; best guesses: {causes}"
+    if causes:
+        return f"it may be this instead of another member: {causes}"
+    changed = {n: p for n, p in member.parameters.items() if p.differs}
+    if changed:
+        return ", ".join(_change_text(name, one) for name, one in changed.items())
+    return "nothing is left that noise cannot account for"
+
+
+def _cause_text(name: str, cause: Cause) -> str:
+    lead = cause.parts[0]
+    shape = f", {shape_text(lead)}" if isinstance(lead, Term) else ""
+    return f"{wording.percent(cause.probability)} {name}{shape}"
+
+
+def _change_text(name: str, parameter: MemberParameter) -> str:
+    one = parameter.estimate
+    low, high = one.interval
+    return (
+        f"{name} is {one.value:.4g} {one.unit} instead of {one.nominal:.4g}"
+        f" ({low:.4g} to {high:.4g})"
+    )
+
+
+def source_text(source: InputSource) -> str:
+    """Return where an input of a member comes from."""
+    if source.value is not None:
+        return f"{source.value:g} ({source.origin})"
+    if source.origin is InputOrigin.MEASURED:
+        return str(source.origin)
+    if source.origin is InputOrigin.LOOP:
+        return f"{source.signal}, {source.origin}"
+    return str(source.signal)
+
+
+def overview(diagnosis: SystemDiagnosis) -> Group:
+    """Return what ``ppy diagnose --system`` prints."""
+    members = plain_table(None, "member", "verdict", "judged", "why")
+    outputs = plain_table("outputs", "output", "error", "noise widths", "pace")
+    for member in diagnosis.members:
+        members.add_row(member.name, str(member.verdict), _judged_text(member), reason(member))
+        _add_outputs(outputs, member)
+    remarks = [Text(f"  {text}") for text in _remarks(diagnosis)]
+    return Group(Text(sentence(diagnosis), "bold"), members, *remarks, outputs)
+
+
+def _judged_text(member: MemberDiagnosis) -> str:
+    if member.judgement.diagnosis is None:
+        return ""
+    return f"with {', '.join(member.partners)}" if member.partners else "cut at its ports"
+
+
+def _add_outputs(table: Table, member: MemberDiagnosis) -> None:
+    for name, output in member.outputs.items():
+        error = wording.error_text(output.after)
+        if output.before is not None and output.before != output.after:
+            error = f"{wording.error_text(output.before)} → {error}"
+        pace = "slow" if output.remainder.is_slow else "fast"
+        widths = wording.noise_widths(output.remainder)
+        table.add_row(f"{member.name}.{name}", error, widths, pace)
+
+
+def _remarks(diagnosis: SystemDiagnosis) -> list[str]:
+    """Return remarks on the data of all parts, each once."""
+    judged = (m.judgement.diagnosis for m in diagnosis.members)
+    return list(dict.fromkeys(text for one in judged if one for _, _, text in one.notes))
+
+
+def summary(diagnosis: SystemDiagnosis) -> dict[str, Any]:
+    """Return the figures of the diagnosis of a system, ready for JSON.
+
+    Amounts are in the units of the FMUs; None is a figure that there is none of.
+    """
+    return {
+        "engine": "new",
+        "system": diagnosis.system,
+        "verdict": str(diagnosis.verdict),
+        "suspects": [member.name for member in diagnosis.wrong],
+        "members": [_member_summary(member) for member in diagnosis.members],
+        "notes": _remarks(diagnosis),
+    }
+
+
+def _member_summary(member: MemberDiagnosis) -> dict[str, Any]:
+    judged = member.judgement.diagnosis
+    named = [name for name, _ in member.causes] if judged and judged.is_named else []
+    is_wrong = member.verdict is MemberVerdict.WRONG
+    return {
+        "member": member.name,
+        "fmu": member.fmu,
+        "model": member.model,
+        "ours": member.model in registry.components(),
+        "verdict": str(member.verdict),
+        "why": reason(member),
+        "partners": member.partners if judged else [],
+        "fed": {name: source_text(source) for name, source in member.inputs.items()},
+        "outputs": {name: _output_summary(one) for name, one in member.outputs.items()},
+        "causes": named[:1] if is_wrong else [],
+        "alternatives": named[1:] if is_wrong else named,
+        "group": [
+            {"effect": name, "probability": float(cause.probability)}
+            for name, cause in member.causes
+        ],
+        "parameters": {name: _parameter(one) for name, one in member.parameters.items()},
+    }
+
+
+def _output_summary(output: MemberOutput) -> dict[str, Any]:
+    return {
+        "fit_percent_before": _fit_percent(output.before),
+        "fit_percent": _fit_percent(output.after),
+        "noise_widths": output.remainder.noise_widths,
+        "correlation": output.remainder.correlation,
+    }
+
+
+def _fit_percent(error: float | None) -> float | None:
+    return None if error is None else 100.0 * (1.0 - error)
+
+
+def _parameter(parameter: MemberParameter) -> dict[str, Any]:
+    one = parameter.estimate
+    return {
+        "value": one.value,
+        "nominal": one.nominal,
+        "unit": one.unit,
+        "differs": parameter.differs,
+        "ci95": [finite_or_none(end) for end in one.interval],
+    }
