@@ -103,8 +103,7 @@ def _cause(page: Page, folder: Path, results: DemoResults) -> None:
     )
     page.picture(
         folder / "diagnosis.png",
-        "Every output as measured, and simulated without and with what was found, above the"
-        " residuals.",
+        "The part held out of the output whose error falls most, above the residuals.",
     )
     page.text(
         Markup('<a href="diagnosis.html">The whole diagnosis</a>: evidence, parameters, residuals.')

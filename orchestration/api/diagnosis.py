@@ -137,7 +137,7 @@ def _run_new_engine(
     model: Model | str | Path | None,
     options: DiagnoseKeywords,
 ) -> TermDiagnosisResult:
-    """Diagnose by terms of the laws, with the engine that is to replace the pipeline."""
+    """Diagnose a model with equations by terms of its laws."""
     chosen = TermOptions(
         hold=options["hold"],
         fit=options["fit"],

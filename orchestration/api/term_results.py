@@ -123,7 +123,7 @@ class TermDiagnosisResult(DiagnosisResult):
         return explain(self._diagnosis, first, second)
 
     def draw(self) -> Figure:
-        """Draw every measured output beside the model without and with terms, with residuals."""
+        """Draw what was left out of the output whose error falls most, above the residuals."""
         return draw(self._diagnosis)
 
     def fmu(

@@ -163,9 +163,9 @@ def _add_course(page: Page, diagnosis: Diagnosis, course: curves.OutputCourse) -
     measured = "measured, corrected" if is_corrected else "measured"
     above = [Trace(measured, course.time, course.measured, pictures.MEASURED, 3.5)]
     below = []
-    for name, values, colour in curves.simulations(diagnosis, course):
-        above.append(Trace(name, course.time, values, colour))
-        below.append(Trace(name, course.time, course.measured - values, colour))
+    for one in curves.simulations(diagnosis, course):
+        above.append(Trace(one.label, course.time, one.values, one.colour))
+        below.append(Trace(one.label, course.time, course.measured - one.values, one.colour))
     title = capitalised(in_words(course.output))
     boundary = None
     if course.unseen_from > course.time[0]:

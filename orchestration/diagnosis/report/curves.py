@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,6 +47,24 @@ class OutputCourse:
     unseen_from: float
 
 
+class Simulation(NamedTuple):
+    """A simulated course of an output, as a chart shows it.
+
+    Attributes
+    ----------
+    label : str
+    values : ndarray, shape (n,)
+    colour : str
+    error : float or None
+        On samples by which nothing was chosen; see `Diagnosis.errors`.
+    """
+
+    label: str
+    values: Array
+    colour: str
+    error: float | None
+
+
 @dataclass(frozen=True)
 class TermCurve:
     """A fitted term over its signal, SI.
@@ -84,18 +103,18 @@ def output_courses(diagnosis: Diagnosis) -> list[OutputCourse]:
     return courses
 
 
-def simulations(diagnosis: Diagnosis, course: OutputCourse) -> list[tuple[str, Array, str]]:
-    """Return the simulated courses of an output that a chart shows: label, values and colour."""
-    before, after = "without terms", "with terms"
+def simulations(diagnosis: Diagnosis, course: OutputCourse) -> list[Simulation]:
+    """Return the simulated courses of an output that a chart shows."""
+    before, after = "parameters fitted", "with the cause"
     if diagnosis.reading is not None:
         before, after = "model, file as read", "model, file corrected"
-    elif not diagnosis.is_named:
-        before = "model, parameters fitted"
     result = []
     if np.isfinite(course.before).any():
-        result.append((before, course.before, pictures.MODEL))
+        error = diagnosis.errors(diagnosis.found.base)[course.output]
+        result.append(Simulation(before, course.before, pictures.MODEL, error))
     if diagnosis.is_named:
-        result.append((after, course.after, pictures.FITTED))
+        error = diagnosis.errors(diagnosis.final)[course.output]
+        result.append(Simulation(after, course.after, pictures.FITTED, error))
     return result
 
 

@@ -39,8 +39,8 @@ def test_the_page_of_a_cause(dry):
         "&gt; 99 % friction over velocity",
         'class="chip cause"',
         "Error on unseen samples, part by part",
-        "without terms",
-        "with terms",
+        "parameters fitted",
+        "with the cause",
         "measured − simulated [m]",
         "added to friction [N]",
         "velocity [m/s]",
@@ -87,7 +87,7 @@ def test_the_page_of_a_model_that_is_right_shows_no_terms(dry):
     html = make_page(right).html()
     assert "Nothing is missing that this record can show" in html
     assert html.count('class="chart"') == 1
-    assert "with terms" not in html
+    assert "with the cause" not in html
     assert "What the terms add" not in html
     assert "--engine new" in html
 
@@ -103,7 +103,7 @@ def test_the_page_of_a_misread_file_shows_the_corrected_record(dry):
         "Multiply force by −1 (rubbing.csv), and diagnose it again",
     ):
         assert text in html
-    for text in ("<th>Memory</th>", "measured, corrected", "with terms", "What the terms add"):
+    for text in ("<th>Memory</th>", "measured, corrected", "with the cause", "What the terms add"):
         assert text not in html
 
 

@@ -85,4 +85,4 @@ def test_a_misread_output_is_shown_corrected_and_without_the_model_of_the_file()
 def test_a_model_without_terms_that_is_the_answer_is_called_fitted():
     right = diagnosis_with(oscillator_record(1), (DRY,))
     (course,) = output_courses(right)
-    assert [label for label, *_ in simulations(right, course)] == ["model, parameters fitted"]
+    assert [label for label, *_ in simulations(right, course)] == ["parameters fitted"]
