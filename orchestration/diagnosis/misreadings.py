@@ -34,7 +34,6 @@ from orchestration.diagnosis.fitting import (
 )
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.readings import Reading, ReadingKind, readings_by_run, readings_of
-from orchestration.diagnosis.responses import Projection
 from orchestration.diagnosis.runs import Course, Record
 from orchestration.diagnosis.subject import LeftOut, Subject, divided_as_read, thinned
 
@@ -273,9 +272,9 @@ def _stepped(problem: Problem, point: Point, runs: Sequence[Course]) -> tuple[Po
     """Return the point a Gauss-Newton step away, and the misfit that is expected there."""
     target, others = _columns(problem, point, runs)
     known = np.isfinite(target)
-    nothing = np.zeros((int(known.sum()), 0))
-    projection = Projection(target[known], nothing, others[known])
-    step = np.clip(projection.shift(np.zeros(0, dtype=int), np.zeros(0)), -_LONGEST, _LONGEST)
+    own = others[known]
+    whole = own.T @ own + np.eye(own.shape[1])
+    step = np.clip(np.linalg.solve(whole, own.T @ target[known]), -_LONGEST, _LONGEST)
     left = (target - others @ step).reshape(-1, len(problem.spread)) / np.sqrt(_WEIGHT)
     p, nx = len(point.q), len(problem.model.states)
     moves = step[p:].reshape(len(runs), nx)

@@ -98,7 +98,10 @@ def seen(
     length = max(float(t[-1] - t[0]) for t in times)
     constants = np.geomspace(max(3.0 * step, length / 1000.0), length / 4.0, _TIMES)
     result = [_seen(name, Memory.NONE, (), values) for name, values in signals]
-    known = [_standardised(values) for _, values in signals]
+    most = len(signals) * (1 + len(kinds) * _TIMES)
+    known = np.empty((most, sum(len(time) for time in times)))
+    for row, (_, values) in zip(known, signals, strict=False):
+        row[:] = _standardised(values)
     for kind in kinds:
         for name, values in signals:
             if name == "time":
@@ -110,9 +113,9 @@ def seen(
                     continue
                 z = _standardised(remembered)
                 limit = _NO_MEMORY if kind is not Memory.FADING else _FADES
-                if max(abs(float(z @ other)) for other in known) > limit * len(z):
+                if np.abs(known[: len(result)] @ z).max() > limit * len(z):
                     continue
-                known.append(z)
+                known[len(result)] = z
                 result.append(_seen(name, kind, (float(constant),), remembered, values))
     return result
 
