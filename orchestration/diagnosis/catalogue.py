@@ -228,7 +228,9 @@ def _responses(
     """
     changes = []
     for part, step, forcing in zip(along.parts, steps, forcings, strict=True):
-        shown = forcing.shown[:, along.measured]
+        # a state that is shown is an output without additions of its own
+        of_states = ((0, 0), (0, len(along.measured) - forcing.shown.shape[1]), (0, 0))
+        shown = np.pad(forcing.shown, of_states)[:, along.measured]
         additions = np.concatenate([0.5 * (forcing.begin + forcing.end), shown], axis=1)
         n, count, k = additions.shape
         values = additions.transpose(1, 2, 0).reshape(count * k, n)

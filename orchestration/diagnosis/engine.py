@@ -143,7 +143,7 @@ class Diagnosis:
         made = extended_component(self.final.fit, self.terms)
         files = ", ".join(dict.fromkeys(record.source.name for record in self.records))
         read = "" if self.reading is None else f", in which {self.reading.sentence}"
-        made.remark = f"Fitted to {files!a}{read}\n{made.remark}".strip()
+        made.remark = f"Fitted to {ascii(files)[1:-1]}{read}\n{made.remark}".strip()
         return made
 
     @cached_property

@@ -139,8 +139,8 @@ class Options:
                 named = usable_of(cls, {wanted: known[wanted]})
                 if not (named or known[wanted].output):
                     raise UserError(
-                        f"{option('effects', [wanted])}: it is random, has discrete states, or is"
-                        f" in the model already; use {option('engine', 'old')}"
+                        f"{option('effects', [wanted])}: {wanted!r} is random, has discrete states,"
+                        f" or is in the model already; use {option('engine', 'old')}"
                     )
             chosen |= named
         return chosen

@@ -82,20 +82,22 @@ class PerturbedLaws:
         self._signals = {v.name for v in variables} | {"time"}
         self._perturbed = trace(self._recording_class(cls))
         self.graph: Graph = trace(cls)
-        names = [s.name for s in (*layout.states, *layout.discretes)]
-        symbols = dict(zip(names, self._states_of(self._perturbed), strict=True))
-        shown = [
-            *(s for s in layout.states if s.output),
-            *(z for z in layout.discretes if z.output),
-        ]
-        self.shown: tuple[Started, ...] = tuple(shown) if with_shown_states else ()
-        for name in (s.name for s in self.shown):
-            self._additions[name] = ca.SX.sym(name)
-            self._values[name] = symbols[name]
-            self._read[name] = {name}
+        states = [state for state in layout.states if state.output]
+        discretes = [state for state in layout.discretes if state.output]
+        self.shown: tuple[Started, ...] = (*states, *discretes) if with_shown_states else ()
+        self._add_shown([state.name for state in (*layout.states, *layout.discretes)])
         self.names = list(self._additions)
         # `_function` over n points, by n
         self._functions_over_points: dict[int, ca.Function] = {}
+
+    @uninterrupted()
+    def _add_shown(self, names: Sequence[str]) -> None:
+        """Add a law for each state that is shown; names are those of all states in order."""
+        symbols = dict(zip(names, self._states_of(self._perturbed), strict=True))
+        for name in (state.name for state in self.shown):
+            self._additions[name] = ca.SX.sym(name)
+            self._values[name] = symbols[name]
+            self._read[name] = {name}
 
     @staticmethod
     def _states_of(graph: Graph) -> list[ca.SX]:

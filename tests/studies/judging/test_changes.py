@@ -7,6 +7,7 @@ The records come from the emulated rig and from state matrices, which share no c
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,7 @@ from tests.support.pace import slow_but
 from tests.support.pages import words_of
 
 EFFECTS = "strain_saturation,double_layer"
+by_effects = partial(ppy.diagnose, engine="old")
 
 
 def pair(folder: Path, seed: int, hidden: str | None, **more: object) -> tuple[Path, Path]:
@@ -40,6 +42,7 @@ def appeared(tmp_path_factory):
         "--effects",
         EFFECTS,
         "--no-laws",
+        "--engine=old",
         "--compare",
         after,
         "--json",
@@ -87,7 +90,7 @@ def test_what_is_wrong_with_the_later_record_is_said_everywhere(appeared):
 )
 def test_where_nothing_changed_nothing_is_claimed(tmp_path, seed):
     before, after = pair(tmp_path, seed, None)
-    said = ppy.diagnose(before, compare=after, effects=EFFECTS.split(","), laws=False)
+    said = by_effects(before, compare=after, effects=EFFECTS.split(","), laws=False)
     assert not [change.name for change in said.changes if change.changed]
     assert "Nothing changed beyond noise." in str(said) or any(
         change.uncertain for change in said.changes
@@ -106,8 +109,12 @@ def test_what_could_not_be_asked_is_not_denied(tmp_path, hindrance):
         after.write_text(
             "\n".join([columns, *(",".join(cell.values()) for cell in cells)]), encoding="utf-8"
         )
-    said = ppy.diagnose(
-        before, compare=after, effects=[], time=0.01 if hindrance == "time" else None, laws=False
+    said = by_effects(
+        before,
+        compare=after,
+        effects=[],
+        time=0.01 if hindrance == "time" else None,
+        laws=False,
     )
     assert not [change.name for change in said.changes if change.changed]
     assert "R1" in {change.name for change in said.changes if change.uncertain}
@@ -117,7 +124,7 @@ def test_what_could_not_be_asked_is_not_denied(tmp_path, hindrance):
 @pytest.mark.slow
 def test_an_effect_and_a_parameter_are_told_side_by_side(tmp_path):
     before, after = pair(tmp_path, 21, "strain_saturation", changed={"R1": 1.3})
-    said = ppy.diagnose(before, compare=after, effects=EFFECTS.split(","), laws=False)
+    said = by_effects(before, compare=after, effects=EFFECTS.split(","), laws=False)
     assert {change.effect or change.name for change in said.changes if change.changed} == {
         "R1",
         "strain_saturation",
@@ -148,7 +155,7 @@ def test_a_supercapacitor_has_aged(public_data):
     before, after = (
         public_data(f"supercapacitor_{age}_ageing_5mV_per_s.csv") for age in ("before", "after")
     )
-    said = ppy.diagnose(before, "ppy_actuator", compare=after, effects=[], laws=False)
+    said = by_effects(before, "ppy_actuator", compare=after, effects=[], laws=False)
     changed = {
         change.name: change.after / change.before for change in said.changes if change.changed
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from math import sin
 
 import numpy as np
@@ -18,6 +19,7 @@ from tests.support.hosts import run_fmpy
 from tests.support.lacking import motor
 from tests.support.pages import words_of
 
+by_effects = partial(ppy.diagnose, engine="old")
 FINER = 20  # steps of an FMU in one sample
 NOWHERE = lambda speed: 0.01 * sin(speed / 25.0)  # noqa: E731 - no catalogue has a friction like this
 KNOWN = dry_root(0.01, 2.0)
@@ -35,7 +37,7 @@ def record(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def result(record):
-    return ppy.diagnose(record[0], record[1].plant.model, effects=[])
+    return by_effects(record[0], record[1].plant.model, effects=[])
 
 
 @pytest.fixture(scope="module")
@@ -155,7 +157,7 @@ def test_what_the_catalogue_has_is_told_as_the_catalogue_does(tmp_path):
     """With the catalogue and without it the answer is the same, by name and by parameters."""
     path, plant = drawn(tmp_path, KNOWN)
     with_it, without = (
-        ppy.diagnose(path, plant.plant.model, effects=e) for e in (["coulomb_friction"], [])
+        by_effects(path, plant.plant.model, effects=e) for e in (["coulomb_friction"], [])
     )
     assert with_it.causes == without.causes == ["coulomb_friction"]
     assert with_it.law_map == []
@@ -171,7 +173,7 @@ def test_what_the_catalogue_has_is_told_as_the_catalogue_does(tmp_path):
 
 
 def test_laws_may_be_left_out(record):
-    left = ppy.diagnose(record[0], record[1].plant.model, effects=[], laws=False, engine="old")
+    left = by_effects(record[0], record[1].plant.model, effects=[], laws=False, engine="old")
     assert (left.verdict, left.causes, left.law_map) == ("unexplained", [], [])
     assert left.details.laws is None
     assert left.to_dict()["law_map"] == []
@@ -190,7 +192,7 @@ def test_time_that_is_spent_asks_no_law(record, monkeypatch):
         return leaves_something(diagnosis)
 
     monkeypatch.setattr("orchestration.discrepancy.pipeline.leaves_something", much_later)
-    said = ppy.diagnose(record[0], record[1].plant.model, effects=[], time=60.0, engine="old")
+    said = by_effects(record[0], record[1].plant.model, effects=[], time=60.0, engine="old")
     assert (said.verdict, said.law_map) == ("unexplained", [])
     assert any("not tried: what its laws lack" in note for note in said.notes)
     assert "(The time was spent before all was tried.)" in said.sentence
@@ -201,7 +203,7 @@ def test_a_failure_of_the_laws_leaves_the_diagnosis(record, monkeypatch):
         raise ZeroDivisionError("at rest")
 
     monkeypatch.setattr("orchestration.discrepancy.pipeline.search_laws", fails)
-    said = ppy.diagnose(record[0], record[1].plant.model, effects=[], engine="old")
+    said = by_effects(record[0], record[1].plant.model, effects=[], engine="old")
     assert said.verdict == "unexplained"
     assert any(
         "what its laws lack was not judged: ZeroDivisionError: at rest" in note
@@ -215,7 +217,7 @@ def test_a_record_that_is_explained_asks_nothing(tmp_path, monkeypatch):
         "orchestration.discrepancy.pipeline.search_laws",
         lambda *given, budget: pytest.fail("a law was asked"),
     )
-    said = ppy.diagnose(path, plant.plant.model, engine="old")
+    said = by_effects(path, plant.plant.model, engine="old")
     assert said.verdict in ("consistent", "recalibrate")
     assert said.law_map == []
 
@@ -226,7 +228,7 @@ def test_several_records_are_asked_as_one_is(tmp_path):
     first = motor(paths[0], NOWHERE)
     for seed, path in zip((4, 5), paths[1:], strict=True):
         motor(path, NOWHERE, seed, first)
-    said = ppy.diagnose(paths, first.plant.model, effects=[], engine="old")
+    said = by_effects(paths, first.plant.model, effects=[], engine="old")
     assert (said.verdict, said.causes) == ("cause", ["friction(omega)"])
     assert said.law_map[0]["confirmed"] is True
     errors = {

@@ -8,7 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.arrays import Array
+from fmus.kit.generic import force_offset
 from orchestration.diagnosis import Found, Shape, Term
 from orchestration.diagnosis.catalogue import named_terms, usable_effects
 from orchestration.diagnosis.comparison import Judged
@@ -16,6 +18,8 @@ from orchestration.diagnosis.conclude import conclude
 from orchestration.diagnosis.courses import courses_of
 from orchestration.diagnosis.extension import extended_component
 from orchestration.diagnosis.fitting import Fit, Problem, StartPrior, nominal_point
+from orchestration.diagnosis.law_model import LawModel
+from orchestration.diagnosis.runs import Record
 from orchestration.diagnosis.screening import Screen
 from orchestration.diagnosis.search import search
 from orchestration.diagnosis.subject import subject_of
@@ -51,6 +55,41 @@ def test_the_response_at_null_is_that_of_small_runs() -> None:
         gap = np.sqrt(np.mean(((one.response - expected) / SPREAD) ** 2))
         assert gap < 0.03
         assert np.sqrt(np.mean((one.response / SPREAD) ** 2)) == pytest.approx(1.0)
+
+
+class Level(Component):
+    """A tank of which the level is shown as it is."""
+
+    name = "level"
+    inflow = Input("1/s")
+    opening = Parameter(1.0, "1/s", min=0.1, max=10.0)
+    height = State("1", rate="filling", output=True)
+
+    def filling(self):
+        """Balance."""
+        return self.inflow - self.outflow()
+
+    @Output("1/s")
+    def outflow(self):
+        """As measured."""
+        return self.opening * self.height
+
+
+def test_effects_are_proposed_where_a_state_is_shown() -> None:
+    """An offset of a balance is one of the level that it ends at, of which 1 - exp(-t) is there."""
+    model = LawModel(Level, {"spring": force_offset(Level, "filling", unit="1/s")})
+    time = 0.05 * np.arange(100)
+    record = Record(time, np.ones((100, 1)), np.zeros((100, 2)), (False,))
+    problem = Problem(model, (record,), np.ones(2), (StartPrior(np.zeros(1), np.ones(1)),))
+    point = nominal_point(problem)
+    fitted = Fit(problem, (), point, (), 0.0, np.zeros((2, 2)))
+    along = courses_of(fitted, problem.records, point.starts)
+    assert along is not None
+    (one, *_) = named_terms(along)
+    assert one.response.shape == (100, 2)
+    settling = 1.0 - np.exp(-time)
+    for response in one.response.T:
+        assert response / response[-1] == pytest.approx(settling / settling[-1], abs=0.01)
 
 
 def test_a_time_constant_is_no_shorter_than_a_tenth_of_a_step() -> None:
