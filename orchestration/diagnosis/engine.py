@@ -165,7 +165,7 @@ class Diagnosis:
     def changed(self) -> tuple[str, ...]:
         """Parameters of the model that differ from nominal, significantly and noticeably.
 
-        None is the phase of a clock: it is started when anybody likes.
+        The phase of a clock is not among them: a record begins at any instant of a period.
         """
         fitted = self.final.fit
         problem = fitted.problem
