@@ -146,6 +146,7 @@ def words(model: LawModel, term: Term, depends: bool) -> float:
     total = _words_of_shape(term.shape) + WEIGHTS.constant * term.memory.constants
     if term.memory is Memory.FADING:
         total += WEIGHTS.fading
+    # what a model receives of an input, over that input, is a misread column in other words
     if term.law in model.received and depends:
         total += WEIGHTS.misread
     if not term.signal:
