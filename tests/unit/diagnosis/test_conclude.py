@@ -288,6 +288,16 @@ def test_what_is_not_strong_on_what_is_left_out_is_no_cause() -> None:
     assert conclude(strong).verdict == "cause"
 
 
+def test_causes_that_no_experiment_tells_apart_are_one_with_aliases() -> None:
+    fits = found(judged(0.5, 0.5, DRY), judged(0.5, 0.501, SPRING))
+    apart = conclude(fits)
+    assert [cause.aliases for cause in apart.causes] == [(), ()]
+    pair = frozenset(cause.key for cause in apart.causes)
+    (one,) = conclude(fits, {pair}).causes
+    assert {one.name, *one.aliases} == {cause.name for cause in apart.causes}
+    assert one.probability > max(cause.probability for cause in apart.causes)
+
+
 def test_a_gain_and_a_lag_of_one_sensor_are_two_causes() -> None:
     gain = SensorTerm("place", "place", Shape.LINEAR)
     lag = replace(gain, memory=Memory.FADING, constants=(2.0,))
