@@ -339,3 +339,33 @@ def test_a_free_run_follows_by_a_plain_reading_alone(
     monkeypatch.setattr(engine, "_drifts", lambda judged: drifts)
     assert engine._follows_otherwise(None, "begun") == follows
     assert not engine._follows_otherwise(None, None)
+
+
+def test_causes_are_joined_until_one_is_sure_or_none_are_equivalent(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Further causes enter a group when others are joined; a sure answer is left as it is."""
+    base = SimpleNamespace(choosing=None)
+    steps = [{frozenset("ab")}, {frozenset("ac")}, set()]
+    asked = []
+
+    def concluded(found, equivalent=frozenset()):
+        asked.append(frozenset(equivalent))
+        verdict = found.verdicts[len(equivalent)]
+        return SimpleNamespace(verdict=verdict, causes=len(equivalent))
+
+    monkeypatch.setattr(engine, "conclude", concluded)
+    monkeypatch.setattr(engine, "equivalent_pairs", lambda causes, errors: steps[causes])
+    never = SimpleNamespace(base=base, verdicts=["unexplained", "ambiguous", "unexplained"])
+    assert engine._concluded(never).verdict == "unexplained"
+    assert asked == [
+        frozenset(),
+        frozenset({frozenset("ab")}),
+        frozenset(map(frozenset, ("ab", "ac"))),
+    ]
+    soon = SimpleNamespace(base=base, verdicts=["ambiguous", "cause"])
+    assert engine._concluded(soon).verdict == "cause"
+    sure = SimpleNamespace(base=base, verdicts=["cause"])
+    asked.clear()
+    assert engine._concluded(sure).verdict == "cause"
+    assert asked == [frozenset()]
