@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from fmus.kit import Parameter, Size
+from fmus.kit.effects import make_effect
 from orchestration.diagnosis.remainder import Remainder
 from orchestration.diagnosis.report import wording
+from orchestration.diagnosis.terms import NamedTerm, Shape
+from orchestration.identify.uncertainty import Estimate
 from orchestration.reporting import in_shell
 from tests.support.oscillator import (
     diagnosis_without_terms,
@@ -26,6 +31,26 @@ def test_headline_gives_each_cause_its_percent_and_the_rest(dry):
     )
     step = wording.next_step(ambiguous)
     assert "velocity and elongation do not move together" in step
+
+
+def test_an_effect_says_how_large_it_is_and_a_law_does_not(dry, monkeypatch):
+    """A strain that levels off at ``c ** -0.5``, of which 0.16 lies within 0.1 and 0.25."""
+    levelling = make_effect(
+        "Levelling",
+        {"c": Parameter(0.0, "1/C^2", min=0.0)},
+        id="levelling",
+        neutral="c",
+        sizes=(Size("beyond {}", ("c",), "C", lambda c: c**-0.5),),
+    )
+    term = NamedTerm("strain", "charge", Shape.LINEAR, effect="levelling", title="Levelling strain")
+    model = SimpleNamespace(effects={"levelling": levelling}, cls=None)
+    subject = SimpleNamespace(problem=SimpleNamespace(model=model))
+    cause = SimpleNamespace(parts=(term,), terms=(term,), judged=SimpleNamespace(fit=None))
+    fitted = {"c": Estimate(0.16, 0.0, (0.1, 0.25), "1/C^2")}
+    monkeypatch.setattr(wording, "estimates", lambda fit, terms: fitted)
+    text = wording.cause_with_size(SimpleNamespace(subject=subject), cause)
+    assert text == "levelling strain: beyond 2.5 C (95 %: 2.0 … 3.2 C)"
+    assert wording.cause_with_size(dry, dry.causes[0]) == wording.cause_text(dry, dry.causes[0])
 
 
 def test_the_next_step_is_the_experiment_with_what_it_should_tell(dry):
