@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from orchestration.api.declaration import words_of
-from orchestration.discrepancy.data import record_labels
-from orchestration.records import Record
+from orchestration.records import Record, record_labels
 
 
 def equivalent_command(

@@ -9,10 +9,9 @@ from fmus.kit import UserError
 from orchestration.api.declaration import takes
 from orchestration.api.options import MappingOption
 from orchestration.api.simulation import as_measured
-from orchestration.discrepancy.data import record_labels
 from orchestration.fmu import Model
 from orchestration.identify import read_for, read_runs_for
-from orchestration.records import Arrays, Record
+from orchestration.records import Arrays, Record, record_labels
 from orchestration.reporting import option
 
 Data = Record | str | Path | Arrays

@@ -23,7 +23,7 @@ from orchestration.diagnosis.joint import (
 )
 from orchestration.diagnosis.local_values import LocalValues
 from orchestration.diagnosis.options import Deadline, Options
-from orchestration.diagnosis.pieces import label_of, pieces_of
+from orchestration.diagnosis.pieces import pieces_of
 from orchestration.diagnosis.search import Found
 from orchestration.diagnosis.subject import Subject, predicted, subject_of
 from orchestration.diagnosis.term_names import (
@@ -35,6 +35,7 @@ from orchestration.diagnosis.term_names import (
 from orchestration.diagnosis.terms import Term
 from orchestration.identify.changes import Change
 from orchestration.records import Record as MeasuredRecord
+from orchestration.records import record_labels
 from orchestration.reporting import option
 
 
@@ -143,7 +144,7 @@ def _joined(before: Diagnosis, later: Diagnosis, options: Options) -> Subject | 
         if diagnosis.reading is not None:
             own = [diagnosis.reading.apply(model, record) for record in own]
         records += [replace(record, group=first + record.group) for record in own]
-    groups = tuple(label_of(record) for record in (*before.records, *later.records))
+    groups = tuple(record_labels([*before.records, *later.records]))
     local = LocalValues(groups, options.own_of_each(model))
     hold = options.held([p.name for p in model.parameters])
     smooth = any(before.subject.problem.records[0].smooth)

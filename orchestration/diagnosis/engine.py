@@ -19,13 +19,14 @@ from orchestration.diagnosis.conclude import Conclusion, Pairs, conclude
 from orchestration.diagnosis.design import Design, design_experiment
 from orchestration.diagnosis.equivalence import equivalent_pairs
 from orchestration.diagnosis.extension import extended_component
+from orchestration.diagnosis.fitting import by_least_squares
 from orchestration.diagnosis.joints import pieced
 from orchestration.diagnosis.law_model import MOST_TICKS, LawModel
 from orchestration.diagnosis.local_values import COMMON, LocalValues
 from orchestration.diagnosis.misreadings import misreadings, reading_that_runs
 from orchestration.diagnosis.observer import Observer
 from orchestration.diagnosis.options import Deadline, Options
-from orchestration.diagnosis.pieces import Note, label_of, pieces_of, recorded_inputs
+from orchestration.diagnosis.pieces import Note, pieces_of, recorded_inputs
 from orchestration.diagnosis.readings import TIME, Reading
 from orchestration.diagnosis.remainder import Remainder, remainders
 from orchestration.diagnosis.runs import Record
@@ -37,12 +38,14 @@ from orchestration.experiment.design import DiscriminatingExperiment
 from orchestration.fmu import Model
 from orchestration.identify.uncertainty import Estimate, is_significantly_different
 from orchestration.records import Record as MeasuredRecord
+from orchestration.records import record_labels
 from orchestration.reporting import option
 
 _Answer = tuple[Found, Conclusion]
 Verdict = Literal["consistent", "recalibrate", "cause", "ambiguous", "unexplained"]
 
 _WHOLE = 0.9  # of a record, from which on it counts as used
+_HELD_OUT = "in what was held out, "  # begins what is said of these records
 _LARGE = 0.15  # of the spread, from which on a slow remainder is no consistent model
 
 
@@ -165,7 +168,7 @@ class Diagnosis:
     def changed(self) -> tuple[str, ...]:
         """Parameters of the model that differ from nominal, significantly and noticeably.
 
-        The phase of a clock is not among them: a record begins at any instant of a period.
+        What the record does not determine is not among them, though it was fitted. The phase of a clock is not among them: a record begins at any instant of a period.
         """
         fitted = self.final.fit
         problem = fitted.problem
@@ -174,7 +177,9 @@ class Diagnosis:
         return tuple(
             name
             for name, change, error in zip(problem.names, changes, errors, strict=True)
-            if is_significantly_different(change, error) and name not in problem.model.shifts
+            if is_significantly_different(change, error)
+            and name not in problem.model.shifts
+            and np.isfinite(self.parameters[name].interval[1])
         )
 
     @cached_property
@@ -260,10 +265,12 @@ def diagnose(
     """
     options = options or Options()
     law_model = law_model or _law_model(model, options)
-    fitted, notes = pieces_of(records, law_model, options.given)
-    unseen, others = pieces_of(holdouts, law_model, options.given, "in what was held out, ")
-    unseen = [replace(one, group=len(records)) for one in unseen]
-    local = LocalValues(tuple(map(label_of, records)), options.own_of_each(law_model))
+    labels = record_labels([*records, *holdouts])
+    count = len(records)
+    fitted, notes = pieces_of(records, law_model, options.given, labels=labels[:count])
+    unseen, others = pieces_of(holdouts, law_model, options.given, _HELD_OUT, labels[count:])
+    unseen = [replace(one, group=count) for one in unseen]
+    local = LocalValues(tuple(labels[:count]), options.own_of_each(law_model))
     _check_clocks(law_model, [*fitted, *unseen], options.given)
     data = _Data(model, law_model, _names(records), fitted, unseen, options, local)
     progress("fitting the model as it is")
@@ -411,7 +418,8 @@ def _answer(
 
     def answer_of(one: Subject) -> _Answer | None:
         if options.recalibrates:
-            base = one.judge(one.base)
+            one = one.complete() or one
+            base = one.judge(by_least_squares(one.base))
             found = None if base is None else Found(one, base)
         else:
             found = search(one, progress, deadline.is_over, options.is_candidate)
@@ -588,9 +596,7 @@ def _check_rank(data: _Data, answer: _Answer) -> None:
     found, conclusion = answer
     subject = found.subject
     is_misread = any(cause.reading is not None for cause in conclusion.causes)
-    known = 0
-    if subject.problem.model.begins_as_declared:
-        known = sum(len(start) for start in subject.base.point.starts)
+    known = int(subject.problem.known_starts.sum()) * len(subject.base.point.starts)
     if not subject.rank and len(subject.base.curvature) > known and not is_misread:
         raise UserError(
             f"{data.model.name}: {data.files}: its {subject.samples} measured values say"

@@ -14,6 +14,7 @@ from orchestration.diagnosis.fitting import Point, Problem
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.runs import Record
 from orchestration.records import Record as MeasuredRecord
+from orchestration.records import record_labels
 from orchestration.records.quality import (
     Channels,
     Fault,
@@ -38,6 +39,7 @@ def pieces_of(
     model: LawModel,
     given: Mapping[str, float],
     where: str = "",
+    labels: Sequence[str] = (),
 ) -> tuple[list[Record], list[Note]]:
     """Return records as the kernel takes them, and notes on them, the most severe first.
 
@@ -49,6 +51,8 @@ def pieces_of(
         Values of parameters and inputs, SI, which go before what was recorded.
     where : str
         With which sentences on faults begin; by default the file, of several.
+    labels : sequence of str
+        Of the records; by default those of `record_labels`.
 
     Raises
     ------
@@ -56,10 +60,10 @@ def pieces_of(
         If a value is no measurement, or no record has an output that can be used.
     """
     pieces, faults, notes = [], [], []
-    for group, record in enumerate(records):
+    named = zip(records, labels or record_labels(records), strict=True)
+    for group, (record, label) in enumerate(named):
         channels, found = _screened(record, model, given)
         inputs, outputs = _columns(channels, model)
-        label = label_of(record)
         spans = _spans(channels.time, model)
         for number, (first, last) in enumerate(spans, 1):
             piece = Record(
@@ -99,11 +103,6 @@ def _check_outputs(model: LawModel, pieces: Sequence[Record], faults: Sequence[s
     if not any(piece.measured.any() for piece in pieces):
         outputs = ", ".join(output.name for output in model.outputs)
         raise UserError(f"{where}: {'; '.join(faults) or f'no record has any of {outputs}'}")
-
-
-def label_of(record: MeasuredRecord) -> str:
-    """Return the name of a record: that of its file, and of the run."""
-    return " ".join(filter(None, (record.source.stem, record.label)))
 
 
 def recorded_inputs(

@@ -49,6 +49,7 @@ _JUMP = 0.01  # standard deviations, from which on an input jumps that stands st
 _DECAY = 1.0  # e-folds over a record, by which each mode decays of a model that forgets errors
 _ROUNDS = 3  # of observers and fits by turns
 _UNSEEN = 0.002  # of the spread, by which a run over fewer samples may differ
+_COARSE = 0.01  # the same, of a record of which the end would be lost
 _IN_NOISE = 0.1  # of the noise of an output, by which it may differ at most: ten nats of thousands
 _RESOLVED = 2e-4  # of the spread, by which it may differ where there is no noise
 
@@ -242,18 +243,18 @@ def start_prior(problem: Problem, record: Record) -> StartPrior:
     """Return what is known of the start states: nominal, or read off an output that is the state.
 
     A state that nominally starts somewhere starts near it if the model has inputs, unless the
-    problem begins anywhere; without inputs its start is all that moves.
+    problem begins anywhere; without inputs its start is all that moves. One that is held starts
+    there.
     """
     model = problem.model
     nominal = model.nominal_states
-    if model.begins_as_declared:
-        nominal = _KNOWN * nominal
     mean = problem.nominal[list(model.start_positions)]
     near = _DECLARED if len(model.inputs) and not problem.begins_anywhere else 1.0
-    deviation = near * nominal
+    known = problem.known_starts
+    deviation = np.where(known, _KNOWN, near) * nominal
     for i, j in model.measured_states.items():
         first = record.outputs[:_FIRST, j]
-        if np.isfinite(first).any():
+        if np.isfinite(first).any() and not known[i]:
             mean[i] = first[np.isfinite(first)][0]
             deviation[i] = nominal[i]  # the sensor may have an offset
     return StartPrior(mean, deviation)
@@ -298,6 +299,14 @@ def thinned(
                 return part
         step //= 2
     return record
+
+
+def _shortened(problem: Problem, record: Record, q: Array, most: int, longest: int) -> Record:
+    """Return a record of enough samples: thinned, more coarsely if that leaves too many, or cut."""
+    part = thinned(problem, record, q, most, _unseen(problem, record))
+    if len(part.time) > longest:
+        part = thinned(problem, record, q, longest, _COARSE)
+    return part.part(0, longest)
 
 
 def _unseen(problem: Problem, record: Record) -> Array:
@@ -618,7 +627,7 @@ def _begun(subject: Subject) -> Subject:
     problem = subject.problem
     model = problem.model
     at_rest = len(model.inputs) and subject.observer is None
-    if not model.states or model.begins_as_declared or not at_rest:
+    if problem.known_starts.all() or not at_rest:
         return subject
     free = replace(problem, begins_anywhere=True)
     free = replace(free, starts=tuple(start_prior(free, r) for r in free.records))
@@ -690,12 +699,10 @@ def _divided(
     q = problem.mean if q is None else q
     problem = replace(problem, substeps=_substeps(problem, records, q))
     longest = max(_LONGEST * enough // max(len(records), 1), _SHORTEST)
-    whole = [thinned(problem, r, q, most, _unseen(problem, r)).part(0, longest) for r in records]
+    whole = [_shortened(problem, r, q, most, longest) for r in records]
     if held_out:
         fitted = whole
-        others = [
-            thinned(problem, r, q, enough, _unseen(problem, r)).part(0, longest) for r in held_out
-        ]
+        others = [_shortened(problem, r, q, enough, longest) for r in held_out]
         left_out = [LeftOut(r, _beginning(r), None) for r in others]
     else:
         cuts = [int(_PART * len(r.time)) for r in whole]

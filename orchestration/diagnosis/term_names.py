@@ -240,17 +240,16 @@ def _start_states(fitted: Fit, deviation: Array) -> dict[str, Estimate]:
     problem = fitted.problem
     model = problem.model
     nx = len(model.states)
-    if model.begins_as_declared:
-        return {}
     result = {}
     for r, (record, start) in enumerate(zip(problem.records, fitted.point.starts, strict=True)):
         suffix = f"@{record.label}" if len(problem.records) > 1 else ""
-        for i, state in enumerate(model.states):
+        for i in np.flatnonzero(~problem.known_starts):
             wide = float(deviation[r * nx + i] * problem.starts[r].deviation[i])
             name = model.parameters[model.start_positions[i]].name
-            ends = (float(start[i] - _INTERVAL * wide), float(start[i] + _INTERVAL * wide))
+            value, unit = float(start[i]), model.states[i].unit
+            ends = (value - _INTERVAL * wide, value + _INTERVAL * wide)
             nominal = float(problem.nominal[model.start_positions[i]])
-            result[f"{name}{suffix}"] = Estimate(float(start[i]), nominal, ends, state.unit)
+            result[f"{name}{suffix}"] = Estimate(value, nominal, ends, unit)
     return result
 
 

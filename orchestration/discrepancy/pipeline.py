@@ -27,7 +27,6 @@ from orchestration.discrepancy.data import (
     Dataset,
     gap_notes,
     joined_dataset,
-    record_labels,
 )
 from orchestration.discrepancy.design import design_experiment
 from orchestration.discrepancy.diagnosis import diagnose as diagnose_data
@@ -42,7 +41,7 @@ from orchestration.experiment.design import DiscriminatingExperiment, menu
 from orchestration.fmu import Model
 from orchestration.fmu.model import catalogue as known_effects
 from orchestration.fmu.model import families
-from orchestration.records import Record, refuse_same
+from orchestration.records import Record, record_labels, refuse_same
 
 FAMILIES = "families"  # instead of a name: all that fits the model's laws too
 

@@ -8,6 +8,7 @@ from .reading import read_record as read_record
 from .reading import read_runs as read_runs
 from .record import Record as Record
 from .record import Repair as Repair
+from .record import record_labels as record_labels
 from .sameness import refuse_same as refuse_same
 from .writing import Journal as Journal
 from .writing import write_record as write_record

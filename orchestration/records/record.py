@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -178,3 +178,14 @@ def refuse(path: Path, message: str) -> UserError:
     """
     line = " ".join("".join(c if c.isprintable() else " " for c in message).split())
     return UserError(f"{path}: {line if len(line) <= _LONGEST else line[:_LONGEST] + '...'}")
+
+
+def record_labels(records: Sequence[Record]) -> list[str]:
+    """Return different names for records: of the run, the file, both, or numbers from 1 on."""
+    files = [record.source.stem for record in records]
+    runs = [record.label for record in records]
+    both = [f"{file}:{run}" if run else file for file, run in zip(files, runs, strict=True)]
+    for names in (runs, files, both):
+        if all(names) and len(set(names)) == len(names):
+            return names
+    return [str(number) for number in range(1, len(records) + 1)]

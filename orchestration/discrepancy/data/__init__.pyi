@@ -3,7 +3,6 @@ from .dataset import Dataset as Dataset
 from .dataset import dataset_of as dataset_of
 from .dataset import gap_notes as gap_notes
 from .dataset import joined_dataset as joined_dataset
-from .dataset import record_labels as record_labels
 from .holdout import HELD_OUT as HELD_OUT
 from .holdout import ValidationData as ValidationData
 from .holdout import is_at_rest as is_at_rest

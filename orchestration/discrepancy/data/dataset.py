@@ -281,14 +281,3 @@ def gap_notes(records: Sequence[Record]) -> list[Note]:
             }
             notes.append(Note(NoteCode.GAPS, record.label, facts))
     return notes
-
-
-def record_labels(records: Sequence[Record]) -> list[str]:
-    """Return different names for records: of the run, the file, both, or numbers from 1 on."""
-    files = [record.source.stem for record in records]
-    runs = [record.label for record in records]
-    both = [f"{file}:{run}" if run else file for file, run in zip(files, runs, strict=True)]
-    for names in (runs, files, both):
-        if all(names) and len(set(names)) == len(names):
-            return names
-    return [str(number) for number in range(1, len(records) + 1)]

@@ -16,6 +16,7 @@ from orchestration.diagnosis.fitting import (
     Problem,
     StartPrior,
     _Search,
+    by_least_squares,
     effective_samples,
     fit,
     fit_base,
@@ -179,6 +180,33 @@ def test_the_model_without_terms_is_fitted_in_its_own_noise() -> None:
     values = np.array([M, K, D]) * np.exp(expected.x[:3])
     assert problem.parameters(found.point.q)[:3] == pytest.approx(values, rel=0.015)
     assert found.misfit * problem.spread[0] == pytest.approx(0.01, rel=0.1)
+
+
+def test_priors_do_not_hold_parameters_back_where_the_model_misses_something_slow() -> None:
+    """A stiffness of a tenth, and an offset that wanders: few samples of the rest are independent.
+
+    The oracle has no prior on parameters.
+    """
+    record = pushed(400)
+    states = exact(record, (M, 0.1 * K, D), START, record.inputs[:, 0])
+    wander = states[:, :1].std() * np.sin(0.4 * record.time)[:, None]
+    problem = problem_of([replace(record, outputs=states[:, :1] + wander)])
+    base = fit_base(problem)
+    assert base is not None
+    found = by_least_squares(base)
+    (weights,) = weights_of(found.errors)
+
+    def residuals(theta: Array) -> Array:
+        values = np.array([M, K, D]) * np.exp(theta[:3])
+        run = exact(record, tuple(values), START + theta[3:] * [0.01, 0.1], record.inputs[:, 0])
+        error = (problem.records[0].outputs - run[:, :1])[:, 0] / problem.spread[0]
+        return np.append(error * np.sqrt(weights[0]), theta[3:])
+
+    expected = least_squares(residuals, np.log([1.0, 0.1, 1.0, np.e, np.e]), x_scale=0.1)
+    values = np.array([M, K, D]) * np.exp(expected.x[:3])
+    assert problem.parameters(found.point.q)[:3] == pytest.approx(values, rel=0.01)
+    assert found.point.starts[0] == pytest.approx(START + expected.x[3:] * [0.01, 0.1], abs=2e-3)
+    assert found.problem is base.problem
 
 
 def test_without_data_the_prior_decides() -> None:

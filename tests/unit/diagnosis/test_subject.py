@@ -20,6 +20,7 @@ from orchestration.diagnosis.subject import (
     start_prior,
     thinned,
 )
+from orchestration.diagnosis.term_names import estimates
 from tests.support.diagnosed_mass import START, D, K, M, exact, integrated, mass, problem_of, pushed
 
 TRUTH = (2.5, 24.0, 2.2)
@@ -114,6 +115,18 @@ def test_a_start_is_read_off_an_output_that_is_the_state() -> None:
     moving = start_prior(replace(problem, values={"v_start": 0.7}), record)
     assert moving.mean == pytest.approx([record.outputs[1, 0], 0.7])
     assert prior.deviation == pytest.approx([0.1, 0.1])
+
+
+def test_a_start_that_is_held_is_known() -> None:
+    """Though the record begins elsewhere, and though the output is the state."""
+    record = drawn(start=np.array([0.3, 0.0]))
+    subject = made(record, hold=["x_start"])
+    assert subject.problem.known_starts.tolist() == [True, False]
+    (start,) = subject.base.point.starts
+    assert start[0] == pytest.approx(0.0, abs=1e-6)
+    assert "x_start" not in estimates(subject.base, {})
+    (free,) = made(record).base.point.starts
+    assert free[0] == pytest.approx(0.3, abs=0.02)
 
 
 def test_a_run_that_begins_elsewhere_begins_where_the_record_says() -> None:
@@ -260,6 +273,18 @@ def test_of_a_long_record_that_cannot_be_thinned_the_beginning_is_used() -> None
     assert np.array_equal(out.record.time, record.time[:4800])
     assert subject.beginnings == [record.time[4799]]
     assert made(drawn()).beginnings == [drawn().time[-1]]
+
+
+def test_a_long_record_is_rather_thinned_coarsely_than_cut() -> None:
+    """Its force moves within a sample by what the model sees, and by less than a hundredth."""
+    count = 12_000
+    record = pushed(count, 0.02)
+    force = 5.0 * np.sin(0.7 * record.time) + 5.0 * np.sin(14.0 * record.time)
+    record = replace(record, inputs=force[:, None])
+    states = exact(record, TRUTH, START, force)
+    subject = made(replace(record, outputs=states[:, :1]))
+    assert subject.beginnings == [pytest.approx(record.time[-1], abs=0.1)]
+    assert len(subject.problem.records[0].time) <= 3200
 
 
 def test_a_fast_model_gets_substeps() -> None:
