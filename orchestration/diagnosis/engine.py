@@ -168,7 +168,8 @@ class Diagnosis:
     def changed(self) -> tuple[str, ...]:
         """Parameters of the model that differ from nominal, significantly and noticeably.
 
-        What the record does not determine is not among them, though it was fitted. The phase of a clock is not among them: a record begins at any instant of a period.
+        What the record does not determine is not among them, though it was fitted; nor is the phase
+        of a clock, as a record begins at any instant of a period.
         """
         fitted = self.final.fit
         problem = fitted.problem
@@ -280,7 +281,12 @@ def diagnose(
         warnings.simplefilter("ignore", RuntimeWarning)
         (found, conclusion), data, more = _decide(data, progress, deadline)
     notes += [*others, *more, *_cut_off(found.subject, data.records)]
-    notes += [*_predictions(model, found.subject), *_denoised(found.subject), *_unrelated(found)]
+    notes += [
+        *_free_response(found.subject),
+        *_predictions(model, found.subject),
+        *_denoised(found.subject),
+        *_unrelated(found),
+    ]
     if not deadline.was_met:
         notes.append(_time_note(options))
     design = _designed(found, conclusion, records, options)
@@ -531,6 +537,16 @@ def _predictions(model: Model, subject: Subject) -> list[Note]:
         f" outputs and has a memory of {subject.observer.memory:.2g} s"
     )
     return [("predictions", model.name, text)]
+
+
+def _free_response(subject: Subject) -> list[Note]:
+    """Return the notes on records of which blocks in between are left out."""
+    records = [one.record.label for one in subject.left_out if one.is_between]
+    text = (
+        "no input moves after the beginning: the model is judged by how outputs settle, on blocks"
+        " in between that no fit has seen"
+    )
+    return [("free_response", record, text) for record in records]
 
 
 def _unrelated(found: Found) -> list[Note]:

@@ -126,7 +126,7 @@ def _joints(subject: Subject) -> list[tuple[float, float]]:
     None where they jump so often that the plant does, or where another record is left out.
     """
     unseen = subject.left_out[0]
-    if len(subject.problem.records) > 1 or unseen.of is None:
+    if len(subject.problem.records) > 1 or unseen.of is None or unseen.is_between:
         return []
     after = subject.errors(subject.base, unseen)
     if after is None:

@@ -34,6 +34,8 @@ from orchestration.diagnosis.runs import Record, Setting
 from orchestration.diagnosis.terms import Shape, Term
 
 _PART = 2.0 / 3.0  # of a single record that is fitted
+_START = 0.1  # of a record: what nothing drives after it is a free response
+_TURNS = 8  # of a free response: a block of each is left out
 _BEGINNING = 6  # a held-out record gives its start states in the first part of so many
 _STRETCHES = 10  # of it, each of which gives local values in its first part: a start alone is short
 _BLOCKS = 8  # of what is left out, by turns for the choice and for the figure
@@ -63,6 +65,7 @@ class LeftOut:
     record : Record
     first : int
         From where the errors count.
+        Zero of a record that was fitted in part all along.
     of : int or None
         The fitted record whose run goes on here; None for one that starts anew.
     """
@@ -70,6 +73,11 @@ class LeftOut:
     record: Record
     first: int
     of: int | None
+
+    @property
+    def is_between(self) -> bool:
+        """Whether fitted samples are before and after those that are left out."""
+        return self.of is not None and not self.first
 
 
 @dataclass(frozen=True, eq=False)
@@ -538,7 +546,7 @@ def predicted(subject: Subject, fitted: Fit | None = None) -> Subject | None:
     Subject or None
         None if the model runs away, or forgets all errors of its states.
     """
-    if subject.problem.model.begins_as_declared:
+    if subject.problem.model.begins_as_declared or any(o.is_between for o in subject.left_out):
         return None
     subject = subject.fewer or subject
     at = subject.base if fitted is None else fitted
@@ -705,11 +713,28 @@ def _divided(
         others = [_shortened(problem, r, q, enough, longest) for r in held_out]
         left_out = [LeftOut(r, _beginning(r), None) for r in others]
     else:
-        cuts = [int(_PART * len(r.time)) for r in whole]
-        fitted = [r.part(0, cut) for r, cut in zip(whole, cuts, strict=True)]
-        left_out = [LeftOut(r, cut, i) for i, (r, cut) in enumerate(zip(whole, cuts, strict=True))]
+        parts = [_parts(record, i) for i, record in enumerate(whole)]
+        fitted = [seen for seen, _ in parts]
+        left_out = [unseen for _, unseen in parts]
     starts = tuple(start_prior(problem, r) for r in fitted)
     return replace(problem, records=tuple(fitted), starts=starts), tuple(left_out)
+
+
+def _parts(record: Record, position: int) -> tuple[Record, LeftOut]:
+    """Return the fitted part of a record, and the third that is left out.
+
+    That is the last one, unless no input moves after the beginning. A free response is over by
+    then, or has only come to its slowest part: of it blocks in between are left out.
+    """
+    count = len(record.time)
+    driven = record.inputs[int(_START * count) :]
+    if (np.ptp(driven, axis=0) > _JUMP * record.inputs.std(axis=0)).any():
+        cut = int(_PART * count)
+        return record.part(0, cut), LeftOut(record, cut, position)
+    is_seen = (np.arange(count) * 3 * _TURNS // count % 3 != 1)[:, np.newaxis]
+    seen = np.where(is_seen, record.outputs, np.nan)
+    unseen = np.where(is_seen, np.nan, record.outputs)
+    return replace(record, outputs=seen), LeftOut(replace(record, outputs=unseen), 0, position)
 
 
 def _substeps(problem: Problem, records: Sequence[Record], q: Array) -> int:

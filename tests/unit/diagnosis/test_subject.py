@@ -17,6 +17,7 @@ from orchestration.diagnosis.subject import (
     depends,
     divided_as_read,
     likelihood_gain,
+    predicted,
     start_prior,
     thinned,
 )
@@ -45,6 +46,37 @@ def test_the_last_third_is_left_out() -> None:
     assert len(fitted.time) == 160
     assert (len(out.record.time), out.first, out.of) == (240, 160, 0)
     assert [len(e) for e in subject.base.errors] == [160]
+
+
+def test_of_a_free_response_blocks_in_between_are_left_out() -> None:
+    """Every sample is fitted or left out, and errors are those of the exact solution there."""
+    record = pushed(240)
+    record.inputs[:] = 0.0
+    record.inputs[:20] = 30.0
+    noise = 0.005 * np.random.default_rng(1).standard_normal((240, 1))
+    states = exact(record, TRUTH, START, record.inputs[:, 0])
+    record = replace(record, outputs=states[:, :1] + noise)
+    subject = made(record)
+    (fitted,), (out,) = subject.problem.records, subject.left_out
+    assert out.is_between
+    assert (out.of, out.first) == (0, 0)
+    seen, unseen = np.isfinite(fitted.outputs[:, 0]), np.isfinite(out.record.outputs[:, 0])
+    assert np.array_equal(seen, ~unseen)
+    starts = np.flatnonzero(np.diff(unseen.astype(int)) == 1) + 1
+    assert starts.tolist() == [10 + 30 * k for k in range(8)]
+    assert unseen.sum() == 80
+    point = subject.base.point
+    values = tuple(subject.problem.parameters(point.q)[:3])
+    run = exact(record, values, point.starts[0], record.inputs[:, 0])
+    expected = (record.outputs - run[:, :1])[unseen] / subject.problem.spread
+    judged = subject.judge(subject.base)
+    shown = np.concatenate([judged.choosing, judged.measuring])
+    shown = np.sort(shown[np.isfinite(shown)])
+    assert shown == pytest.approx(np.sort(expected[:, 0]), abs=1e-4)
+    assert predicted(subject) is None
+    pushed_on = replace(record, inputs=record.inputs.copy())
+    pushed_on.inputs[120:] = 1.0
+    assert not made(pushed_on).left_out[0].is_between
 
 
 def test_what_is_left_out_is_never_fitted() -> None:
