@@ -285,6 +285,7 @@ def diagnose(
         *_free_response(found.subject),
         *_predictions(model, found.subject),
         *_denoised(found.subject),
+        *_curved(found.subject),
         *_unrelated(found),
     ]
     if not deadline.was_met:
@@ -547,6 +548,20 @@ def _free_response(subject: Subject) -> list[Note]:
         " in between that no fit has seen"
     )
     return [("free_response", record, text) for record in records]
+
+
+def _curved(subject: Subject) -> list[Note]:
+    """Return the note on inputs that go in curves between samples."""
+    record = subject.problem.records[0]
+    if not record.curved:
+        return []
+    pairs = zip(subject.problem.model.inputs, record.smooth, strict=True)
+    names = " and ".join(v.name for v, is_smooth in pairs if is_smooth)
+    text = (
+        f"{names}: taken to go in cubics between samples, by which the model follows the record"
+        " better than in straight lines; a simulation has to read it so, or at more samples"
+    )
+    return [("curved", names, text)]
 
 
 def _unrelated(found: Found) -> list[Note]:

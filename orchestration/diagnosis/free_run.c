@@ -55,6 +55,7 @@ typedef struct {
     const int *shifts; /* of each clock, which of the free parameters shift it: clocks x free */
     const term *term;
     const double *observed, *gain; /* n x NY, NaN is a gap; n x NX x NY, or 0 for a free run */
+    const double *bends; /* n x NU, slopes of smooth inputs at the samples, or 0 for straight lines */
     double *outputs, *slopes, *states;
 } run;
 
@@ -383,7 +384,14 @@ static void remember(const double *X, const double *S, double t, work *k) {
 static void set_inputs(int j, double share, work *k) {
     const run *r = k->of;
     const double *here = r->inputs + j * NU, *next = here + NU;
-    for (int i = 0; i < NU; i++) k->u[i] = r->smooth[i] ? here[i] + (next[i] - here[i]) * share : here[i];
+    for (int i = 0; i < NU; i++) {
+        double change = next[i] - here[i];
+        k->u[i] = r->smooth[i] ? here[i] + change * share : here[i];
+        if (!r->bends || !r->smooth[i]) continue;
+        double width = r->time[j + 1] - r->time[j];  /* Hermite's cubic, less the straight line */
+        double first = width * r->bends[j * NU + i] - change, last = width * r->bends[(j + 1) * NU + i] - change;
+        k->u[i] += share * (1.0 - share) * (first * (1.0 - share) - last * share);
+    }
 }
 
 /* Go steps of length h from t0, which with its width is a part of the step after sample j. */

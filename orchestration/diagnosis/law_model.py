@@ -57,7 +57,7 @@ class _Run(ctypes.Structure):
         *((n, _ARRAY) for n in ("smooth", "position", "tick_clock", "tick", "output", "state")),
         ("shifts", _ARRAY),
         ("term", ctypes.POINTER(TermStructure)),
-        *((n, _ARRAY) for n in ("observed", "gain", "outputs", "slopes", "states")),
+        *((n, _ARRAY) for n in ("observed", "gain", "bends", "outputs", "slopes", "states")),
     )
 
 
@@ -256,7 +256,7 @@ class LawModel:
         positions = (setting.free, ticks.clock, ticks.first, shown, searched, shifts)
         doubles = [np.ascontiguousarray(a, dtype=float) for a in own]
         integers = [np.ascontiguousarray(a, dtype=np.int32) for a in (record.smooth, *positions)]
-        seen = () if record.gain is None else (record.outputs, record.gain)
+        seen = (None, None) if record.gain is None else (record.outputs, record.gain)
         structures = [term.structure(self.laws, self.signals) for term in setting.terms]
         array = (TermStructure * max(1, len(structures)))(*structures)
         counts = (setting.substeps, len(setting.free), len(structures), len(setting.values), 0)
@@ -268,7 +268,7 @@ class LawModel:
             *map(_address, (record.time, record.inputs, *doubles)),
             *map(_address, integers),
             array,
-            *(map(_address, seen) if seen else (None, None)),
+            *(None if a is None else _address(a) for a in (*seen, record.bends)),
             *map(_address, results),
         )
         del doubles, integers, array

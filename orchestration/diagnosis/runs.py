@@ -7,10 +7,13 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from fmus.kit.arrays import Array, Indices, Mask
 from fmus.kit.record import Rhythm, Ticks, ticks_of
 from orchestration.diagnosis.terms import Term
+
+_KNOTS = 4  # samples that determine a cubic
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +43,8 @@ class Record:
         Levels about which outputs are recorded without a sign; NaN of one that has it.
     pace : float
         Share by which the clock of the outputs is faster than that of the inputs.
+    curved : bool
+        Whether smooth inputs go in cubics in place of straight lines; see `bends`.
     """
 
     time: Array
@@ -53,6 +58,7 @@ class Record:
     denoised: tuple[str, ...] = ()
     folds: Array | None = None
     pace: float = 0.0
+    curved: bool = False
     _ticks: dict[tuple[Rhythm, ...], Ticks] = field(default_factory=dict, init=False, repr=False)
 
     def ticks(self, rhythms: tuple[Rhythm, ...]) -> Ticks:
@@ -74,6 +80,14 @@ class Record:
     def plain(self) -> Record:
         """The record as if its outputs were recorded like its inputs."""
         return replace(self, folds=None, pace=0.0)
+
+    @cached_property
+    def bends(self) -> Array | None:
+        """Slopes (n, nu) of curved inputs at the samples, by a cubic spline; else None."""
+        if not self.curved or len(self.time) < _KNOTS:
+            return None
+        slopes = CubicSpline(self.time, self.inputs).derivative()(self.time)
+        return np.ascontiguousarray(slopes)
 
     @cached_property
     def measured(self) -> Mask:

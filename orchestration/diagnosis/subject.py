@@ -428,7 +428,7 @@ def _as_read(recorded: _Recorded, turns: bool) -> Subject:
     subject = _begun(_as_fitted(recorded))
     best = replace(recorded, subject=subject)
     bare, q = replace(subject.problem, records=(), starts=()), subject.base.point.q
-    ways = [evenly, with_quiet_inputs]
+    ways = [evenly, with_quiet_inputs, _curved]
     if turns and bare.begins_anywhere:
         ways.insert(0, _turned)
     for clean in ways:
@@ -508,6 +508,11 @@ def _inputs_go(model: LawModel, records: Sequence[Record], smooth: bool) -> list
 def _turned(model: LawModel, record: Record) -> Record:
     """Return a record with inputs in straight lines where they were held, or the reverse."""
     return model.simulated(replace(record, smooth=tuple(not one for one in record.smooth)))
+
+
+def _curved(model: LawModel, record: Record) -> Record:
+    """Return a record with inputs in cubics where they went in straight lines."""
+    return model.simulated(replace(record, curved=True)) if any(record.smooth) else record
 
 
 def _as_recorded(

@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 
 from fmus.kit import Output, Parameter, State
 from fmus.kit.arrays import Array
@@ -95,6 +97,28 @@ def test_a_run_without_terms_solves_the_equations(smooth: bool) -> None:
     course = run(record, setting_of())
     assert course.states == pytest.approx(expected, abs=1e-7)
     assert course.outputs[:, 0] == pytest.approx(expected[:, 0], abs=1e-7)
+
+
+def test_a_curved_input_goes_as_its_spline_does() -> None:
+    """Nine samples to a period of the force, by SciPy's integration of its own spline."""
+    time = 0.1 * np.arange(80)
+    force = 5.0 * np.sin(7.0 * time)
+    record = Record(time, force[:, None].copy(), np.zeros((80, 1)), (True,), curved=True)
+    spline = CubicSpline(time, force)
+    expected = solve_ivp(
+        lambda t, x: rates(x, float(spline(t)), 0.0),
+        (0.0, time[-1]),
+        START,
+        t_eval=time,
+        rtol=1e-9,
+        atol=1e-11,
+    ).y.T
+    assert run(record, setting_of(substeps=8)).states == pytest.approx(expected, abs=2e-6)
+    straight = run(replace(record, curved=False), setting_of(substeps=8)).states
+    assert abs(straight - expected).max() > 1e-3
+    assert run(replace(record, smooth=(False,)), setting_of()).states == pytest.approx(
+        run(replace(record, smooth=(False,), curved=False), setting_of()).states, abs=0.0
+    )
 
 
 @pytest.mark.parametrize("shape", Shape)

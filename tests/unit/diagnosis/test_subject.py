@@ -185,6 +185,26 @@ def test_how_inputs_go_between_samples_is_what_fits_better() -> None:
         assert subject.left_out[0].record.smooth == (smooth,)
 
 
+def test_inputs_are_curved_where_that_fits_clearly_better() -> None:
+    """Of a force with eight samples to a period; not of one that goes in straight lines."""
+    time = 0.1 * np.arange(300)
+    fine = 1e-3 * np.arange(30_000)
+
+    def force(t: np.ndarray) -> np.ndarray:
+        return 5.0 * np.sin(7.9 * t) + 2.0 * np.sin(3.1 * t)
+
+    noise = 0.0005 * np.random.default_rng(3).standard_normal((300, 1))
+    for is_curved in (True, False):
+        driven = force(fine) if is_curved else np.interp(fine, time, force(time))
+        states = exact(
+            Record(fine, driven[:, None], driven[:, None], (False,)), TRUTH, START, driven
+        )
+        outputs = states[::100, :1] + noise
+        subject = made(Record(time, force(time)[:, None], outputs, (False,)))
+        assert subject.problem.records[0].smooth == (True,)
+        assert subject.problem.records[0].curved == is_curved
+
+
 def test_how_inputs_go_is_decided_by_runs_from_where_the_record_begins() -> None:
     """Of a slow drive of a mass that moves already, of which the start is the largest error."""
     record = pushed(150, 0.1, True)
