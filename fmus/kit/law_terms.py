@@ -21,8 +21,8 @@ from .functions import absolute, exp, maximum, minimum, sqrt, table, tanh, where
 
 # a sample period, s, that leaves one sample in any simulation: the one at the start
 _ONCE = 1e9
-_ABRUPT = 0.004  # of the scale, within which a step is made, as in free_run.c
-_ROUNDED = 0.02  # of the scale, within which a root is straight, as in free_run.c
+ABRUPT = 0.004  # of the scale, within which a step is made, as in free_run.c
+ROUNDED = 0.02  # of the scale, within which a root is straight, as in free_run.c
 _MEMORIES = ("none", "lag", "fading", "two_lags", "rate_limit", "play", "dahl", "heat")
 _WIDEST = 1e6  # of a width or a constant, in its value, and the reciprocal of the smallest
 
@@ -100,20 +100,33 @@ def check_term(term: LawTerm, laws: Collection[str], signals: Collection[str]) -
 
 
 @cache
-def _without_terms(cls: type[Component]) -> type[Component]:
-    """Return the class of a component without the terms that are stacked on it."""
-    component, effects = unstack(cls)
-    others = [effect for effect in effects if made_by(effect) is not law_term_effect]
+def _without(cls: type[Component], effects: tuple[type[Effect], ...]) -> type[Component]:
+    """Return the class of a component without some effects and without the terms stacked on it."""
+    component, stacked = unstack(cls)
+    others = [
+        effect
+        for effect in stacked
+        if made_by(effect) is not law_term_effect and effect not in effects
+    ]
     return stack(component, *others) if others else component
 
 
-def _value_of(self: Any, name: str) -> Any:
-    """Return an input, a state, the time, or a law without any terms."""
+def base_value(self: Any, name: str, effects: tuple[type[Effect], ...] = ()) -> Any:
+    """Return an input, a state, the time, or a law without any terms and without some effects.
+
+    Parameters
+    ----------
+    self : Component
+        Of a stacked class.
+    name : str
+    effects : tuple of type[Effect]
+        That are stacked on it, and change the law.
+    """
     value = getattr(self, name)
     if not callable(value):
         return value
     stacked = next(part for part in type(self).__mro__ if "_stacked" in vars(part))
-    plain: Any = object.__new__(_without_terms(stacked))
+    plain: Any = object.__new__(_without(stacked, effects))
     vars(plain).update(vars(self))
     plain._kept = None
     return getattr(plain, name)()
@@ -143,7 +156,7 @@ def law_term_effect(component: type[Component], law: str, term: LawTerm) -> type
     def corrected(self: Any, *arguments: Any) -> Any:
         added = _shape_value(self, term, memory.value(self))
         if term.factor:
-            added = added * _value_of(self, term.factor)
+            added = added * base_value(self, term.factor)
         return getattr(super(effect, self), law)(*arguments) + added
 
     members = _shape_parameters(term) | memory.members
@@ -197,11 +210,11 @@ _SHAPES: dict[str, Callable[[Any, Any, Any], Any]] = {
     "square": lambda x, w, s: x * x,
     "odd_square": lambda x, w, s: x * absolute(x),
     "cube": lambda x, w, s: x * x * x,
-    "root": lambda x, w, s: x / sqrt((absolute(x) + _ROUNDED * s) * s),
+    "root": lambda x, w, s: x / sqrt((absolute(x) + ROUNDED * s) * s),
     "dry": lambda x, w, s: tanh(x / w),
     "dead_zone": lambda x, w, s: x - maximum(minimum(x, w), -w),
     "above": lambda x, w, s: maximum(x - w, 0.0 * w),
-    "step": lambda x, w, s: 0.5 + 0.5 * tanh((x - w) / (_ABRUPT * s)),
+    "step": lambda x, w, s: 0.5 + 0.5 * tanh((x - w) / (ABRUPT * s)),
     "below": lambda x, w, s: minimum(x + w, 0.0 * w),
 }
 
@@ -233,7 +246,7 @@ def _memory(term: LawTerm) -> _Memory:
     if not term.signal:
         return _Memory({}, lambda self: 0.0)
     if term.memory == "none":
-        return _Memory({}, lambda self: _value_of(self, term.signal))
+        return _Memory({}, lambda self: base_value(self, term.signal))
     if term.memory == "heat":
         return _heat(term)
     return _sampled(term) if term.memory in ("play", "dahl") else _continuous(term)
@@ -244,7 +257,7 @@ def _heat(term: LawTerm) -> _Memory:
     time, heat = f"{term.stem}_time", f"{term.stem}_heat"
 
     def rate(self: Any) -> Any:
-        now = _value_of(self, term.signal)
+        now = base_value(self, term.signal)
         return (now * now - getattr(self, heat)) / getattr(self, time)
 
     members = {
@@ -271,7 +284,7 @@ def _continuous(term: LawTerm) -> _Memory:
     names = {role: f"{stem}_{role}" for role in ("change", "begin", "begun", "time")}
 
     def now(self: Any) -> Any:
-        return _value_of(self, term.signal)
+        return base_value(self, term.signal)
 
     def remembered(self: Any) -> Any:
         begin = where(getattr(self, names["begun"]), getattr(self, names["begin"]), now(self))
@@ -325,7 +338,7 @@ def _sampled(term: LawTerm) -> _Memory:
     is_dahl = term.memory == "dahl"
 
     def now(self: Any) -> Any:
-        return _value_of(self, term.signal)
+        return base_value(self, term.signal)
 
     def begin(self: Any) -> Any:
         return 0.0 * now(self) if is_dahl else now(self)

@@ -1,5 +1,6 @@
 from . import changes as changes
 from . import conclude as conclude
+from . import law_map as law_map
 from . import search as search
 from .engine import Diagnosis as Diagnosis
 from .engine import diagnose as diagnose
@@ -14,6 +15,5 @@ from .search import Found as Found
 from .signals import scale_of_signal as scale_of_signal
 from .subject import Subject as Subject
 from .subject import subject_of as subject_of
-from .terms import Memory as Memory
 from .terms import Shape as Shape
 from .terms import Term as Term

@@ -53,7 +53,7 @@ def extended_component(fitted: Fit, terms: Mapping[str, Term] | None = None) -> 
         elif isinstance(term, DelayTerm):
             effects.append(_delay(fitted, term))
         else:
-            effects.append(law_term_effect(model.cls, term.law, _law_term(fitted, stem, term)))
+            effects.append(law_term_effect(model.cls, term.law, law_term(fitted, stem, term)))
         values |= _term_values(fitted, stem, term)
     made = stack(model.cls, *effects, name=f"{model.cls.name}_{'extended' if named else 'fitted'}")
     declared = {p.name: p for p in made.layout.parameters}
@@ -102,8 +102,17 @@ def _allowed(value: float, declared: ParameterDeclaration) -> float:
     return min(max(value, declared.min), declared.max)
 
 
-def _law_term(fitted: Fit, stem: str, term: Term) -> LawTerm:
-    """Return a term in SI units, as its effect declares it."""
+def law_term(fitted: Fit, stem: str, term: Term) -> LawTerm:
+    """Return a term in SI units, as its effect declares it.
+
+    Parameters
+    ----------
+    fitted : Fit
+    stem : str
+        Name of the parameter that switches it.
+    term : Term
+        One of its terms.
+    """
     problem = fitted.problem
     model = problem.model
     step = min(float(np.median(np.diff(record.time))) for record in problem.records)

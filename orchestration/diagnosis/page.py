@@ -11,6 +11,7 @@ from fmus.kit.titles import capitalised, in_words
 from fmus.kit.units import format_value
 from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.engine import Diagnosis
+from orchestration.diagnosis.law_map import LawEntry, LawMap
 from orchestration.diagnosis.report import curves, terminal, wording
 from orchestration.diagnosis.term_names import sentence, shape_text, unit_of
 from orchestration.diagnosis.terms import Term
@@ -27,12 +28,14 @@ from orchestration.reporting.html import (
     elements,
     escaped,
     format_quantities,
+    heat_map,
     stacked,
 )
 
 _HEIGHT, _RESIDUAL_HEIGHT, _CURVE_HEIGHT = 190, 110, 190  # pixels
 _SETS = 12  # that are listed
 _MARKS = 150  # samples that are marked below a curve
+_LARGEST_MAP = 16  # laws, and signals
 _SET_HEAD = ("Terms", "Gain on fitted samples [nat]", "On unseen ones", "Score", "Error")
 
 
@@ -42,8 +45,19 @@ def changed_page(changed: Changed, command: str = "") -> Page:
     return diagnosis_page(changed.before, command, changed)
 
 
+@make_page.register(LawMap)
+def laws_page(law_map: LawMap, command: str = "") -> Page:
+    """Make the page of a diagnosis with the map of its laws; see `diagnosis_page`."""
+    return diagnosis_page(law_map.diagnosis, command, law_map=law_map)
+
+
 @make_page.register(Diagnosis)
-def diagnosis_page(diagnosis: Diagnosis, command: str = "", changed: Changed | None = None) -> Page:
+def diagnosis_page(
+    diagnosis: Diagnosis,
+    command: str = "",
+    changed: Changed | None = None,
+    law_map: LawMap | None = None,
+) -> Page:
     """Make the page of a diagnosis.
 
     Parameters
@@ -53,6 +67,8 @@ def diagnosis_page(diagnosis: Diagnosis, command: str = "", changed: Changed | N
         That made it; unless given, one that makes the same.
     changed : Changed, optional
         What changed in a later record.
+    law_map : LawMap, optional
+        What each law gains over each signal.
     """
     later = [] if changed is None else [*changed.later.records]
     used = (*diagnosis.records, *diagnosis.holdouts, *later)
@@ -83,6 +99,8 @@ def diagnosis_page(diagnosis: Diagnosis, command: str = "", changed: Changed | N
         page.heading("What the terms add")
         for curve in terms.values():
             _add_curve(page, diagnosis, curve)
+    if law_map is not None and law_map.entries:
+        _add_law_map(page, law_map)
     page.heading("What is left")
     head = [capitalised(title) for title in terminal.REMAINDER_HEAD]
     page.table(head, terminal.remainder_rows(diagnosis))
@@ -202,6 +220,33 @@ def _add_curve(page: Page, diagnosis: Diagnosis, curve: curves.TermCurve) -> Non
         f"{capitalised(sentence(cls, term))}: {shape_text(term)}, where x is the signal below."
     )
     page.chart(stacked([panel], across), format_quantities(caption))
+
+
+def _add_law_map(page: Page, law_map: LawMap) -> None:
+    """Add what each law gains over each signal, as a map."""
+    page.heading("Which law over which signal")
+    best = {one.term.cause: one for one in law_map.entries}
+    laws = list(dict.fromkeys(law for law, _ in best))
+    signals = list(dict.fromkeys(signal for _, signal in best))
+    rows, columns = laws[:_LARGEST_MAP], signals[:_LARGEST_MAP]
+    gains = np.full((len(rows), len(columns)), np.nan)
+    texts = [["" for _ in columns] for _ in rows]
+    for i, law in enumerate(rows):
+        for k, signal in enumerate(columns):
+            entry = best.get((law, signal))
+            if entry is not None:
+                gains[i, k] = max(entry.gain, 1.0)
+                texts[i][k] = _entry_text(law_map.diagnosis, entry)
+    omitted = len(laws) - len(rows) + len(signals) - len(columns)
+    more = f" {omitted} laws and signals that gain less are not shown." if omitted else ""
+    chart = heat_map(rows, columns, gains, texts, "gain [nat]")
+    page.chart(chart, f"{wording.LAW_MAP_MEANING}{more}")
+
+
+def _entry_text(diagnosis: Diagnosis, entry: LawEntry) -> str:
+    """Return an entry of the map for people."""
+    cls = diagnosis.subject.problem.model.cls
+    return f"{sentence(cls, entry.term)}, {shape_text(entry.term)}: {entry.gain:.1f}"
 
 
 def _add_parameters(page: Page, diagnosis: Diagnosis) -> None:

@@ -5,15 +5,21 @@ from __future__ import annotations
 from textwrap import fill
 from typing import TYPE_CHECKING
 
-from fmus.kit.titles import capitalised
+import numpy as np
+
+from fmus.kit import UserError
+from fmus.kit.titles import capitalised, in_words
 from orchestration.diagnosis.engine import Diagnosis
+from orchestration.diagnosis.law_map import LawMap
 from orchestration.diagnosis.report import curves, wording
+from orchestration.diagnosis.term_names import sentence, unit_of
 from orchestration.reporting import draw, pictures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _WIDE = 92  # characters of a line of the title
+_MARKS = 150  # samples that are marked below a curve
 
 
 @draw.register(Diagnosis)
@@ -42,4 +48,33 @@ def draw_diagnosis(diagnosis: Diagnosis) -> Figure:
         loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1
     )
     above.margins(x=0.0)
+    return figure
+
+
+@draw.register(LawMap)
+def draw_curve(law_map: LawMap) -> Figure:
+    """Draw what the leading term of the first cause adds to its law, over its signal.
+
+    Raises
+    ------
+    UserError
+        If no law is found to lack a function of a signal.
+    """
+    diagnosis = law_map.diagnosis
+    cls = diagnosis.subject.problem.model.cls
+    curve = next(iter(curves.term_curves(diagnosis.final.fit, diagnosis.terms).values()), None)
+    if curve is None:
+        raise UserError("no law is found to lack anything, so there is no curve to draw")
+    term = curve.term
+    title = fill(capitalised(sentence(cls, term)), _WIDE)
+    signal_unit = unit_of(cls, term.signal)
+    below = in_words(term.signal) + ("" if signal_unit == "1" else f" [{signal_unit}]")
+    figure, (axis,) = pictures.panels(1, title, below, height=3.0)
+    axis.plot(curve.signal, curve.addition, color=pictures.FITTED)
+    samples = curve.samples[:: max(1, len(curve.samples) // _MARKS)]
+    floor = np.full(samples.shape, float(curve.addition.min()))
+    axis.plot(samples, floor, "|", color=pictures.MEASURED, label="samples of the record")
+    added = f"part of {in_words(term.factor)}" if term.factor else f"added to {in_words(term.law)}"
+    pictures.label(axis, added, "1" if term.factor else unit_of(cls, term.law))
+    axis.legend(frameon=False)
     return figure

@@ -6,14 +6,18 @@ from typing import Any
 
 from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.engine import Diagnosis
+from orchestration.diagnosis.law_map import LawMap
 from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.report import wording
+from orchestration.diagnosis.report.curves import term_curves
 from orchestration.diagnosis.term_names import (
     estimates,
     memory_text,
+    seen_unit,
     shape_text,
     stems,
     term_parameters,
+    unit_of,
 )
 from orchestration.diagnosis.terms import Term
 from orchestration.identify.uncertainty import Estimate
@@ -66,6 +70,35 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
 
 def _fit_percent(error: float | None) -> float | None:
     return None if error is None else 100.0 * (1.0 - error)
+
+
+def law_figures(law_map: LawMap) -> list[dict[str, Any]]:
+    """Return what each law gains over each signal; curves of the terms of the first cause, SI."""
+    diagnosis = law_map.diagnosis
+    cls = diagnosis.subject.problem.model.cls
+    fitted = term_curves(diagnosis.final.fit, diagnosis.terms).values()
+    curves = {one.term.cause: one for one in fitted}
+    rows = []
+    for entry in law_map.entries:
+        term = entry.term
+        curve = curves.get(term.cause)
+        row = {
+            "effect": term.name,
+            "law": term.law,
+            "signal": term.signal,
+            "memory": memory_text(term),
+            "factor": term.factor,
+            "shape": shape_text(term),
+            "gain": entry.gain,
+        }
+        if curve is not None:
+            unit = "1" if curve.term.factor == term.law else unit_of(cls, term.law)
+            row |= {
+                "curve": {"x": curve.signal.tolist(), "y": curve.addition.tolist()},
+                "units": {"law": unit, "signal": seen_unit(cls, curve.term)},
+            }
+        rows.append(row)
+    return rows
 
 
 def cause_figures(diagnosis: Diagnosis, cause: Cause) -> dict[str, Any]:

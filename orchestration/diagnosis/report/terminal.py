@@ -10,8 +10,9 @@ from rich.text import Text
 
 from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.engine import Diagnosis
+from orchestration.diagnosis.law_map import LawMap
 from orchestration.diagnosis.report import wording
-from orchestration.diagnosis.term_names import memory_text, shape_text
+from orchestration.diagnosis.term_names import memory_text, sentence, shape_text
 from orchestration.diagnosis.terms import Term
 from orchestration.identify.changes import CHANGE_HEAD, change_rows, describe_changes
 from orchestration.reporting import plain_table
@@ -21,7 +22,9 @@ GROUP_HEAD = ("probability", "cause", "error", "shape", "memory", "together with
 LADDER_HEAD = ("model", "error")
 REMAINDER_HEAD = ("output", "error", "noise widths", "pace", "correlation")
 PARAMETER_HEAD = ("parameter", "value", "95 % interval", "nominal")
-_FIGURES = ("probability", "error", "noise widths", "value", "nominal", REMAINDER_HEAD[-1])
+LAW_HEAD = ("law over signal", "gain", "shape", "memory")
+_ROWS = 10  # of the map of laws
+_FIGURES = ("gain", "probability", "error", "noise widths", "value", "nominal", REMAINDER_HEAD[-1])
 
 
 def overview(diagnosis: Diagnosis) -> Group:
@@ -56,6 +59,33 @@ def comparison(changed: Changed) -> Group:
         ),
         *(Text(f"  {message}") for _, _, message in later.notes),
     )
+
+
+def laws(law_map: LawMap) -> Group:
+    """Return what ``ppy laws`` prints beside that."""
+    rows = law_rows(law_map)
+    left = len(rows) - _ROWS
+    more = [Text(f"  {left} more laws and signals gain less; --json has all of them.")]
+    return Group(
+        Text(),
+        _table("what each law lacks, to first order", LAW_HEAD, rows[:_ROWS]),
+        *(more if left > 0 else []),
+        Text(f"  {wording.LAW_MAP_MEANING}"),
+    )
+
+
+def law_rows(law_map: LawMap) -> Rows:
+    """Return a row for each law over a signal, the largest gain first."""
+    cls = law_map.diagnosis.subject.problem.model.cls
+    return [
+        (
+            sentence(cls, one.term),
+            f"{one.gain:.1f}",
+            shape_text(one.term),
+            memory_text(one.term),
+        )
+        for one in law_map.entries
+    ]
 
 
 def _table(title: str, head: Sequence[str], rows: Rows) -> Table:

@@ -27,6 +27,14 @@ CHANGES_MEANING = (
 )
 
 
+LAW_MAP_MEANING = (
+    "Gain is the log likelihood of the fitted samples that the best term of this law over this"
+    " signal gains in the linear response of the model without terms, less what its parameters and"
+    " its words cost, in nats. Laws that act alike are one, named by that which depends on the"
+    " signal."
+)
+
+
 def error_meaning(diagnosis: Diagnosis) -> str:
     """Return what all errors are."""
     return (

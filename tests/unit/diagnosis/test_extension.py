@@ -4,22 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import fmpy
 import numpy as np
 import pytest
 
 from fmus.kit import Component, Input, Output, Parameter, State
 from orchestration.diagnosis.extension import extended_component
-from orchestration.diagnosis.fitting import Fit, Point, Problem, StartPrior
-from orchestration.diagnosis.law_model import LawModel
-from orchestration.diagnosis.runs import Record
 from orchestration.diagnosis.terms import DelayTerm, Memory, Shape, Term
-from orchestration.fmu.model import model_of
+from tests.support.fitted_terms import fitted, one_of_shape, run_fmu
 from tests.support.oscillator_model import Oscillator
-
-STEP = 0.02
-SAMPLES = 150
-SUBSTEPS = 32  # so that the classical method resolves a kink as well as the FMU, which locates it
 
 
 class Strain(Component):
@@ -56,21 +48,6 @@ class Strain(Component):
 Strain.unchecked = ("leakage", "current_at_charge")
 
 
-def fitted(cls: type[Component], terms: list[Term], values: list[list[float]]) -> Fit:
-    """Return a fit of terms with values over a held stimulus, from start states other than zero."""
-    model = LawModel(cls)
-    time = STEP * np.arange(SAMPLES)
-    steps = np.random.default_rng(4).normal(0.0, 4.0, SAMPLES // 15)
-    stimulus = np.repeat(steps, 15)[:, None]
-    outputs = np.zeros((SAMPLES, len(model.outputs)))
-    record = Record(time, stimulus, outputs, (False,), "stimulus")
-    start = np.linspace(0.05, 0.1, len(model.states))
-    prior = StartPrior(start, np.ones(len(start)))
-    problem = Problem(model, (record,), np.ones(len(model.outputs)), (prior,), substeps=SUBSTEPS)
-    point = Point(problem.mean, np.concatenate([np.zeros(0), *values]), (start,))
-    return Fit(problem, tuple(terms), point, (outputs,), 0.0, np.eye(1))
-
-
 def courses(cls: type[Component], terms: list[Term], values: list[list[float]]):
     """Return the output of the kernel with terms, without terms, and of the FMU."""
     fit = fitted(cls, terms, values)
@@ -82,40 +59,9 @@ def courses(cls: type[Component], terms: list[Term], values: list[list[float]]):
     return with_terms.outputs[:, 0], without.outputs[:, 0], run_fmu(fit, extended_component(fit))
 
 
-def run_fmu(fit: Fit, cls: type[Component], runtime: str = "native"):
-    """Return the first output of the FMU of a class over the record of a fit, by FMPy."""
-    record = fit.problem.records[0]
-    (stimulus,) = fit.problem.model.inputs
-    dtype = [("time", float), (stimulus.name, float)]
-    output = fit.problem.model.outputs[0].name
-    result = fmpy.simulate_fmu(
-        str(model_of(cls, runtime).path),
-        stop_time=float(record.time[-1]),
-        step_size=STEP,
-        output_interval=STEP,
-        input=np.array([*zip(record.time, record.inputs[:, 0], strict=True)], dtype=dtype),
-        output=[output],
-        fmi_type="CoSimulation",
-    )
-    return result[output]
-
-
-def _shaped(shape: Shape) -> tuple[Term, list[float]]:
-    """Return a term of a shape over the velocity, with values at which it acts."""
-    places = (-1.0, -0.3, 0.2, 1.0) if shape is Shape.CURVE else ()
-    signal = "" if shape is Shape.CONSTANT else "velocity"
-    if shape is Shape.STEP:
-        term = Term("friction", "time", shape, factor="friction", size=5.0, scale=STEP * SAMPLES)
-        return term, [0.1, np.log(0.4)]
-    term = Term("friction", signal, shape, size=5.0, scale=0.5, middle=0.1, places=places)
-    amount = 0.01 if shape in (Shape.SQUARE, Shape.ODD_SQUARE, Shape.CUBE) else 0.1
-    values = np.linspace(amount, 2.0 * amount, term.coefficients).tolist()
-    return term, [*values, *[np.log(0.8)] * shape.has_width]
-
-
 @pytest.mark.parametrize("shape", Shape, ids=lambda shape: shape.name.lower())
 def test_every_shape_runs_as_in_the_kernel(shape):
-    term, values = _shaped(shape)
+    term, values = one_of_shape(shape)
     kernel, without, fmu = courses(Oscillator, [term], [values])
     assert np.abs(kernel - without).max() > 1e-3
     assert np.abs(fmu - kernel).max() < 1e-6
@@ -173,8 +119,8 @@ def test_play_follows_to_the_way_that_was_fitted():
 
 
 def test_the_python_fmu_runs_alike():
-    terms = [_shaped(Shape.DRY)[0], Term("friction", "spring_force", Shape.SQUARE, scale=5.0)]
-    fit = fitted(Oscillator, terms, [_shaped(Shape.DRY)[1], [0.02]])
+    terms = [one_of_shape(Shape.DRY)[0], Term("friction", "spring_force", Shape.SQUARE, scale=5.0)]
+    fit = fitted(Oscillator, terms, [one_of_shape(Shape.DRY)[1], [0.02]])
     cls = extended_component(fit)
     assert np.abs(run_fmu(fit, cls, "python") - run_fmu(fit, cls)).max() < 1e-6
 

@@ -1,0 +1,350 @@
+"""Terms of a diagnosis as Python source: short classes to read, to change and to lay over a model.
+
+They compute what the terms compute, without what a search needs: amounts and constants are
+parameters with fitted values, and memories begin where those of the first record did.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fmus.kit import Component, UserError
+from fmus.kit.declare import ParameterDeclaration
+from fmus.kit.law_terms import ABRUPT, ROUNDED
+from fmus.kit.layout import law_of
+from fmus.kit.titles import capitalised
+from orchestration.diagnosis.extension import extended_component, law_term
+from orchestration.diagnosis.fitting import Fit
+from orchestration.diagnosis.law_model import LawModel
+from orchestration.diagnosis.report.curves import signal_samples
+from orchestration.diagnosis.term_names import sentence, shape_text, term_parameters
+from orchestration.diagnosis.terms import DelayTerm, Memory, NamedTerm, Shape, Term
+from orchestration.reporting import option
+
+# as `fmus.kit.law_terms` computes them: x is the signal, w a width, s a typical size
+FORMULAS = {
+    Shape.CONSTANT: "1.0",
+    Shape.LINEAR: "x",
+    Shape.MODULUS: "absolute(x)",
+    Shape.SQUARE: "x * x",
+    Shape.ODD_SQUARE: "x * absolute(x)",
+    Shape.CUBE: "x * x * x",
+    Shape.ROOT: f"x / sqrt((absolute(x) + {ROUNDED} * {{s}}) * {{s}})",
+    Shape.DRY: "tanh(x / {w})",
+    Shape.DEAD_ZONE: "(x - clip(x, -{w}, {w}))",
+    Shape.ABOVE: "maximum(x - {w}, 0.0)",
+    Shape.BELOW: "minimum(x + {w}, 0.0)",
+    Shape.STEP: f"(0.5 + 0.5 * tanh((x - {{w}}) / ({ABRUPT} * {{s}})))",
+    Shape.CURVE: "table(x, {table}_PLACES, {table}_VALUES)",
+}
+_NAMES = (
+    *("absolute", "clip", "Discrete", "Effect", "exp", "maximum", "minimum", "Parameter"),
+    *("sqrt", "State", "table", "tanh", "where"),
+)
+_UNBOUNDED = 1e9  # nominal values, beyond which a bound is none
+_ADDED = "ADDED"  # name of the classes of a file
+_NUMBERS_IN_LINE = 6  # of a table
+
+
+def effect_source(fitted: Fit, terms: Mapping[str, Term], files: str) -> str:
+    """Return the text of a Python file with a class for each term of a fit.
+
+    Parameters
+    ----------
+    fitted : Fit
+    terms : Mapping of str to Term
+        Its terms, by name.
+    files : str
+        Names of the records.
+
+    Raises
+    ------
+    UserError
+        If there is no term, or one that is an effect of a catalogue or of a measurement.
+    """
+    model = fitted.problem.model
+    _check(terms)
+    made = extended_component(fitted, terms)
+    # a class sees its law as those before it leave it, and a term sees it without any
+    order = sorted(terms, key=lambda stem: terms[stem].law not in _seen(terms[stem]))
+    sorted_terms = [terms[stem] for stem in order]
+    classes = [
+        _Class(fitted, made, stem, term, _seen_changed(model, term, sorted_terms[:k], sorted_terms))
+        for k, (stem, term) in enumerate(zip(order, sorted_terms, strict=True))
+    ]
+    body = "\n".join(line for one in classes for line in one.lines())
+    used = [name for name in _NAMES if re.search(rf"\b{name}\b", body)]
+    cls = model.cls
+    subjects = "; ".join(sentence(cls, terms[stem]) for stem in order)
+    stacked = ", ".join([cls.__name__, *map(_class_name, order)])
+    own = {p.name: p.start for p in cls.layout.parameters}
+    values = {p.name: p.start for p in made.layout.parameters if p.name in own}
+    lines = [
+        f'"""{capitalised(subjects)}: what {cls.name} lacks on a record.',
+        "",
+        "    from fmus.kit import stack",
+        "",
+        f"    better = stack({stacked}, defaults=FITTED)",
+        '"""',
+        "",
+        f"from fmus.kit import {', '.join(used)}",
+        *(["from fmus.kit.law_terms import base_value"] if "base_value(" in body else []),
+        "",
+        f"# the model's own parameters as they were fitted to {files!a}, SI",
+        "FITTED = {",
+        *(f'    "{n}": {_number(value)},' for n, value in values.items() if value != own[n]),
+        "}",
+        body,
+    ]
+    if "base_value(" in body:
+        names = "".join(f"{_class_name(stem)}, " for stem in order)
+        lines += ["", "", f"{_ADDED} = ({names.rstrip()})"]
+    return "\n".join(lines) + "\n"
+
+
+def _seen(term: Term) -> set[str]:
+    """Return the signals of a term, which may be laws."""
+    return {term.signal, term.factor} - {""}
+
+
+def _check(terms: Mapping[str, Term]) -> None:
+    """Refuse terms that have a class already."""
+    if not terms:
+        raise UserError("no law is found to lack anything, so there is no class to write")
+    known = next((s for s, t in terms.items() if isinstance(t, NamedTerm | DelayTerm)), None)
+    if known is not None:
+        raise UserError(
+            f"{known} is an effect that has a class already; {option('fmu', 'better.fmu')} writes"
+            " the model with it"
+        )
+
+
+def _seen_changed(
+    model: LawModel, term: Term, below: Sequence[Term], terms: Collection[Term]
+) -> set[str]:
+    """Return the laws that a term sees without any terms, and that its class would see with some.
+
+    Parameters
+    ----------
+    model : LawModel
+    term : Term
+    below, terms : collection of Term
+        Of the classes before its own, and all.
+    """
+    changed = set()
+    for name in _seen(term) & set(model.laws):
+        laws = {one.law for one in terms}
+        if name == term.law:  # called through super(), at its own class
+            laws = (laws - {name}) | {one.law for one in below}
+        if any(name == law or model.perturbed.calls(name, law) for law in laws):
+            changed.add(name)
+    return changed
+
+
+class _Class:
+    """The class of a term: its parameters, its memory, and the law.
+
+    Parameters
+    ----------
+    fitted : Fit
+    made : type[Component]
+        The model with the terms of the fit, and fitted values as defaults.
+    stem : str
+        Name of the term.
+    term : Term
+    changed : set of str
+        Laws that it sees without any terms, and that are changed where it stands.
+    """
+
+    def __init__(
+        self, fitted: Fit, made: type[Component], stem: str, term: Term, changed: set[str]
+    ):
+        self._changed = changed
+        self._fitted = fitted
+        self._stem = stem
+        self._term = term
+        self._model = fitted.problem.model
+        self._given = law_term(fitted, stem, term)
+        declared = {p.name: p for p in made.layout.parameters}
+        names = [one.name for one in term_parameters(self._model.cls, stem, term)]
+        self._parameters = [declared[name] for name in names]
+
+    def lines(self) -> Iterator[str]:
+        """Yield the lines of the class, with its table before."""
+        term, cls = self._term, self._model.cls
+        title = capitalised(sentence(cls, term))
+        yield from self._table_lines()
+        yield from ("", "", f"class {_class_name(self._stem)}(Effect):")
+        yield from (f'    """{title}: {shape_text(term)}."""', "")
+        yield f'    id = "{self._stem}"'
+        yield f'    neutral = "{self._stem}"'
+        yield f'    assumption = "{term.law} does not depend on {term.signal or "it"} like this"'
+        yield ""
+        if term.places:
+            doc = f"how much of its table {term.law} has"
+            yield f'    {self._stem} = Parameter(1.0, "1", nominal=1.0, doc={_quote(doc)})'
+        else:
+            yield from (f"    {one.name} = {_declaration(one)}" for one in self._parameters)
+        yield from self._memory_lines()
+        yield ""
+        yield from self._law_lines()
+
+    def _table_lines(self) -> Iterator[str]:
+        """Yield the constants of a curve."""
+        if not self._term.places:
+            return
+        tables = {"PLACES": self._given.places, "VALUES": [p.start for p in self._parameters]}
+        yield ""
+        for name, numbers in tables.items():
+            yield f"{self._stem.upper()}_{name} = ("
+            for k in range(0, len(numbers), _NUMBERS_IN_LINE):
+                row = ", ".join(map(_number, numbers[k : k + _NUMBERS_IN_LINE]))
+                yield f"    {row},"
+            yield ")"
+
+    def _law_lines(self) -> Iterator[str]:
+        """Yield the law with what is added to it."""
+        term = self._term
+        law: Any = law_of(self._model.cls, term.law)
+        arguments = "*arguments" if len(inspect.signature(law).parameters) > 1 else ""
+        yield f"    def {term.law}(self{', ' if arguments else ''}{arguments}):"
+        yield f"        below = super().{term.law}({arguments})"
+        if term.signal:
+            yield f"        x = {self._argument()}"
+        width, scale = f"self.{self._stem}_width", _number(self._given.scale)
+        formula = FORMULAS[term.shape].format(w=width, s=scale, table=self._stem.upper())
+        change = f"self.{self._stem} * {formula}"
+        if term.factor == term.law and term.law not in self._changed:
+            yield f"        return below * (1.0 + {change})"
+        elif term.factor:
+            yield f"        return below + {self._value(term.factor)} * {change}"
+        else:
+            yield f"        return below + {change}"
+
+    def _argument(self) -> str:
+        """Return the signal or the memory of it, from its origin on."""
+        term = self._term
+        memory = f"self.{self._stem}_memory"
+        now = self._value(term.signal)
+        text = now
+        if term.memory in (Memory.FADING, Memory.TWO_LAGS, Memory.RATE_LIMIT):
+            text = f"{now} - {memory}"
+        elif term.memory in (Memory.PLAY, Memory.DAHL) and not self._given.is_held:
+            text = f"self.{self._stem}_memory_update()"
+        elif term.has_memory:
+            text = memory
+        return f"{text} - {_number(self._given.middle)}" if self._given.middle else text
+
+    def _value(self, signal: str) -> str:
+        """Return the value of a signal in the law."""
+        if signal == self._term.law and signal not in self._changed:
+            return "below"
+        return self._plain_value(signal)
+
+    def _plain_value(self, signal: str) -> str:
+        """Return the value of a signal outside of the law."""
+        if signal in self._changed:
+            return f'base_value(self, "{signal}", {_ADDED})'
+        if signal == self._term.law:
+            return f"super().{signal}()"
+        return f"self.{signal}()" if signal in self._model.laws else f"self.{signal}"
+
+    def _memory_lines(self) -> Iterator[str]:
+        """Yield the states of a memory with their rates or updates."""
+        term, stem = self._term, self._stem
+        if not term.has_memory:
+            return
+        memory, unit = f"{stem}_memory", _quote(self._given.signal_unit)
+        about = f"{unit}, {{}}, start={{}}, nominal={_number(term.scale)}, doc={{}}"
+        now = self._plain_value(term.signal)
+        if term.memory not in (Memory.PLAY, Memory.DAHL):
+            doc = _quote(f"memory of {term.signal}")
+            own = about.format(f'rate="{memory}_rate"', _number(self._start()), doc)
+            yield f"    {memory} = State({own})"
+            yield from ("", f"    def {memory}_rate(self):")
+            yield from self._rate_lines(now)
+            return
+        held = f'update="{{}}_update", period={_number(self._given.period)}'
+        doc = _quote(f"memory of {term.signal}")
+        start = _number(self._start())
+        yield f"    {memory} = Discrete({about.format(held.format(memory), start, doc)})"
+        if term.memory is Memory.DAHL:
+            before = f"{stem}_before"
+            first = float(signal_samples(self._fitted, term.signal)[0])
+            doc = _quote(f"{term.signal} at the instant before")
+            own = about.format(held.format(before), _number(first), doc)
+            yield f"    {before} = Discrete({own})"
+            yield from ("", f"    def {before}_update(self):", f"        return {now}")
+        yield from ("", f"    def {memory}_update(self):")
+        yield from self._update_lines(now)
+
+    def _start(self) -> float:
+        """Return the memory at the first sample of the first record."""
+        fit = self._fitted
+        first, start = fit.problem.records[0], fit.point.starts[0]
+        course = fit.problem.run(first, fit.point, fit.terms, start, False)
+        assert course is not None, "a fit runs over its records"
+        remembering = [term for term in fit.terms if term.has_memory]
+        place = len(self._model.states) + remembering.index(self._term)
+        return float(np.asarray(course.states)[0, place])
+
+    def _rate_lines(self, now: str) -> Iterator[str]:
+        """Yield the body of the rate of a memory."""
+        memory, time = f"self.{self._stem}_memory", f"self.{self._stem}_time"
+        kind = self._term.memory
+        if kind is Memory.HEAT:
+            yield f"        return ({now} * {now} - {memory}) / {time}"
+            return
+        plain = f"({now} - {memory}) / {time}"
+        if kind not in (Memory.TWO_LAGS, Memory.RATE_LIMIT):
+            yield f"        return {plain}"
+            return
+        yield f"        rate = {plain}"
+        if kind is Memory.TWO_LAGS:
+            yield f"        return where(rate < 0.0, rate / self.{self._stem}_ratio, rate)"
+        else:
+            most = f"self.{self._stem}_rate"
+            yield f"        return {most} * tanh(rate / {most})"
+
+    def _update_lines(self, now: str) -> Iterator[str]:
+        """Yield the body of the update of a memory that is followed at sample instants."""
+        memory, way = f"self.{self._stem}_memory", f"self.{self._stem}_way"
+        yield f"        now = {now}"
+        if self._term.memory is Memory.PLAY:
+            yield f"        return maximum(minimum({memory}, now + {way}), now - {way})"
+            return
+        yield f"        moved = now - self.{self._stem}_before"
+        yield f"        share = exp(-absolute(moved) / {way})"
+        yield f"        end = where(moved < 0.0, -{way}, {way})"
+        yield f"        return share * {memory} + (1.0 - share) * end"
+
+
+def _class_name(stem: str) -> str:
+    return "".join(word.title() for word in stem.split("_"))
+
+
+def _declaration(parameter: ParameterDeclaration) -> str:
+    """Return a parameter with its value, and the ends of its range that mean something."""
+    arguments = [_number(parameter.start), _quote(parameter.unit)]
+    for name in ("min", "max"):
+        end = getattr(parameter, name)
+        if abs(end) < _UNBOUNDED * parameter.nominal:
+            arguments.append(f"{name}={_number(end)}")
+    arguments += [f"nominal={_number(parameter.nominal)}", f"doc={_quote(parameter.doc)}"]
+    return f"Parameter({', '.join(arguments)})"
+
+
+def _number(value: Any) -> str:
+    """Return a number with as many digits as a simulation can tell."""
+    return repr(float(f"{float(value):.12g}"))
+
+
+def _quote(text: str) -> str:
+    """Return a text between quotes."""
+    return json.dumps(text)

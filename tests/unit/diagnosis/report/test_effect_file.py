@@ -1,0 +1,126 @@
+"""Claims: the classes that are written run as what was fitted does in the kernel, by FMPy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fmus.kit import Component, UserError, stack
+from orchestration.diagnosis.fitting import Fit
+from orchestration.diagnosis.report.effect_file import FORMULAS, effect_source
+from orchestration.diagnosis.term_names import stems
+from orchestration.diagnosis.terms import Memory, NamedTerm, SensorTerm, Shape, Term
+from tests.support.fitted_terms import fitted, one_of_shape, run_fmu
+from tests.support.oscillator_model import Oscillator
+
+
+def written(fit: Fit) -> tuple[type[Component], str]:
+    """Return the model with the classes of the file laid over, and its text."""
+    text = effect_source(fit, stems(fit.terms), 'a "quoted" \udcff.csv')
+    names: dict[str, Any] = {}
+    exec(compile(text, "law.py", "exec"), names)
+    (line,) = (line for line in text.splitlines() if "better = stack" in line)
+    exec(line.strip(), names | {"stack": stack, "Oscillator": Oscillator}, names)
+    return names["better"], text
+
+
+def kernel(fit: Fit) -> np.ndarray:
+    """Return the first output in the free run of the kernel."""
+    record = fit.problem.records[0]
+    course = fit.problem.run(record, fit.point, fit.terms, fit.point.starts[0], False)
+    return course.outputs[:, 0]
+
+
+@pytest.mark.parametrize("shape", Shape, ids=lambda shape: shape.name.lower())
+def test_a_shape_runs_as_it_was_fitted(shape):
+    term, values = one_of_shape(shape)
+    fit = fitted(Oscillator, [term], [values])
+    made, text = written(fit)
+    assert np.abs(run_fmu(fit, made) - kernel(fit)).max() < 1e-6
+    assert text.isascii()
+
+
+@pytest.mark.parametrize("memory", [*Memory][1:], ids=lambda memory: memory.name.lower())
+@pytest.mark.parametrize(("signal", "scale"), [("force", 4.0), ("spring_force", 5.0)])
+def test_a_memory_runs_as_it_was_fitted(memory, signal, scale):
+    scale = scale**2 if memory is Memory.HEAT else scale
+    constants = (0.3, 0.5)[: memory.constants]
+    term = Term("friction", signal, Shape.LINEAR, memory, constants, size=5.0, scale=scale)
+    fit = fitted(Oscillator, [term], [[0.2, *np.log(constants)]])
+    made, _ = written(fit)
+    assert np.abs(run_fmu(fit, made) - kernel(fit)).max() < 1e-6
+
+
+def test_several_terms_run_together():
+    terms = [
+        Term("friction", "velocity", Shape.SQUARE, size=5.0),
+        Term("friction", "elongation", Shape.SQUARE, factor="friction", scale=0.3),
+        Term("spring_force", "spring_force", Shape.CUBE, size=5.0, scale=9.0),
+    ]
+    fit = fitted(Oscillator, terms, [[0.02], [0.2], [-0.05]])
+    made, text = written(fit)
+    assert np.abs(run_fmu(fit, made) - kernel(fit)).max() < 1e-6
+    assert "return below * (1.0 + self.friction_of_elongation * x * x)" in text
+
+
+@pytest.mark.parametrize(
+    ("terms", "values"),
+    [
+        (
+            [
+                Term("friction", "spring_force", Shape.SQUARE, factor="friction", scale=5.0),
+                Term("spring_force", "friction", Shape.SQUARE, size=5.0, scale=2.0),
+                Term("acceleration", "acceleration", Shape.ODD_SQUARE, size=5.0, scale=20.0),
+            ],
+            [[0.2], [0.02], [-0.1]],
+        ),
+        (
+            [
+                Term("friction", "velocity", Shape.SQUARE, factor="friction"),
+                Term("friction", "elongation", Shape.SQUARE, factor="friction", scale=0.3),
+                Term("friction", "friction", Shape.LINEAR, Memory.LAG, (0.3,), size=5.0),
+            ],
+            [[0.02], [0.2], [0.1, np.log(0.3)]],
+        ),
+    ],
+)
+def test_a_term_sees_laws_without_what_terms_add(terms, values):
+    fit = fitted(Oscillator, terms, values)
+    made, text = written(fit)
+    assert np.abs(run_fmu(fit, made) - kernel(fit)).max() < 1e-6
+    assert "base_value(" in text
+
+
+def test_a_fault_of_a_sensor_is_a_class_of_the_output():
+    term = SensorTerm("position", "position", Shape.LINEAR, Memory.FADING, (0.1,), "", 0.3, 0.3)
+    fit = fitted(Oscillator, [term], [[-0.9, np.log(0.1)]])
+    made, _ = written(fit)
+    assert np.abs(run_fmu(fit, made) - kernel(fit)).max() < 1e-6
+
+
+def test_the_file_is_short_and_reads_as_the_law_does():
+    term = Term("friction", "velocity", Shape.ODD_SQUARE, size=5.0)
+    text = effect_source(fitted(Oscillator, [term], [[0.1]]), stems([term]), "swing.csv")
+    assert "class FrictionOfVelocity(Effect):" in text
+    assert "return below + self.friction_of_velocity * x * absolute(x)" in text
+    assert "'swing.csv'" in text
+    assert len(text.splitlines()) < 35
+
+
+@pytest.mark.parametrize(
+    ("terms", "reason"),
+    [
+        ([], "no law is found to lack anything"),
+        ([NamedTerm("friction", "velocity", Shape.LINEAR, effect="dry")], "has a class already"),
+    ],
+)
+def test_what_is_no_term_of_a_law_is_refused(terms, reason):
+    fit = fitted(Oscillator, [], [])
+    with pytest.raises(UserError, match=reason):
+        effect_source(fit, stems(terms), "swing.csv")
+
+
+def test_every_shape_has_a_formula():
+    assert set(FORMULAS) == set(Shape)
