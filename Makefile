@@ -7,7 +7,7 @@ RUN := $(BIN)/python -m tests.support.target
 # the tests start Python some thousand times, and each start would compile our modules anew
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: fuzz fuzz-models demo hil-demo test test-slow test-slow-part foreign-study naming clean-study hidden-study book-study misuse-study bench-study laws-study public-laws hil-faults hil-faults-all proxy-faults hil-latency soak check benchmark docs docs-version chromium dist clean help
+.PHONY: fuzz fuzz-models demo hil-demo test test-slow test-slow-part foreign-study naming clean-study hidden-study book-study misuse-study bench-study laws-study hil-faults hil-faults-all proxy-faults hil-latency soak check benchmark docs docs-version chromium dist clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
@@ -25,7 +25,6 @@ help:
 	@echo "make bench-study what is said of benches with an actuator, clean and with dry friction; SEED=N likewise"
 	@echo "make laws-study whether the law is found that lacks what no catalogue has; SEED=N likewise"
 	@echo "make foreign-study what is told of FMUs without equations; SEED=N likewise"
-	@echo "make public-laws what the laws of four measured systems lack; records where PPY_PUBLIC_DATA says"
 	@echo "make fuzz-models models and records drawn at random, diagnosed; SEED=N and CASES=N likewise"
 	@echo "make hil-demo   a rig measured, diagnosed, and the extended model run beside it; a page in hil-output/"
 	@echo "make hil-faults whatever can fail between a client and its rig, brought about"
@@ -80,10 +79,7 @@ bench-study: $(VENV)/installed-dev
 	$(RUN) studies.judging.bench --records 10 --seed $(or $(SEED),20261186) --out docs/bench-records.md
 
 laws-study: $(VENV)/installed-dev
-	$(RUN) studies.judging.laws --records 120 --clean 232 --actuator 1 --catalogue 60 --seed $(or $(SEED),20261150) --without VoiceCoil --out docs/hidden-laws.md
-
-public-laws: $(VENV)/installed-dev
-	$(RUN) studies.judging.public_laws
+	$(RUN) studies.judging.laws --records 120 --clean 60 --seed $(or $(SEED),20261150) --without VoiceCoil --out docs/hidden-laws.md
 
 foreign-study: $(VENV)/installed-dev
 	$(RUN) studies.judging.foreign --records 16 --clean 12 --seed $(or $(SEED),20261165) --out docs/foreign-fmus.md

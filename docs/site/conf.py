@@ -108,7 +108,6 @@ navigation = {
         "docs/misused-records",
         "docs/bench-records",
         "docs/hidden-laws",
-        "docs/laws-public",
         "docs/public-records",
         "docs/foreign-fmus",
         "docs/black-box-structures",

@@ -18,7 +18,6 @@ from .package import __version__ as __version__
 from .records import held_out as held_out
 from .records import read_record as read_record
 from .results import DiagnosisResult as DiagnosisResult
-from .results import LawsResult as LawsResult
 from .runs import run as run
 from .simulation import as_measured as as_measured
 from .simulation import as_runnable as as_runnable

@@ -19,16 +19,16 @@ from orchestration.api.options import (
     LawsOptions,
 )
 from orchestration.api.records import Records, held_out, matching_record
-from orchestration.api.results import DiagnosisResult, LawsResult
+from orchestration.api.results import DiagnosisResult
 from orchestration.api.simulation import as_declared, values_of
 from orchestration.api.term_results import TermDiagnosisResult
 from orchestration.diagnosis import Options as TermOptions
 from orchestration.diagnosis import diagnose as diagnose_by_terms
+from orchestration.diagnosis import law_map
 from orchestration.diagnosis.changes import find_changes
 from orchestration.diagnosis.foreign import FmuDiagnosis, diagnose_fmu
-from orchestration.discrepancy import UnusableRecordError, before_after, pipeline, search_laws
+from orchestration.discrepancy import UnusableRecordError, before_after, pipeline
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.report.laws import LawReport
 from orchestration.fmu import Model, Value
 from orchestration.fmu.model import built
 from orchestration.fmu.signal import numeric
@@ -189,7 +189,6 @@ def _pipeline_options(
         limits=excitation.ranges if excitation else None,
         highest_frequency=excitation.bandwidth if excitation else float("inf"),
         time=optional_seconds(options["time"]),
-        laws=options["laws"],
     )
 
 
@@ -211,11 +210,11 @@ def refuse_without_laws(subject: Model) -> None:
 @takes(LawsKeywords)
 def laws(
     record: Records, model: Model | str | Path | None = None, **options: Unpack[LawsKeywords]
-) -> LawsResult:
-    """Search the laws of a model for missing dependences on signals, without a list of effects.
+) -> DiagnosisResult:
+    """Search the laws of a model for missing dependences on signals, without names of effects.
 
-    Every law is tested for a dependence on every input, state and law, on the time, and on lags of
-    these. The best are fitted as curves, and compared with simple shapes and with unseen data.
+    It is the search of `diagnose`, in which every law may depend on every input, state and law, on
+    the time, and on memories of these, with a map of what each law gains over each signal.
 
     Parameters
     ----------
@@ -228,7 +227,8 @@ def laws(
 
     Returns
     -------
-    LawsResult
+    DiagnosisResult
+        With `law_map`.
 
     Raises
     ------
@@ -240,32 +240,26 @@ def laws(
     >>> import ppy_rig as ppy
     >>> from demonstrations.records import draw, write
     >>> write(draw(None, seed=1, duration=60.0), "right.csv")
-    >>> print(ppy.laws("right.csv").sentence)
-    No law is found to lack anything.
+    >>> ppy.laws("right.csv").causes
+    []
     """
     require("threadpoolctl")
     subject = as_declared(model)
     refuse_without_laws(subject)
-    progress = options["progress"]
-    diagnosis_options = pipeline.DiagnosisOptions(
-        given=numeric(values_of(subject, options["settings"])),
-        effects=options["effects"],
-        hold=options["hold"],
-        each=options["each"],
-        interpolate=options["interpolate"],
-        time=optional_seconds(options["time"]),
-    )
     measured, unseen = held_out(
         record, options["holdout"], subject, options["mapping"], options["runs"]
     )
-    subject = built(subject)
-    try:
-        result = pipeline.diagnose_only(measured, subject, unseen, diagnosis_options, progress)
-    except UnusableRecordError as error:
-        raise _unusable_error(measured, error) from error
-    inconclusive = result.diagnosis.inconclusive
-    budget = pipeline.budget_of(diagnosis_options, result.diagnosis.usable)
-    answers = None if inconclusive else search_laws(result.diagnosis, progress, budget=budget)[0]
+    refuse_same([*measured, *unseen], subject.outputs)
+    chosen = TermOptions(
+        hold=options["hold"],
+        each=options["each"],
+        given=numeric(values_of(subject, options["settings"])),
+        effects=options["effects"],
+        interpolate=options["interpolate"],
+        time=optional_seconds(options["time"]),
+        excitation=registry.excitation(subject.name),
+    )
+    diagnosis = diagnose_by_terms(measured, subject, unseen, chosen, options["progress"])
     command = equivalent_command(
         "laws",
         _word_of(model, subject),
@@ -274,7 +268,7 @@ def laws(
         declared=LawsOptions,
         options=options,
     )
-    return LawsResult(LawReport(result, answers), command)
+    return TermDiagnosisResult(diagnosis, command, law_map=law_map.map_laws(diagnosis))
 
 
 def _word_of(model: Model | str | Path | None, subject: Model) -> str:

@@ -227,10 +227,9 @@ class LawsOptions(RecordOptions, SearchOptions, total=False):
     effects: Annotated[
         Sequence[str] | None,
         Option(
-            "Candidate effects of a diagnosis before the search, e.g. diffusion; families is all"
-            " that are known; default none.",
-            "Candidate effects of a diagnosis before the search, as in `diagnose`; effects that it"
-            " names are part of the model whose laws are searched. By default none.",
+            "Effects that may be causes beside laws, e.g. diffusion; families is all that are"
+            " known; default none.",
+            "Effects that may be causes beside laws, as in `diagnose`. By default none.",
             default=(),
             form=EFFECTS,
             complete="effect",

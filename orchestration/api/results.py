@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from fmus.kit import Component, UserError, files, stack
+from fmus.kit import Component, UserError, files
 from fmus.kit.build import host_platform
-from orchestration.discrepancy import Verdict, export, fitted_defaults, pipeline
-from orchestration.discrepancy.laws import Correction, LawMapResult
+from orchestration.discrepancy import Verdict, export, pipeline
 from orchestration.discrepancy.report import (
     TriedEffect,
     diagnosis_page,
@@ -22,15 +21,6 @@ from orchestration.discrepancy.report import (
     terminal,
     tried_effects,
     wording,
-)
-from orchestration.discrepancy.report import laws as laws_report
-from orchestration.discrepancy.report.laws import (
-    LawReport,
-    effect_file,
-    figures,
-    headline,
-    law_map,
-    laws_page,
 )
 from orchestration.experiment.design import DiscriminatingExperiment
 from orchestration.identify.changes import Change
@@ -307,8 +297,9 @@ class DiagnosisResult(_Result):
     later : DiagnosisResult or None
         Diagnosis of the later record.
     law_map : list of dict
-        Corrections of laws, the best first, as in `LawsResult`; empty if effects explain the
-        residual, or laws were not searched.
+        Of `laws`: what each law gains over each signal, the most first, with ``effect`` (the name
+        of the cause), ``law``, ``signal``, ``memory``, ``factor``, ``shape`` and ``gain`` (nats);
+        of a term of the first cause also ``curve`` (``x``, ``y``) and ``units``. Else empty.
     """
 
     _LACKING = "nothing could be said of the model"
@@ -327,7 +318,7 @@ class DiagnosisResult(_Result):
         diagnosis = result.diagnosis
         errors = result.gain or diagnosis
         self.verdict: Verdict = diagnosis.verdict
-        self.sentence: str = str(headline(result))
+        self.sentence: str = str(wording.headline(result))
         self.causes: list[str] = diagnosis.causes
         self.alternatives: list[str] = diagnosis.alternatives
         self.parameters: dict[str, Estimate] = diagnosis.estimates
@@ -341,7 +332,7 @@ class DiagnosisResult(_Result):
         self.records: list[Record] = list(result.records)
         self.notes: list[str] = [wording.message(note) for note in result.notes]
         self.evidence = Evidence(tuple(tried_effects(diagnosis)))
-        self.law_map: list[dict[str, Any]] = law_map(LawReport(result, result.laws))
+        self.law_map: list[dict[str, Any]] = []
 
     @property
     def details(self) -> pipeline.Result:
@@ -414,6 +405,22 @@ class DiagnosisResult(_Result):
             f" {option('engine', 'new')}"
         )
 
+    def effect(self, path: str | Path) -> Path:
+        """Write what the first cause adds to laws as short classes of effects.
+
+        Parameters
+        ----------
+        path : str or Path
+            A ``.py`` file.
+
+        Raises
+        ------
+        UserError
+            If no law lacks anything, a term of the cause cannot be a class of its own, the file
+            cannot be written, or its name does not end in ``.py``.
+        """
+        raise UserError(f"{path}: {self._LACKING}, so there is nothing to write")
+
     def system(self, path: str | Path) -> Path:
         """Write an FMU without equations and its correction as one system.
 
@@ -431,124 +438,3 @@ class DiagnosisResult(_Result):
             f"{path}: the model has equations; the extended one is an FMU of its own"
             f" ({option('fmu')})"
         )
-
-
-class LawsResult(_Result):
-    """Result of a search of the laws: their corrections on a record, and the corrected model.
-
-    Parameters
-    ----------
-    report : LawReport
-    command : sequence of str
-        Words of an equivalent command.
-
-    Attributes
-    ----------
-    sentence : str
-        The result in words, with its check on unseen data.
-    law_map : list of dict
-        Corrections of laws, the best first: ``effect`` (the name in `diagnose`), ``law``,
-        ``signal``, ``memory``, ``constant`` (s, of a lag), ``kind`` (``add`` or ``multiply``),
-        ``delta_bic``, ``shape`` (empty if no simple shape is as good as the curve),
-        ``parameters``, ``curve`` (``x``, ``y``, ``low``, ``high``), ``units`` (of ``law`` and
-        ``signal``), ``confirmed`` (None if it was not checked), ``alike`` (corrections that this
-        record cannot distinguish from it); SI.
-    model : type[Component] or None
-        The model with the best correction and fitted values as defaults; None without a
-        correction.
-    diagnosis : DiagnosisResult
-        The diagnosis of the model before its laws were searched.
-    """
-
-    _LACKING = "no law is found to lack anything"
-
-    def __init__(self, report: LawReport, command: Sequence[str] = ()):
-        super().__init__([*report.result.records, *report.result.holdouts], command)
-        self._report = report
-        self.sentence: str = laws_report.wording.sentence(report)
-        self.law_map: list[dict[str, Any]] = law_map(report)
-        self.diagnosis = DiagnosisResult(report.result)
-        last = report.rounds[-1].best
-        self.model = None if last is None else _corrected_model(report, last)
-
-    @property
-    def details(self) -> LawMapResult | None:
-        """The complete result of the search; None if no input varies, so that there was none."""
-        return self._report.found
-
-    def overview(self) -> list[RenderableType]:
-        """Return the renderables that ``ppy laws`` prints."""
-        return [laws_report.terminal.overview(self._report)]
-
-    def _page(self, command: str) -> Page:
-        return laws_page(self._report, command)
-
-    def __repr__(self) -> str:
-        best = f" {self._report.best.entry.label}" if self._report.best else " nothing found"
-        result = self._report.result
-        return one_line(f"LawsResult{best}: {result.model.name}, {result.files}")
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures, ready for JSON: the form that ``ppy laws --json`` writes."""
-        with in_shell():
-            return laws_report.summary.laws_summary(self._report)
-
-    def to_frame(self) -> pandas.DataFrame:
-        """Return the corrections as a table, a row for each, the best first.
-
-        Raises
-        ------
-        ImportError
-            If pandas is not installed.
-        """
-        import pandas
-
-        columns = ("law", "signal", "memory", "constant", "kind", "delta_bic", "shape", "confirmed")
-        return pandas.DataFrame(
-            [{name: row[name] for name in columns} for row in self.law_map], columns=list(columns)
-        )
-
-    def draw(self) -> Figure:
-        """Draw the curve of the best correction with its 95 % band and the range of the record.
-
-        Raises
-        ------
-        UserError
-            If no correction was found.
-        """
-        return figures.draw_curve(self._report, self._best("draw"))
-
-    def effect(self, path: str | Path) -> Path:
-        """Write the best correction as a short class of an effect.
-
-        Parameters
-        ----------
-        path : str or Path
-            A ``.py`` file.
-
-        Raises
-        ------
-        UserError
-            If no correction was found, the file cannot be written, or its name does not end
-            in ``.py``.
-        """
-        target = Path(path)
-        if target.suffix.lower() != ".py":
-            raise UserError(f"{target}: the name of a file of Python ends in .py")
-        self._best(f"write to {target}")
-        effect_file.write_effect(self._report, target)
-        return target
-
-    def _best(self, purpose: str) -> Correction:
-        """Return the best correction; UserError with the purpose if there is none."""
-        if self._report.best is None:
-            raise UserError(f"{self._LACKING}, so there is nothing to {purpose}")
-        return self._report.best
-
-
-def _corrected_model(report: LawReport, best: Correction) -> type[Component]:
-    """Return the model with a correction, and with fitted values as defaults."""
-    cls = best.model.candidate.cls
-    made = stack(cls, name=f"{cls.name}_fitted", defaults=fitted_defaults(best.model))
-    made.remark = f"Fitted to {report.result.files!a}\n{laws_report.wording.sentence(report)}"
-    return made

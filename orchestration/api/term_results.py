@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fmus.kit import UserError
+from fmus.kit import UserError, files
 from orchestration.api.results import (
     DiagnosisGain,
     DiagnosisResult,
@@ -16,7 +16,15 @@ from orchestration.api.results import (
 from orchestration.diagnosis import Diagnosis
 from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.foreign import FmuDiagnosis, corrected_system
-from orchestration.diagnosis.report import Explanation, explain, summary, terminal, wording
+from orchestration.diagnosis.law_map import LawMap
+from orchestration.diagnosis.report import (
+    Explanation,
+    effect_source,
+    explain,
+    summary,
+    terminal,
+    wording,
+)
 from orchestration.discrepancy import Verdict
 from orchestration.records import Record
 from orchestration.reporting import draw, in_shell, make_page, one_line, option
@@ -41,6 +49,8 @@ class TermDiagnosisResult(DiagnosisResult):
         What changed in a later record.
     around : FmuDiagnosis, optional
         If the model is an FMU without equations.
+    law_map : LawMap, optional
+        What each law gains over each signal.
 
     Attributes
     ----------
@@ -58,11 +68,13 @@ class TermDiagnosisResult(DiagnosisResult):
         command: Sequence[str] = (),
         changed: Changed | None = None,
         around: FmuDiagnosis | None = None,
+        law_map: LawMap | None = None,
     ):
         super(DiagnosisResult, self).__init__([*diagnosis.records, *diagnosis.holdouts], command)
         self._diagnosis = diagnosis
         self._changed = changed
         self._around = around
+        self._law_map = law_map
         self.verdict = Verdict(diagnosis.verdict)
         self.sentence = f"{wording.headline(diagnosis)}. {wording.support(diagnosis)}".strip()
         named = [cause.name for cause in diagnosis.causes] if diagnosis.is_named else []
@@ -84,7 +96,7 @@ class TermDiagnosisResult(DiagnosisResult):
         self.records = list(diagnosis.records)
         self.notes = [message for _, _, message in diagnosis.notes]
         self.evidence = Evidence(())
-        self.law_map = []
+        self.law_map = [] if law_map is None else summary.law_figures(law_map)
         self.changes = None if changed is None else list(changed.changes)
         self.later = None if changed is None else TermDiagnosisResult(changed.later)
 
@@ -98,10 +110,12 @@ class TermDiagnosisResult(DiagnosisResult):
         parts: list[RenderableType] = [terminal.overview(self._diagnosis)]
         if self._changed is not None:
             parts.append(terminal.comparison(self._changed))
+        if self._law_map is not None:
+            parts.append(terminal.laws(self._law_map))
         return parts
 
     def _page(self, command: str) -> Page:
-        return make_page(self._changed or self._diagnosis, command)
+        return make_page(self._changed or self._law_map or self._diagnosis, command)
 
     def __repr__(self) -> str:
         causes = f" {', '.join([*self.causes, *self.alternatives])}" if self.causes else ""
@@ -113,6 +127,8 @@ class TermDiagnosisResult(DiagnosisResult):
         """Return the figures, ready for JSON: the form that ``ppy diagnose --json`` writes."""
         with in_shell():
             figures = summary.summary(self._diagnosis)
+        if self._law_map is not None:
+            figures |= {"law_map": self.law_map}
         if self.changes is None or self.later is None:
             return figures
         comparison = [change.to_dict() for change in self.changes]
@@ -123,8 +139,16 @@ class TermDiagnosisResult(DiagnosisResult):
         return explain(self._diagnosis, first, second)
 
     def draw(self) -> Figure:
-        """Draw what was left out of the output whose error falls most, above the residuals."""
-        return draw(self._diagnosis)
+        """Draw what was left out of the output whose error falls most, above the residuals.
+
+        Of `laws`, draw what is added to a law over its signal.
+
+        Raises
+        ------
+        UserError
+            If `laws` found no law to lack a function of a signal.
+        """
+        return draw(self._law_map or self._diagnosis)
 
     def fmu(
         self,
@@ -145,6 +169,18 @@ class TermDiagnosisResult(DiagnosisResult):
                 f" ({option('ssp')})"
             )
         return super().fmu(path, platforms, progress)
+
+    def effect(self, path: str | Path) -> Path:
+        """Write the terms of the first cause as classes; see `DiagnosisResult.effect`."""
+        target = Path(path)
+        if target.suffix.lower() != ".py":
+            raise UserError(f"{target}: the name of a file of Python ends in .py")
+        diagnosis = self._diagnosis
+        names = ", ".join(dict.fromkeys(record.source.name for record in diagnosis.records))
+        with in_shell():
+            text = effect_source(diagnosis.final.fit, diagnosis.terms, names)
+        files.write(target, text.encode())
+        return target
 
     def system(self, path: str | Path) -> Path:
         """Write an FMU without equations and its correction; see `DiagnosisResult.system`."""

@@ -12,7 +12,6 @@ from fmus.kit import UserError, registry
 from fmus.kit.build import available_platforms
 from orchestration.api import (
     DiagnosisResult,
-    LawsResult,
     diagnose,
     forms,
     held_out,
@@ -119,7 +118,7 @@ def _platforms(options: DiagnoseCommand | LawsCommand) -> list[str]:
     return platform_list(options["platforms"]) or available_platforms()
 
 
-def run_laws(options: LawsCommand, command: str) -> LawsResult:
+def run_laws(options: LawsCommand, command: str) -> DiagnosisResult:
     """Run ``ppy laws``; the report repeats the command.
 
     Raises
@@ -136,16 +135,16 @@ def run_laws(options: LawsCommand, command: str) -> LawsResult:
         result = laws(judged.records, judged.model, **chosen)
     _show(result, options["json"])
 
-    def has_model(path: Path) -> bool:
-        if result.model is None:
+    def is_found(path: Path) -> bool:
+        if not result.causes:
             note(f"no law is found to lack anything: {path} was not written")
-        return result.model is not None
+        return bool(result.causes)
 
     def effect(path: Path, tell: Callable[[str], None]) -> list[Path]:
-        return [result.effect(path)] if has_model(path) else []
+        return [result.effect(path)] if is_found(path) else []
 
     def fmu(path: Path, tell: Callable[[str], None]) -> list[Path]:
-        return result.fmu(path, _platforms(options), tell) if has_model(path) else []
+        return result.fmu(path, _platforms(options), tell) if is_found(path) else []
 
     write_all(
         [
@@ -299,13 +298,13 @@ def _number_after_first(k: int) -> str:
     return f" ({k + 1})" if k else ""
 
 
-def _show(result: DiagnosisResult | LawsResult, path: Path | None) -> None:
+def _show(result: DiagnosisResult, path: Path | None) -> None:
     """Print a result, and write it as JSON if wanted."""
     out.print(*result.overview(), sep="\n")
     write_json(path, result.to_dict())
 
 
-def _report(result: DiagnosisResult | LawsResult, command: str) -> Writer:
+def _report(result: DiagnosisResult, command: str) -> Writer:
     """Return a function that writes the report of a result."""
 
     def report(path: Path, tell: Callable[[str], None]) -> list[Path]:

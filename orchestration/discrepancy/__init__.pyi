@@ -6,6 +6,5 @@ from .diagnosis import diagnose as diagnose
 from .extended_model import export as export
 from .extended_model import fitted_defaults as fitted_defaults
 from .extended_model import fmu_paths as fmu_paths
-from .law_corrections import search_laws as search_laws
 from .note import UnusableRecordError as UnusableRecordError
 from .pipeline import DiagnosisOptions as DiagnosisOptions

@@ -35,7 +35,6 @@ from orchestration.discrepancy.extended_model import (
     extended_component,
     measure_gain,
 )
-from orchestration.discrepancy.law_corrections import LawSearch, leaves_something, search_laws
 from orchestration.discrepancy.note import Note, NoteCode
 from orchestration.experiment.design import DiscriminatingExperiment, menu
 from orchestration.fmu import Model
@@ -72,8 +71,6 @@ class DiagnosisOptions:
         Seconds of processor time that the search for causes may take; `budget.default_time` unless
         given. When they are spent, the best answer so far is returned and a note says what was not
         tried.
-    laws : bool
-        Whether every law is searched for what it lacks, where something is left.
     """
 
     given: Mapping[str, float] = field(default_factory=dict)
@@ -84,7 +81,6 @@ class DiagnosisOptions:
     limits: menu.Limits | None = None
     highest_frequency: float = np.inf
     time: float | None = None
-    laws: bool = False
 
 
 @dataclass(frozen=True)
@@ -99,7 +95,6 @@ class Result:
     effects : list of type[Effect]
         The catalogue that was considered.
     diagnosis : Diagnosis
-        With what the laws lack among its causes, if that is confirmed.
     component : type[Component] or None
         The best model with fitted defaults; None where nothing could be said.
     gain : ExtensionGain or None
@@ -108,8 +103,6 @@ class Result:
         Where the verdict is ambiguous, the experiment that would tell more.
     notes : list of Note
         What could not be assessed, and why.
-    laws : LawSearch or None
-        Corrections that the laws lack; None where they were not searched.
     """
 
     records: Sequence[Record]
@@ -121,7 +114,6 @@ class Result:
     gain: ExtensionGain | None = None
     experiment: DiscriminatingExperiment | None = None
     notes: list[Note] = field(default_factory=list)
-    laws: LawSearch | None = None
 
     @property
     def record(self) -> Record:
@@ -235,7 +227,7 @@ def _diagnose_records(
     options: DiagnosisOptions,
     progress: Callable[[str], None],
 ) -> tuple[Result, Dataset]:
-    """Diagnose a model on records, and search its laws if they are asked for.
+    """Diagnose a model on records.
 
     Returns
     -------
@@ -271,38 +263,8 @@ def _diagnose_records(
         budget=budget,
         each=options.each if len(every) > 1 else (),
     )
-    laws = None
-    if options.laws:
-        laws, diagnosis = _search_laws(diagnosis, budget, progress)
     notes = [*absent_inputs(model, every, options.given), *gap_notes(every), *diagnosis.notes]
-    return Result(records, holdouts, model, effects, diagnosis, notes=notes, laws=laws), data
-
-
-def _search_laws(
-    diagnosis: Diagnosis, budget: Budget, progress: Callable[[str], None]
-) -> tuple[LawSearch | None, Diagnosis]:
-    """Search the laws for what they lack, where something is left and there is time.
-
-    Returns
-    -------
-    laws : LawSearch or None
-        None where they were not searched.
-    diagnosis : Diagnosis
-        With what is confirmed among its causes.
-    """
-    if not leaves_something(diagnosis):
-        return None, diagnosis
-    if budget.spent():
-        budget.leave(["what its laws lack"])
-        others = [note for note in diagnosis.notes if note.code is not NoteCode.TIME_SPENT]
-        return None, replace(diagnosis, notes=[*others, *budget.notes])
-    own = Budget(budget.seconds)
-    try:
-        laws, corrected = search_laws(diagnosis, progress, budget=own)
-    except Exception as error:  # whatever it was, the diagnosis stands without it
-        note = Note(NoteCode.NOT_SIMULATED, "what its laws lack", {"reason": _reason(error)})
-        return None, replace(diagnosis, notes=[*diagnosis.notes, note])
-    return laws, replace(corrected, notes=[*corrected.notes, *own.notes])
+    return Result(records, holdouts, model, effects, diagnosis, notes=notes), data
 
 
 def parameters_given(options: DiagnosisOptions, model: Model) -> dict[str, float]:

@@ -6,11 +6,23 @@ from dataclasses import replace
 
 from orchestration.discrepancy.conclude import conclude
 from orchestration.discrepancy.final_model import DiagnosisData
-from orchestration.discrepancy.laws import search_of
+from orchestration.discrepancy.selection import Search
 from orchestration.discrepancy.validation import (
     confirm,
     errors_in_variables,
 )
+from orchestration.records.runs import base_name
+
+
+def search_of(diagnosis):
+    """Return a search over the estimation data of a diagnosis, for the parameters of its base."""
+    base = diagnosis.selection.base
+    problem = base.problem
+    names = list(dict.fromkeys(map(base_name, problem.names)))
+    known = {p.name for p in base.candidate.cls.layout.parameters}
+    fixed = {n: v for n, v in problem.start.items() if n in known and n not in names}
+    start = {n: v for n, v in problem.start.items() if n in names}
+    return Search(diagnosis.estimation, base.candidate.cls, names, fixed | start, lambda text: None)
 
 
 def as_it_is(fitted, below):

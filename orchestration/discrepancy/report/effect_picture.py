@@ -14,11 +14,11 @@ import numpy as np
 from fmus.kit import Component, Effect, UserError
 from fmus.kit.arrays import Array
 from fmus.kit.effects import made_with, unstack
+from fmus.kit.symbolic import list_laws
 from fmus.kit.titles import effect_title, in_words, law_title, within_sentence
 from fmus.kit.units import with_prefix
 from orchestration.discrepancy.candidates import FittedCandidate
 from orchestration.discrepancy.diagnosis import Diagnosis
-from orchestration.discrepancy.laws import unit_of
 from orchestration.discrepancy.report.figures import COLOURS, Chart
 from orchestration.discrepancy.report.wording import EXTENDED
 from orchestration.reporting import pictures
@@ -266,6 +266,14 @@ def _along_record(diagnosis: Diagnosis, best: FittedCandidate) -> Any:
         setattr(one, name, np.broadcast_to(fed, data.time.shape)[run.samples])
     one.time = data.time[run.samples] - run.ahead
     return one
+
+
+def unit_of(cls: type[Component], name: str) -> str:
+    """Return the SI unit of an input, a state, a law, or the time."""
+    layout = cls.layout
+    variables = (*layout.inputs, *layout.states, *layout.discretes)
+    declared = {v.name: v.unit for v in variables} | {"time": "s"}
+    return declared.get(name) or {law.name: law.unit for law in list_laws(cls)}.get(name) or "1"
 
 
 def _law_of(effect: type[Effect], cls: type[Component]) -> str:

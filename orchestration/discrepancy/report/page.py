@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from fmus.kit.arrays import Array
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import figures, sections, wording
-from orchestration.discrepancy.report.laws import LawReport, add_laws, headline
 from orchestration.identify.changes import Change
 from orchestration.records.runs import base_name
 from orchestration.reporting.html import Markup, Page, elements, escaped
@@ -33,7 +32,7 @@ def diagnosis_page(
     Page
     """
     diagnosis = result.diagnosis
-    answer = headline(result)
+    answer = wording.headline(result)
     page = Page(
         elements.format_quantities(answer.first),
         _verdict(result, answer.support),
@@ -58,7 +57,6 @@ def diagnosis_page(
     sections.add_residuals(page, result)
     sections.add_notes(page, result, done=True)
     page.heading("How it was found")
-    add_laws(page, LawReport(result, result.laws))
     sections.add_least_squares(page, diagnosis)
     records = [*result.records, *result.holdouts]
     if later is not None:
@@ -145,7 +143,7 @@ def _add_comparison(page: Page, changes: Sequence[Change], result: Result, later
     page.subheading(f"What changed from {result.files} to {later.files}")
     sections.add_changes(page, changes)
     chip = elements.chip(later.diagnosis.verdict, later.diagnosis.verdict)
-    told = elements.format_quantities(str(headline(later)))
+    told = elements.format_quantities(str(wording.headline(later)))
     page.text(Markup(f"{escaped(later.files)} by itself: {chip} {told}"))
     page.items(
         [wording.message(note) for note in later.notes if note.code not in wording.IN_HEADLINE]

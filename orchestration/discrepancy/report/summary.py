@@ -12,7 +12,6 @@ from orchestration.discrepancy.candidates import PairedScore
 from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.report.laws import LawReport, headline, law_map
 from orchestration.discrepancy.report.tables import run_errors
 from orchestration.discrepancy.report.wording import sizes_of
 from orchestration.discrepancy.selection import Step
@@ -41,13 +40,12 @@ def diagnosis_summary(result: Result) -> dict[str, Any]:
     is_white = all(analysis.whiteness.is_white for analysis in diagnosis.residuals.values())
     figures = {
         "verdict": str(diagnosis.verdict),
-        "headline": str(headline(result)),
+        "headline": str(wording.headline(result)),
         "baseline": {"holdout_fit_percent": fit_percent},
         "parameters": {name: e.to_dict() for name, e in diagnosis.estimates.items()},
         "changed": diagnosis.changed,
         "causes": [_cause(diagnosis, *steps) for steps in diagnosis.selection.by_cause],
         "alternatives": _alternatives(diagnosis),
-        "law_map": law_map(LawReport(result, result.laws)),
         "gain": {
             "holdout_nrmse_before": _numbers(errors.before),
             "holdout_nrmse_after": _numbers(errors.after),

@@ -15,8 +15,6 @@ from orchestration.discrepancy.diagnosis import Diagnosis
 from orchestration.discrepancy.note import notes_by_action
 from orchestration.discrepancy.pipeline import Result
 from orchestration.discrepancy.report import wording
-from orchestration.discrepancy.report.laws import LawReport, headline
-from orchestration.discrepancy.report.laws import terminal as law_terminal
 from orchestration.discrepancy.report.tables import (
     RunError,
     error_table,
@@ -41,9 +39,6 @@ def overview(result: Result) -> Group:
         parts += [_errors_by_record(runs), Text()]
     if diagnosis.selection.steps or diagnosis.selection.rejected:
         parts += [_evidence(diagnosis), Text()]
-    for law_report in LawReport(result, result.laws).rounds:
-        if law_report.best:
-            parts += [law_terminal.corrections(law_report), Text()]
     parts.append(_parameters(diagnosis))
     if result.experiment:
         parts.append(Text(result.experiment.sentence))
@@ -70,7 +65,7 @@ def comparison(found: Sequence[Change], later: Result) -> Group:
 
 def _verdict(result: Result) -> list[Text]:
     """Return the answer, what supports it, what to do next, and notes by what to do about them."""
-    answer = headline(result)
+    answer = wording.headline(result)
     first = Text.assemble((result.diagnosis.verdict, "bold"), "  ", (answer.first, "bold"))
     lines = [first, *([Text(" ".join(answer.support))] if answer.support else [])]
     notes = [note for note in result.notes if note.code not in wording.IN_HEADLINE]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from studies.judging import bench, book, foreign, hidden, laws, misuse, naming, public_laws, stamp
+from studies.judging import bench, book, foreign, hidden, laws, misuse, naming, stamp
 
 DRAWN = [
     (hidden, "make hidden-study"),
@@ -21,10 +21,7 @@ DRAWN = [
 
 @pytest.mark.parametrize(
     ("page", "code", "how"),
-    [
-        *((one.STUDY.path, one.STUDY.code, how) for one, how in DRAWN),
-        (public_laws.PAGE, public_laws.CODE, "make public-laws"),
-    ],
+    [(one.STUDY.path, one.STUDY.code, how) for one, how in DRAWN],
 )
 def test_a_page_was_drawn_with_this_code_or_says_that_it_was_not(page, code, how):
     text = page.read_text(encoding="utf-8")

@@ -19,13 +19,10 @@ from fmus.kit.errors import UserError
 from orchestration.api.declaration import options_of
 from orchestration.cli.commands.options import DiagnoseCommand
 from orchestration.cli.diagnose import check_files, run_system
-from orchestration.discrepancy.laws.map import LawMap
 from orchestration.fmu.model import find_model
-from studies.hidden.curves import dry_root
 from tests.support.archive import edited, of_other_laws
 from tests.support.command import here, ppy, works
 from tests.support.diagnosis import FEW, SHORT, broken_off
-from tests.support.lacking import motor
 from tests.support.oscillator import oscillator_record
 from tests.support.pages import words_of
 
@@ -59,38 +56,6 @@ def test_the_command_names_and_writes_it_down(tmp_path):
     assert "no effect named 'strain_saturatoin' (did you mean strain_saturation?)" in message
     message = fails("diagnose", "record.csv", "--json", "record.csv", cwd=tmp_path)
     assert "will not be overwritten" in message
-
-
-@pytest.mark.slow
-def test_laws_are_asked_unless_they_are_left_out(tmp_path, monkeypatch):
-    """Fit the entries of the map that tell most; a diagnosis is tested with all of them."""
-    monkeypatch.setattr(LawMap, "entries", lambda self, known=LawMap.entries: known(self)[:8])
-    shutil.copy(MOTOR, tmp_path / "motor.py")
-    motor(tmp_path / "motor.csv", dry_root(0.01, 2.0))
-    command = [
-        "diagnose",
-        "motor.csv",
-        "--model",
-        "motor.py:Motor",
-        "--effects",
-        "none",
-        "--engine",
-        "old",
-        "--json",
-        "d.json",
-    ]
-    text = works(*command, "--report", "d.html", "--fmu", "better.fmu", cwd=tmp_path)
-    assert text.startswith("cause  Dry friction: ")
-    written = json.loads((tmp_path / "d.json").read_text(encoding="utf-8"))
-    assert (written["verdict"], written["causes"][0]["effect"]) == ("cause", "coulomb_friction")
-    assert written["law_map"][0]["effect"] == "coulomb_friction"
-    assert "Which law over which signal" in (tmp_path / "d.html").read_text(encoding="utf-8")
-    assert "friction_coulomb" in find_model(str(tmp_path / "better.fmu")).parameters
-    text = works(*command, "--no-laws", cwd=tmp_path)
-    assert text.startswith("unexplained  ")
-    assert "friction" not in text
-    written = json.loads((tmp_path / "d.json").read_text(encoding="utf-8"))
-    assert (written["verdict"], written["causes"], written["law_map"]) == ("unexplained", [], [])
 
 
 def test_an_unknown_model_is_told(tmp_path):

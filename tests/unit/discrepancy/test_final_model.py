@@ -12,14 +12,13 @@ from orchestration.discrepancy.candidates import label
 from orchestration.discrepancy.conclude import Verdict
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.discrepancy.diagnosis import diagnose
-from orchestration.discrepancy.laws import search_of
 from orchestration.discrepancy.note import NoteCode
 from orchestration.discrepancy.validation import (
     ConfirmedSelection,
     predict,
 )
 from orchestration.discrepancy.validation.confirmation import FreeRunGain
-from tests.support.conclusion import conclude_again, conclude_judged
+from tests.support.conclusion import conclude_again, conclude_judged, search_of
 from tests.support.regression_model import OTHERS, STEP, Amplifier
 from tests.support.several import Cell, measured
 from tests.support.wired_motor import FRICTION, Motor, with_dry_friction
