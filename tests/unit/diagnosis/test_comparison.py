@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from scipy.stats import norm
 
 from fmus.kit.arrays import Array
-from orchestration.diagnosis import Memory, Shape, Term
+from orchestration.diagnosis import Shape, Term
 from orchestration.diagnosis.comparison import (
     Common,
     Comparison,
@@ -24,6 +24,7 @@ from orchestration.diagnosis.comparison import (
     shortfall,
     words,
 )
+from orchestration.diagnosis.terms import Memory
 from tests.support.diagnosed_mass import mass
 
 RNG = np.random.default_rng(5)

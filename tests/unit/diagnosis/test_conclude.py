@@ -10,13 +10,13 @@ import pytest
 from scipy.signal import lfilter, lsim
 
 from fmus.kit.arrays import Array
-from orchestration.diagnosis import Found, Memory, Shape, Term
+from orchestration.diagnosis import Found, Shape, Term
 from orchestration.diagnosis.comparison import Judged, shortfall
 from orchestration.diagnosis.conclude import _in_order, _is_one_with, _minimal, _verdict, conclude
 from orchestration.diagnosis.fitting import effective_samples
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.readings import Reading, ReadingKind
-from orchestration.diagnosis.terms import SensorTerm
+from orchestration.diagnosis.terms import Memory, SensorTerm
 from tests.support.dry_mass import dry, nothing, outside, small_search
 from tests.support.oscillator_model import Oscillator
 

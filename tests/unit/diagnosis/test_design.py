@@ -18,7 +18,6 @@ from fmus.kit.arrays import Array
 from fmus.kit.registry import Excitation
 from orchestration.diagnosis import (
     LawModel,
-    Memory,
     Options,
     Record,
     Shape,
@@ -29,6 +28,7 @@ from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.conclude import Conclusion
 from orchestration.diagnosis.design import Design, design_experiment
 from orchestration.diagnosis.fitting import Fit, Point, Problem, StartPrior
+from orchestration.diagnosis.terms import Memory
 from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.experiment.design import menu
 from orchestration.fmu.model import declared_model

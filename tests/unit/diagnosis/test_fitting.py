@@ -10,7 +10,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from scipy.signal import lfilter
 
 from fmus.kit.arrays import Array
-from orchestration.diagnosis import Memory, Shape, Term
+from orchestration.diagnosis import Shape, Term
 from orchestration.diagnosis.fitting import (
     Point,
     Problem,
@@ -27,7 +27,7 @@ from orchestration.diagnosis.fitting import (
     weights_of,
 )
 from orchestration.diagnosis.local_values import LocalValues
-from orchestration.diagnosis.terms import NamedTerm, Released
+from orchestration.diagnosis.terms import Memory, NamedTerm, Released
 from orchestration.identify.fitting import Scale
 from tests.support.diagnosed_mass import START, D, K, M, exact, mass, problem_of, pushed
 

@@ -12,8 +12,9 @@ from scipy.interpolate import CubicSpline
 
 from fmus.kit import Output, Parameter, State
 from fmus.kit.arrays import Array
-from orchestration.diagnosis import LawModel, Memory, Record, Shape, Term, law_model
+from orchestration.diagnosis import LawModel, Record, Shape, Term, law_model
 from orchestration.diagnosis.runs import Course, Setting
+from orchestration.diagnosis.terms import Memory
 from tests.support.diagnosed_mass import (
     FREE,
     START,

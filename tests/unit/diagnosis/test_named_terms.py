@@ -9,9 +9,9 @@ import pytest
 
 from fmus.kit import Effect, Parameter, tanh
 from fmus.kit import Term as EffectTerm
-from orchestration.diagnosis import LawModel, Memory, Shape, Term
+from orchestration.diagnosis import LawModel, Shape, Term
 from orchestration.diagnosis.runs import Setting
-from orchestration.diagnosis.terms import NamedTerm, Released
+from orchestration.diagnosis.terms import Memory, NamedTerm, Released
 from orchestration.identify.fitting import Scale
 from tests.support.diagnosed_mass import Mass, nominal, pushed
 from tests.support.diagnosed_tank import AREA, DRAIN, START, drawn, tank

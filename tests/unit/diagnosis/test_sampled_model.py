@@ -12,7 +12,7 @@ import pytest
 
 from fmus.kit.arrays import Array
 from fmus.kit.record import CompiledModel
-from orchestration.diagnosis import LawModel, Memory, Options, Record, Shape, Term, diagnose
+from orchestration.diagnosis import LawModel, Options, Record, Shape, Term, diagnose
 from orchestration.diagnosis.catalogue import named_terms
 from orchestration.diagnosis.courses import Courses, courses_of
 from orchestration.diagnosis.fitting import Fit, Problem, StartPrior, fit_base, nominal_point
@@ -21,6 +21,7 @@ from orchestration.diagnosis.responses import respond
 from orchestration.diagnosis.runs import Course, Setting
 from orchestration.diagnosis.screening import alike
 from orchestration.diagnosis.term_names import estimates
+from orchestration.diagnosis.terms import Memory
 from orchestration.fmu import find_model
 from orchestration.fmu.model import declared_model_of
 from orchestration.records import Record as MeasuredRecord

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.arrays import Array
-from orchestration.diagnosis import LawModel, Memory, Record, Shape, Term
+from orchestration.diagnosis import LawModel, Record, Shape, Term
 from orchestration.diagnosis.comparison import WEIGHTS
 from orchestration.diagnosis.courses import courses_of
 from orchestration.diagnosis.fitting import (
@@ -26,7 +26,7 @@ from orchestration.diagnosis.fitting import (
 from orchestration.diagnosis.local_values import LocalValues
 from orchestration.diagnosis.runs import Setting
 from orchestration.diagnosis.screening import Screen, alike, other_shapes, with_shorter_lags
-from orchestration.diagnosis.terms import DelayTerm, SensorTerm
+from orchestration.diagnosis.terms import DelayTerm, Memory, SensorTerm
 from tests.support.diagnosed_mass import (
     FREE,
     START,

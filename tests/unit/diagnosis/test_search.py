@@ -10,12 +10,12 @@ import pytest
 
 import orchestration.diagnosis.search  # noqa: F401
 from fmus.kit.arrays import Array
-from orchestration.diagnosis import Found, Memory, Shape, Term, subject_of
+from orchestration.diagnosis import Found, Shape, Term, subject_of
 from orchestration.diagnosis.conclude import conclude
 from orchestration.diagnosis.fitting import Point
 from orchestration.diagnosis.search import search
 from orchestration.diagnosis.term_names import sentence
-from orchestration.diagnosis.terms import NamedTerm, SensorTerm
+from orchestration.diagnosis.terms import Memory, NamedTerm, SensorTerm
 from tests.support.diagnosed_mass import START, D, K, M, integrated, mass, pushed
 from tests.support.dry_mass import drawn, dry, nothing, outside, searched, small_search
 

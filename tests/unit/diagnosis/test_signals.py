@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fmus.kit.arrays import Array
-from orchestration.diagnosis import Memory
 from orchestration.diagnosis.signals import distinct, lagged, scale_of_signal, seen
+from orchestration.diagnosis.terms import Memory
 
 TIME = np.linspace(0.0, 20.0, 401)
 RNG = np.random.default_rng(2)

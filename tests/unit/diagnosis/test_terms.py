@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orchestration.diagnosis import Memory, Shape, Term
+from orchestration.diagnosis import Shape, Term
+from orchestration.diagnosis.terms import Memory
 from tests.support.diagnosed_mass import mass
 
 WIDE = {Shape.DRY, Shape.DEAD_ZONE, Shape.ABOVE, Shape.BELOW, Shape.STEP}
