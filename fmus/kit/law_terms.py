@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import cache
-from math import isfinite
+from itertools import pairwise
+from math import isclose, isfinite
 from typing import Any
 
 from .component import Component
@@ -17,7 +18,7 @@ from .curves import coefficient, per
 from .declare import Constant, Discrete, Parameter, State
 from .effects import Effect, Term, made_by, make_effect, stack, unstack
 from .errors import UserError
-from .functions import absolute, exp, maximum, minimum, sqrt, table, tanh, where
+from .functions import absolute, exp, maximum, minimum, smooth_table, sqrt, tanh, where
 
 # a sample period, s, that leaves one sample in any simulation: the one at the start
 _ONCE = 1e9
@@ -49,7 +50,8 @@ class LawTerm:
     factor : str
         Law or signal that it is in proportion to; empty for none.
     places : tuple of float
-        Values of the signal at the knots of a curve.
+        Values of the signal at the knots of a curve, in equal steps; see
+        `fmus.kit.functions.smooth_table`.
     period : float
         Between the instants at which play or a Dahl element follows its signal, s.
     is_held : bool
@@ -97,6 +99,10 @@ def check_term(term: LawTerm, laws: Collection[str], signals: Collection[str]) -
     positive = (term.size, term.scale, 1.0 + term.period)
     if not (all(map(isfinite, (*values, *positive))) and min(positive) > 0.0):
         raise UserError(f"the term {term.stem!r} has a value that is not finite, or not positive")
+    steps = [high - low for low, high in pairwise(term.places)]
+    is_even = all(isclose(step, steps[0], rel_tol=1e-6) and step > 0.0 for step in steps)
+    if bool(steps) is not (term.shape == "curve") or not is_even:
+        raise UserError(f"the term {term.stem!r} has no knots of a curve in equal steps upwards")
 
 
 @cache
@@ -223,9 +229,15 @@ def _shape_value(self: Any, term: LawTerm, x: Any) -> Any:
     """Return the value of a term at a value of its signal, or of the memory of it."""
     amount = getattr(self, term.stem)
     if term.places:
-        knots = [Constant(place, term.signal_unit) for place in term.places]
-        values = [getattr(self, f"{term.stem}_at_{k}") for k in range(len(knots))]
-        return amount * table(x, knots, values)
+        low, wide = (
+            Constant(value, term.signal_unit)
+            for value in (term.places[0], term.places[1] - term.places[0])
+        )
+        last = len(term.places) - 1
+        values = [getattr(self, f"{term.stem}_at_{k}") for k in range(last + 1)]
+        # from one on: at a knot at zero a smooth table has a corner
+        place = 1.0 + minimum(maximum((x - low) / wide, 0.0), float(last))
+        return amount * smooth_table(place, [1.0 + k for k in range(last + 1)], values)
     if term.middle:
         x = x - Constant(term.middle, term.signal_unit)
     width = getattr(self, f"{term.stem}_width", 1.0)

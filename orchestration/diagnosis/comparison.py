@@ -157,7 +157,9 @@ def words(model: LawModel, term: Term, depends: bool) -> float:
         total += WEIGHTS.foreign
     if term.is_trend:
         total += WEIGHTS.time
-    if term.signal in model.laws and term.signal not in model.plain_laws:
+    # what a law calls is as plain a signal of it as a state
+    plain = model.plain_laws | model.reads(term.law)
+    if term.signal in model.laws and term.signal not in plain:
         total += WEIGHTS.law_as_signal
     return total
 

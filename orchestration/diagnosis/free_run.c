@@ -35,7 +35,7 @@
 enum shape { CONSTANT, LINEAR, MODULUS, SQUARE, ODD_SQUARE, CUBE, ROOT, DRY, DEAD_ZONE, ABOVE, BELOW, STEP, CURVE };
 enum memory { NONE, LAG, FADING, TWO_LAGS, RATE_LIMIT, PLAY, DAHL, HEAT };
 
-#define KNOTS 9
+#define KNOTS 13
 #define ROUNDED 0.02   /* of the scale, within which a root is straight */
 #define ABRUPT 0.004   /* of the scale, within which a step is made */
 #define LATER 1e-4     /* of a step, by which an update is later for its slope */
@@ -110,6 +110,19 @@ static void call(function_of function,
     function(arg, results, k->iw, k->w, 0);
 }
 
+/* the interval between the knots of a curve in which z is, or the nearest one */
+static int interval(const term *q, double z) {
+    int i = (int)((z - q->places[0]) / (q->places[1] - q->places[0]));
+    return i < 0 || z < q->places[0] ? 0 : i > q->knots - 2 ? q->knots - 2 : i;
+}
+
+/* the part of value j in the slope at knot i, over an interval: a chord at the ends, else a parabola */
+static double slope_part(int last, int i, int j) {
+    if (i == 0) return (j == 1) - (j == 0);
+    if (i == last) return (j == last) - (j == last - 1);
+    return 0.5 * ((j == i + 1) - (j == i - 1));
+}
+
 /* shape functions of z and their derivatives by z and by the logarithm of the width */
 static void shape_at(const term *q, int j, double z, double w, double *value, double *by_z, double *by_w) {
     double m = fabs(z), sign = z < 0.0 ? -1.0 : 1.0, e;
@@ -153,15 +166,20 @@ static void shape_at(const term *q, int j, double z, double w, double *value, do
         *by_z = 0.5 * (1.0 - e * e) / ABRUPT;
         *by_w = -w * *by_z;
         break;
-    default: {  /* CURVE: hat j of a piecewise linear curve, constant beyond its ends */
-        const double *k = q->places;
-        *value = *by_z = 0.0;
-        if (j > 0 && z <= k[j]) {
-            if (z > k[j - 1]) { *by_z = 1.0 / (k[j] - k[j - 1]); *value = (z - k[j - 1]) * *by_z; }
-        } else if (j < q->knots - 1 && z >= k[j]) {
-            if (z < k[j + 1]) { *by_z = -1.0 / (k[j + 1] - k[j]); *value = (k[j + 1] - z) * -*by_z; }
+    default: {  /* CURVE: part j of cubics between even knots, constant beyond them (smooth_table) */
+        int last = q->knots - 1, i = interval(q, z);
+        double wide = q->places[1] - q->places[0], x = (z - q->places[i]) / wide, rest = 1.0 - x;
+        if (x <= 0.0 || x >= 1.0) {
+            int at_end = z <= q->places[0] || z >= q->places[last];
+            *value = j == (x <= 0.0 ? i : i + 1);
+            if (at_end) { *by_z = 0.0; break; }
         }
-        if ((j == 0 && z <= k[0]) || (j == q->knots - 1 && z >= k[j])) { *value = 1.0; *by_z = 0.0; }
+        double low = slope_part(last, i, j), high = slope_part(last, i + 1, j);
+        double from = j == i, to = j == i + 1;
+        *value = from * (1.0 + 2.0 * x) * rest * rest + to * x * x * (3.0 - 2.0 * x)
+                 + low * x * rest * rest - high * x * x * rest;
+        *by_z = (6.0 * x * rest * (to - from) + low * rest * (1.0 - 3.0 * x) + high * x * (3.0 * x - 2.0))
+                / wide;
     }
     }
 }
@@ -285,10 +303,10 @@ static void add_terms(const double *X, const double *S, const double *u, double 
         double zz = (v - q->middle) / q->scale, sum = 0.0, by_z = 0.0, by_w = 0.0, size = q->size;
         double *da = k->da + k->row[i] * ns;
         int from = 0, until = nc;
-        if (q->shape == CURVE) {  /* hats further off are zero */
-            while (until > 1 && zz < q->places[until - 1]) until--;
-            from = until - 1;
-            if (until < nc) until++;
+        if (q->shape == CURVE) {  /* parts further off are zero */
+            int here = interval(q, zz);
+            from = here > 0 ? here - 1 : 0;
+            until = here + 3 < nc ? here + 3 : nc;
         }
         for (int j = from; j < until; j++) {
             double a, b, d;

@@ -369,8 +369,13 @@ class LawModel:
         return frozenset()
 
     def depends_on(self, law: str) -> set[str]:
-        """Return the signals of which a law is a function already."""
+        """Return the inputs and states of which a law is a function already."""
         return set(self.perturbed.computed_from(law))
+
+    def reads(self, law: str) -> set[str]:
+        """Return the signals of which a law is a function already, and the laws that it calls."""
+        called = {other for other in self.laws if self.perturbed.reads_itself(law, other)}
+        return self.depends_on(law) | called
 
     @cached_property
     def followed(self) -> list[str]:

@@ -36,6 +36,7 @@ _HEIGHT, _RESIDUAL_HEIGHT, _CURVE_HEIGHT = 190, 110, 190  # pixels
 _SETS = 12  # that are listed
 _MARKS = 150  # samples that are marked below a curve
 _LARGEST_MAP = 16  # laws, and signals
+_LEAST_GAIN = 1.0  # nats, that are shown on the map
 _SET_HEAD = ("Terms", "Gain on fitted samples [nat]", "On unseen ones", "Score", "Error")
 
 
@@ -225,7 +226,10 @@ def _add_curve(page: Page, diagnosis: Diagnosis, curve: curves.TermCurve) -> Non
 def _add_law_map(page: Page, law_map: LawMap) -> None:
     """Add what each law gains over each signal, as a map."""
     page.heading("Which law over which signal")
-    best = {one.term.cause: one for one in law_map.entries}
+    best = {one.term.cause: one for one in law_map.entries if one.gain >= _LEAST_GAIN}
+    if not best:
+        page.text("No law gains by a term of any signal, to first order.")
+        return
     laws = list(dict.fromkeys(law for law, _ in best))
     signals = list(dict.fromkeys(signal for _, signal in best))
     rows, columns = laws[:_LARGEST_MAP], signals[:_LARGEST_MAP]
@@ -235,12 +239,13 @@ def _add_law_map(page: Page, law_map: LawMap) -> None:
         for k, signal in enumerate(columns):
             entry = best.get((law, signal))
             if entry is not None:
-                gains[i, k] = max(entry.gain, 1.0)
+                gains[i, k] = entry.gain
                 texts[i][k] = _entry_text(law_map.diagnosis, entry)
     omitted = len(laws) - len(rows) + len(signals) - len(columns)
     more = f" {omitted} laws and signals that gain less are not shown." if omitted else ""
     chart = heat_map(rows, columns, gains, texts, "gain [nat]")
-    page.chart(chart, f"{wording.LAW_MAP_MEANING}{more}")
+    empty = f" A cell is empty where less than {_LEAST_GAIN:g} is gained."
+    page.chart(chart, f"{wording.LAW_MAP_MEANING}{empty}{more}")
 
 
 def _entry_text(diagnosis: Diagnosis, entry: LawEntry) -> str:

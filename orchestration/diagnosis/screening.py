@@ -26,6 +26,7 @@ from orchestration.diagnosis.responses import Drives, Projection, Response, resp
 from orchestration.diagnosis.runs import Linearisation
 from orchestration.diagnosis.signals import Seen, distinct, seen
 from orchestration.diagnosis.terms import (
+    KNOTS,
     DelayTerm,
     Memory,
     NamedTerm,
@@ -68,7 +69,7 @@ _WIDTHS = {
 }
 _DRY, _BEND = 0.3, 0.6  # widths from which other shapes of a term are fitted, in scales
 _RANGE = -2.0, 2.0  # of a signal whose curve has no knots yet, in scales
-_KNOTS = 9
+_KNOTS, _MORE_KNOTS = 9, KNOTS  # of a curve; of one that bends more than the first can
 _RATIO = 4.0  # of two lags, from which a search starts
 _QUICK, _RATES = 5.0, (0.5, 2.0)  # of a rate limit: its lag, and rates in scales over that of a lag
 _ROWS = 1600  # of the screen at most
@@ -430,7 +431,7 @@ def _signals(along: Courses) -> list[tuple[str, Array]]:
 
 def _owner(model: LawModel, classes: Sequence[str], signal: str) -> tuple[str, bool]:
     """Return the law of a class that owns a signal, and whether it depends on it already."""
-    depends = {law: model.depends_on(law) for law in classes}
+    depends = {law: model.reads(law) for law in classes}
     having = [law for law in classes if signal in depends[law] or signal == law]
     if having:
         return min(having, key=lambda law: (len(depends[law]), law in model.rates)), True
@@ -614,7 +615,7 @@ def _by_inputs(
                 law = law if depends else _owner(model, same, factor)[0]
                 is_own = any(_cosine(value_of[one], view.values) > _SAME for one in same)
                 shapes_of = _PRODUCT[1:] if is_own else _PRODUCT  # in percent over the factor
-                has_both = depends and factor in model.depends_on(law)
+                has_both = depends and factor in model.reads(law)
                 for term in _terms(law, view, shapes_of, unit, factor=factor):
                     yield shapes.candidate(term, view, addition, has_both)
 
@@ -672,12 +673,24 @@ def _terms(
             )
 
 
-def other_shapes(term: Term) -> Iterator[Term]:
+def other_shapes(term: Term, ends: tuple[float, float] | None = None) -> Iterator[Term]:
     """Yield a term with each of the other shapes of its signal.
 
-    A product of two signals is one of either over the other: a screen has it in one way.
+    Parameters
+    ----------
+    term : Term
+    ends : tuple of float, optional
+        Range of its signal, in scales.
+
+    Notes
+    -----
+    A curve with more knots is another. A product of two signals is one of either over the other:
+    a screen has it in one way.
     """
-    low, high = (term.places[0], term.places[-1]) if term.places else _RANGE
+    low, high = (term.places[0], term.places[-1]) if term.places else ends or _RANGE
+    if len(term.places) < _MORE_KNOTS:
+        finer = tuple(np.linspace(low, high, _MORE_KNOTS))
+        yield replace(term, shape=Shape.CURVE, width=_BEND, places=finer)
     is_product = term.factor not in ("", term.law)
     for shape in Shape:
         if shape is term.shape or shape in (Shape.CONSTANT, Shape.MODULUS, Shape.STEP):

@@ -65,6 +65,7 @@ _WORTH = -5.0  # nats of evidence by the screen, below which a set is not fitted
 _STEPS, _FEWER_STEPS = 15, 12  # of a fit; of one that starts from a fit of nearly the same terms
 _LAST_STEPS = 25
 _NEARLY_FLAT = 1e-3  # fall of the cost that ends a fit before the last ones: a nat of thousands
+_FORMS = 4  # of the best single term, among which a conclusion is drawn
 _SUBSETS, _SHAPES = 6, 2  # of the best fits, that are fitted with fewer terms, or other shapes
 _FAULTS = 4  # of sensors, that are fitted alone where the model is linearised anew
 _LINEARISATIONS = 3  # of a model that is linear in its parameters, at most
@@ -227,6 +228,9 @@ def search(
     rounds.owners()
     rounds.polish()
     rounds.subsets()
+    rounds.parts_of_best()
+    rounds.shapes_alone()
+    rounds.polish()
     found = _on_all_samples(_read_otherwise(rounds.found, *ways))
     linearised = 0
     while linearised < _LINEARISATIONS and _is_linearised_anew(found):
@@ -330,6 +334,9 @@ def _finalists(found: Found) -> list[Judged]:
     for some in without:
         others = (one for one in good if some.isdisjoint(part.cause for part in one.parts))
         chosen += itertools.islice(others, 1)
+    # which shape of one term is right hangs on more samples than others do
+    alone = [one for one in good if len(one.parts) == 1]
+    chosen += [one for one in alone if one.parts[0].source == alone[0].parts[0].source][:_FORMS]
     largest = sorted(ranked, key=lambda entry: entry.comparison.cost - entry.comparison.fitted)
     chosen += [entry.judged for entry in largest[:1]]
     # sets that differ in the constants from which they were fitted are one
@@ -516,17 +523,45 @@ class _Rounds:
                     asked.append((part, [_extended(one.fit, part)]))
         self._fit_all(asked, _FEWER_STEPS)
 
+    def parts_of_best(self) -> None:
+        """Fit what is left of the best set without some of its terms from where it ended.
+
+        Parts that were fitted from elsewhere may have ended at less than they explain.
+        """
+        for one in self.found.best(1)[:1]:
+            counts = range(1, len(one.terms))
+            parts = [part for n in counts for part in itertools.combinations(one.terms, n)]
+            self._tried -= {frozenset(part) for part in parts}
+            asked = [(part, [_extended(one.fit, part)]) for part in parts]
+            self._fit_all(asked, _LAST_STEPS)
+
     def shapes(self) -> None:
         """Fit the best sets with other shapes and other memories of each of their terms."""
+        self._in_other_shapes(self.found.best(_SHAPES))
+
+    def shapes_alone(self) -> None:
+        """Do the same with the best of one term.
+
+        Two terms that mimic the right shape of one would be ahead of it, if it was not tried.
+        """
+        best: dict[object, Judged] = {}
+        for entry in self.found.compared():
+            if len(entry.judged.terms) == 1:
+                best.setdefault(entry.judged.terms[0].source, entry.judged)
+        self._in_other_shapes(list(best.values())[:_SHAPES], _LAST_STEPS)
+
+    def _in_other_shapes(self, sets: Sequence[Judged], most: int = _FEWER_STEPS) -> None:
+        """Fit sets with other shapes and other memories of each of their terms."""
         asked = []
-        for one in self.found.best(_SHAPES):
+        for one in sets:
             for term in one.terms:
                 if not term.signal or isinstance(term, NamedTerm | SensorTerm):
                     continue
-                for other in itertools.chain(other_shapes(term), other_memories(term)):
+                others = other_shapes(term, self._ends(term)), other_memories(term)
+                for other in itertools.chain(*others):
                     terms = tuple(other if t == term else t for t in one.terms)
                     asked.append((terms, [_extended(one.fit, terms)]))
-        self._fit_all(asked, _FEWER_STEPS)
+        self._fit_all(asked, most)
 
     def owners(self) -> None:
         """Fit the best sets with each of their terms in every other law."""
@@ -539,6 +574,12 @@ class _Rounds:
                     terms = tuple(other if t == term else t for t in one.terms)
                     asked.append((terms, [_extended(one.fit, terms)]))
         self._fit_all(asked, _FEWER_STEPS)
+
+    def _ends(self, term: Term) -> tuple[float, float] | None:
+        """Return the range of the signal of a term in its scales, as a screen had it."""
+        curves = (t for t in self._terms if t.places and t.scale == term.scale)
+        same = (t.places for t in curves if t.source == term.source)
+        return next(((places[0], places[-1]) for places in same), None)
 
     def _in_other_laws(self, term: Term) -> Iterable[Term]:
         """Return a term of a signal in each of the other laws that a screen had it in."""

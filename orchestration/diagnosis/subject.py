@@ -237,7 +237,7 @@ def words_of(model: LawModel, part: Reading | Term) -> float:
 
 def depends(model: LawModel, term: Term) -> bool:
     """Return whether a law depends on the signals of a term already, or is one of them."""
-    own = {"", term.law} | model.depends_on(term.law)
+    own = {"", term.law} | model.reads(term.law)
     return term.signal in own and term.factor in own
 
 

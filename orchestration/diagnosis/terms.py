@@ -12,7 +12,8 @@ import numpy as np
 from fmus.kit.arrays import Array
 from orchestration.identify.fitting import Scale
 
-KNOTS = 9  # of a curve at most, as in free_run.c
+KNOTS = 13  # of a curve at most, as in free_run.c
+_SMOOTH = 8  # degrees of freedom of a curve at most: neighbours in a smooth one are not independent
 
 
 class Shape(IntEnum):
@@ -97,7 +98,8 @@ class Term:
     width : float
         Of the shape, in scales of the signal, where a search starts.
     places : tuple of float
-        Knots of a curve, in scales of the signal.
+        Knots of a curve in equal steps, in scales of the signal; cubics between them, whose slopes
+        at a knot are those of the parabola through it and its neighbours, and constant beyond.
     """
 
     law: str
@@ -129,8 +131,9 @@ class Term:
 
     @property
     def freedom(self) -> int:
-        """Degrees of freedom; of a curve one is the constant that its law has anyway."""
-        return self.coefficients - (self.shape is Shape.CURVE) + len(self.start)
+        """Degrees of freedom; of a curve one value is the constant that its law has anyway."""
+        own = min(len(self.places) - 1, _SMOOTH) if self.shape is Shape.CURVE else 1
+        return own + len(self.start)
 
     @property
     def has_memory(self) -> bool:

@@ -52,7 +52,7 @@ def run_fmu(fit: Fit, cls: type[Component], runtime: str = "native"):
 
 def one_of_shape(shape: Shape) -> tuple[Term, list[float]]:
     """Return a term of a shape over the velocity, with values at which it acts."""
-    places = (-1.0, -0.3, 0.2, 1.0) if shape is Shape.CURVE else ()
+    places = (-1.0, -0.3, 0.4, 1.1) if shape is Shape.CURVE else ()
     signal = "" if shape is Shape.CONSTANT else "velocity"
     if shape is Shape.STEP:
         term = Term("friction", "time", shape, factor="friction", size=5.0, scale=STEP * SAMPLES)

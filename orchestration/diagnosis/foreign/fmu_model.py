@@ -140,6 +140,10 @@ class FmuModel(LawModel):
                 return {simulated}
         return super().depends_on(law)
 
+    def reads(self, law: str) -> set[str]:
+        """Return the same: what calls what is a matter of the component that stands for the FMU."""
+        return self.depends_on(law)
+
     @property
     def received(self) -> frozenset[str]:
         """What the FMU gets of its inputs."""

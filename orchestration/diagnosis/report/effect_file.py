@@ -41,11 +41,11 @@ FORMULAS = {
     Shape.ABOVE: "maximum(x - {w}, 0.0)",
     Shape.BELOW: "minimum(x + {w}, 0.0)",
     Shape.STEP: f"(0.5 + 0.5 * tanh((x - {{w}}) / ({ABRUPT} * {{s}})))",
-    Shape.CURVE: "table(x, {table}_PLACES, {table}_VALUES)",
+    Shape.CURVE: "smooth_table(knot, range(1, {end}), {table}_VALUES)",  # no knot is at zero
 }
 _NAMES = (
     *("absolute", "clip", "Discrete", "Effect", "exp", "maximum", "minimum", "Parameter"),
-    *("sqrt", "State", "table", "tanh", "where"),
+    *("smooth_table", "sqrt", "State", "tanh", "where"),
 )
 _UNBOUNDED = 1e9  # nominal values, beyond which a bound is none
 _ADDED = "ADDED"  # name of the classes of a file
@@ -199,14 +199,13 @@ class _Class:
         """Yield the constants of a curve."""
         if not self._term.places:
             return
-        tables = {"PLACES": self._given.places, "VALUES": [p.start for p in self._parameters]}
+        numbers = [parameter.start for parameter in self._parameters]
         yield ""
-        for name, numbers in tables.items():
-            yield f"{self._stem.upper()}_{name} = ("
-            for k in range(0, len(numbers), _NUMBERS_IN_LINE):
-                row = ", ".join(map(_number, numbers[k : k + _NUMBERS_IN_LINE]))
-                yield f"    {row},"
-            yield ")"
+        yield f"{self._stem.upper()}_VALUES = ("
+        for k in range(0, len(numbers), _NUMBERS_IN_LINE):
+            row = ", ".join(map(_number, numbers[k : k + _NUMBERS_IN_LINE]))
+            yield f"    {row},"
+        yield ")"
 
     def _law_lines(self) -> Iterator[str]:
         """Yield the law with what is added to it."""
@@ -217,8 +216,17 @@ class _Class:
         yield f"        below = super().{term.law}({arguments})"
         if term.signal:
             yield f"        x = {self._argument()}"
-        width, scale = f"self.{self._stem}_width", _number(self._given.scale)
-        formula = FORMULAS[term.shape].format(w=width, s=scale, table=self._stem.upper())
+        if term.places:
+            low, *_, high = self._given.places
+            step = _number((high - low) / (len(term.places) - 1))
+            ends = f"{_number(low)}, {_number(high)}"
+            yield f"        knot = 1.0 + (clip(x, {ends}) - {_number(low)}) / {step}"
+        formula = FORMULAS[term.shape].format(
+            w=f"self.{self._stem}_width",
+            s=_number(self._given.scale),
+            table=self._stem.upper(),
+            end=len(term.places) + 1,
+        )
         change = f"self.{self._stem} * {formula}"
         if term.factor == term.law and term.law not in self._changed:
             yield f"        return below * (1.0 + {change})"

@@ -24,6 +24,7 @@ from orchestration.diagnosis.comparison import (
     shortfall,
     words,
 )
+from orchestration.diagnosis.subject import words_of
 from orchestration.diagnosis.terms import Memory
 from tests.support.diagnosed_mass import mass
 
@@ -167,6 +168,8 @@ def test_plain_terms_come_first() -> None:
     ):
         assert words(model, odd, depends) > plain, odd
     assert words(model, Term("spring", "", Shape.CONSTANT), False) == 0.0
+    called = Term("acceleration", "friction", Shape.SQUARE)
+    assert words_of(model, called) == 0.0
     late = words(model, Term("spring", "time", Shape.SQUARE), True)
     assert late > words(model, Term("spring", "friction", Shape.CURVE), False)
 

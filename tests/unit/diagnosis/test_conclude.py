@@ -28,7 +28,9 @@ CURVE = Term("friction", "v", Shape.CURVE, places=(-1.0, 0.0, 1.0))
 SPRING = Term("spring", "x", Shape.CUBE)
 
 ANY = {"x", "v", "force", "time", "friction", "charge", "load", "a", "b", "c"}
-MODEL = SimpleNamespace(laws=[], depends_on=lambda law: ANY, targets=[], received=(), plain_laws=())
+MODEL = SimpleNamespace(
+    laws=[], reads=lambda law: ANY, targets=[], received=(), plain_laws=frozenset()
+)
 
 
 def judged(

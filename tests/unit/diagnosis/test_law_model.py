@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from fmus.kit import Output, Parameter, State
 from fmus.kit.arrays import Array
@@ -28,6 +28,7 @@ from tests.support.diagnosed_mass import (
     nominal,
     pushed,
 )
+from tests.support.oscillator_model import Oscillator
 
 SIZE, SCALE, MIDDLE, WIDTH = 0.4, 0.1, 0.01, 0.5
 PLACES = (-3.0, -1.5, 0.0, 1.5, 3.0)
@@ -55,7 +56,10 @@ LENGTH = 3.0  # s, scale of a step over time
 def shaped(shape: Shape, z: float) -> float:
     """Return the sum of coefficients and shape functions at a scaled signal."""
     if shape is Shape.CURVE:
-        return float(np.interp(z, PLACES, COEFFICIENTS))
+        chords = np.diff(COEFFICIENTS) / np.diff(PLACES)
+        slopes = [chords[0], *(0.5 * (chords[:-1] + chords[1:])), chords[-1]]
+        within = np.clip(z, PLACES[0], PLACES[-1])
+        return float(CubicHermiteSpline(PLACES, COEFFICIENTS, slopes)(within))
     return C * SHAPES[shape](z)
 
 
@@ -455,3 +459,12 @@ def test_a_state_that_the_fmu_shows_is_an_output() -> None:
     shifted = model.run(record, replace(setting, terms=(offset,), values=np.array([0.2])), START)
     assert shifted is not None
     assert shifted.outputs - course.outputs == pytest.approx(np.tile([0.0, 0.1], (60, 1)))
+
+
+def test_a_law_reads_the_laws_that_it_calls_beside_what_it_is_a_function_of() -> None:
+    model = LawModel(Oscillator)
+    assert model.reads("friction") == model.depends_on("friction") == {"velocity"}
+    assert model.reads("acceleration") == {
+        *("elongation", "velocity", "force"),
+        *("spring_force", "friction"),
+    }

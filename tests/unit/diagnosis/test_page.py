@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +10,9 @@ import numpy as np
 import pytest
 
 from orchestration.diagnosis.changes import Changed
+from orchestration.diagnosis.law_map import LawEntry, LawMap
 from orchestration.diagnosis.readings import Reading, ReadingKind
+from orchestration.diagnosis.terms import Shape, Term
 from orchestration.identify.changes import Change
 from orchestration.reporting import make_page
 from tests.support.oscillator import (
@@ -113,3 +116,19 @@ def test_every_set_is_listed_once_by_its_best_fit(dry):
     html = make_page(twice).html()
     assert f"{2 * len(dry.found.fits)} fits of sets of terms" in html
     assert html.count("<td>friction over velocity, a tanh(x/w)</td>") == 1
+
+
+def test_the_page_of_laws_has_the_map(dry):
+    entries = [
+        LawEntry(Term("friction", "velocity", Shape.DRY), 140.0),
+        LawEntry(Term("friction", "elongation", Shape.CUBE), 3.25),
+        LawEntry(Term("spring_force", "force", Shape.CUBE), -2.0),
+    ]
+    html = make_page(LawMap(dry, tuple(entries)), "ppy laws rubbing.csv").html()
+    (table,) = re.findall(r'<table class="heat">.*?</table>', html, re.S)
+    assert re.findall(r'<th scope="col"><span>(\w+)</span>', table) == ["velocity", "elongation"]
+    assert re.findall(r'<th scope="row">(\w+)</th>', table) == ["friction"]
+    assert "friction over velocity, a tanh(x/w): 140.0" in table
+    bare = make_page(LawMap(dry, tuple(entries[2:])), "").html()
+    assert "No law gains by a term of any signal" in bare
+    assert '<table class="heat">' not in bare

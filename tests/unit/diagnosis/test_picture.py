@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from orchestration.diagnosis.law_map import LawMap
 from orchestration.reporting import draw
 
 
@@ -17,3 +18,12 @@ def test_the_picture_shows_what_was_left_out_and_its_residuals(dry):
     assert len(unseen) == pytest.approx(dry.records[0].time.size / 3, abs=2)
     without, with_terms = (np.std(line.get_ydata()) for line in below.lines)
     assert with_terms < 0.1 * without
+
+
+def test_the_picture_of_laws_is_what_is_added_over_the_signal(dry):
+    figure = draw(LawMap(dry, ()))
+    (axis,) = figure.axes
+    assert axis.get_xlabel() == "velocity [m/s]"
+    assert axis.get_ylabel() == "added to friction\n[N]"
+    velocity, added = axis.lines[0].get_data()
+    assert added[-1] == pytest.approx(1.5 * np.tanh(velocity[-1] / 0.1), rel=0.1)

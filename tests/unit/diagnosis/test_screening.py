@@ -490,6 +490,15 @@ def test_a_product_has_no_other_shape_that_is_the_product_the_other_way() -> Non
     assert Shape.LINEAR in {term.shape for term in other_shapes(in_percent)}
 
 
+def test_a_term_becomes_a_curve_with_more_knots_over_the_range_of_its_signal() -> None:
+    plain = Term("friction", "velocity", Shape.DRY)
+    curves = [one for one in other_shapes(plain, (-1.0, 3.0)) if one.shape is Shape.CURVE]
+    ends = [(one.places[0], one.places[-1], len(one.places)) for one in curves]
+    assert sorted(ends) == [(-1.0, 3.0, 9), (-1.0, 3.0, 13)]
+    finest = next(one for one in curves if len(one.places) == 13)
+    assert Shape.CURVE not in {one.shape for one in other_shapes(finest)}
+
+
 def test_what_counts_an_input_is_no_target() -> None:
     assert "counting" not in {c.term.law for c in tank().candidates}
 

@@ -98,9 +98,17 @@ def test_a_term_has_other_owners_with_their_sizes(found: Found) -> None:
     assert rounds._in_other_laws(change) == [replace(change, law="load", factor="load", size=7.0)]
 
 
-def test_no_set_is_fitted_twice_but_to_polish_it(found: Found) -> None:
+def test_no_set_is_fitted_again_but_to_polish_it_or_as_a_part_of_the_best(found: Found) -> None:
     sets = [frozenset(one.terms) for one in found.fits]
-    assert len(sets) - len(set(sets)) <= 7
+    assert len(sets) - len(set(sets)) <= 2 * 7 + 3
+
+
+def test_the_part_of_the_best_set_that_explains_is_ahead_of_it(found: Found) -> None:
+    """Two terms ended nearer to the friction than it did alone, from where they began."""
+    best, second = (entry.judged for entry in found.compared()[:2])
+    assert len(best.terms) == 1
+    assert set(best.terms) < set(second.terms)
+    assert best.fit.misfit < 1.05 * second.fit.misfit
 
 
 def test_a_set_that_was_fitted_is_not_fitted_again(found: Found) -> None:
@@ -265,7 +273,7 @@ def test_the_fits_that_are_chosen_lead_to_the_same_conclusion(found: Found) -> N
     left = len(found.fits) - len(chosen)
     assert left > 5
     few = Found(found.subject, found.base, tuple(chosen), chosen_from=left)
-    assert few.gain_where_fitted() == pytest.approx(found.gain_where_fitted(), abs=1.0)
+    assert few.gain_where_fitted() == pytest.approx(found.gain_where_fitted(), rel=0.2)
     ours, theirs = conclude(few), conclude(found)
     assert ours.verdict == theirs.verdict
     assert [c.name for c in ours.causes] == [c.name for c in theirs.causes]

@@ -30,6 +30,14 @@ def test_a_curve_has_a_coefficient_at_each_knot_and_shares_a_constant_with_its_l
     assert (term.coefficients, term.freedom) == (3, 2)
 
 
+def test_a_curve_with_more_knots_has_no_more_freedom_than_a_smooth_one() -> None:
+    curves = [
+        Term("f", "v", Shape.CURVE, places=tuple(np.linspace(0.0, 1.0, k))) for k in (5, 9, 13)
+    ]
+    assert [one.freedom for one in curves] == [4, 8, 8]
+    assert [one.coefficients for one in curves] == [5, 9, 13]
+
+
 def test_constants_of_memories() -> None:
     expected = {Memory.NONE: 0, Memory.TWO_LAGS: 2, Memory.RATE_LIMIT: 2}
     assert {m: m.constants for m in Memory} == {m: expected.get(m, 1) for m in Memory}

@@ -56,10 +56,20 @@ def test_a_curve_is_flat_beyond_its_ends():
     )
     one = with_terms(term)(bend=1.0, bend_at_0=-2.0, bend_at_1=0.5, bend_at_2=3.0)
     added = []
-    for velocity in (-5.0, -0.5, 0.0, 0.5, 9.0):
+    for velocity in (-5.0, -1.0, 0.0, 1.0, 9.0):
         one.velocity = velocity
         added.append(one.friction() - 0.8 * velocity)
-    assert added == pytest.approx([-2.0, -0.75, 0.5, 1.75, 3.0])
+    assert added == pytest.approx([-2.0, -2.0, 0.5, 3.0, 3.0])
+
+
+def test_a_curve_that_is_a_parabola_in_its_middle_is_one_there():
+    places = tuple(0.5 * k - 1.0 for k in range(5))
+    term = LawTerm("friction", "velocity", "curve", "none", "bend", "N", "m/s", places=places)
+    values = {f"bend_at_{k}": place**2 for k, place in enumerate(places)}
+    one = with_terms(term)(bend=1.0, **values)
+    for velocity in (-0.4, -0.1, 0.3):
+        one.velocity = velocity
+        assert one.friction() - 0.8 * velocity == pytest.approx(velocity**2)
 
 
 @pytest.mark.parametrize(
@@ -74,11 +84,16 @@ def test_a_curve_is_flat_beyond_its_ends():
         {"scale": math.nan},
         {"size": 0.0},
         {"places": (math.inf,)},
+        {"places": (0.0, 1.0)},
+        {"shape": "curve"},
+        {"shape": "curve", "places": (0.0, 1.0, 3.0)},
+        {"shape": "curve", "places": (0.0, -1.0, -2.0)},
         {"period": -2.0},
     ],
 )
 def test_a_term_of_a_file_that_the_model_cannot_have_is_refused(wrong):
     laws = {"friction", "spring_force"}
     check_term(DRY, laws, laws | {"velocity"})
+    check_term(replace(DRY, shape="curve", places=(-0.1, 0.0, 0.1)), laws, laws | {"velocity"})
     with pytest.raises(UserError, match=repr(wrong.get("stem", DRY.stem))):
         check_term(replace(DRY, **wrong), laws, laws | {"velocity"})
