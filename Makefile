@@ -7,7 +7,7 @@ RUN := $(BIN)/python -m tests.support.target
 # the tests start Python some thousand times, and each start would compile our modules anew
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: fuzz fuzz-models demo hil-demo test test-slow test-slow-part foreign-study naming clean-study hidden-study book-study misuse-study bench-study laws-study hil-faults hil-faults-all proxy-faults hil-latency soak check benchmark docs docs-version chromium dist clean help
+.PHONY: fuzz fuzz-models demo hil-demo test test-slow test-slow-part foreign-study hidden-study public-study misuse-study bench-study laws-study hil-faults hil-faults-all proxy-faults hil-latency soak check benchmark docs docs-version chromium dist clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
@@ -17,10 +17,8 @@ help:
 	@echo "make docs       the site in build/site, its notebooks run anew; a warning is an error"
 	@echo "make docs-version the site of this version beside those of others in build/versions; ADDRESS=URL where it is served"
 	@echo "make fuzz       damaged files to whatever reads files, for ten minutes; SEED=N and SECONDS=N likewise"
-	@echo "make naming     how often a hidden effect is named, over hundreds of records; SEED=N draws others"
-	@echo "make clean-study what is said of hundreds of records in which nothing is hidden, and of public ones"
-	@echo "make hidden-study whether one hidden effect is named, or two at once, in models other than the actuator; SEED=N likewise"
-	@echo "make book-study  the same in ten models by the book, from um to km and ms to days; SEED=N likewise"
+	@echo "make hidden-study how often the right cause is named, and a wrong one where nothing is hidden, over hundreds of records; SEED=N draws others"
+	@echo "make public-study what is said of public records, beside plain least squares; records where PPY_PUBLIC_DATA says"
 	@echo "make misuse-study what is said of records with wrong units, columns, signs, clocks or cuts; SEED=N likewise"
 	@echo "make bench-study what is said of benches with an actuator, clean and with dry friction; SEED=N likewise"
 	@echo "make laws-study whether the law is found that lacks what no catalogue has; SEED=N likewise"
@@ -62,15 +60,11 @@ test-slow: $(VENV)/installed-dev chromium
 test-slow-part: export PPY_PART ?= $(shell expr $$(git rev-list --count HEAD 2>/dev/null || date +%j) % 5 + 1)/5
 test-slow-part: test-slow
 
-clean-study: $(VENV)/installed-dev
-	$(RUN) studies.judging.clean --out docs/clean-records.md
+public-study: $(VENV)/installed-dev
 	$(RUN) studies.judging.public
 
 hidden-study: $(VENV)/installed-dev
-	$(RUN) studies.judging.hidden --records 144 --two 16 --seed $(or $(SEED),20261124) --without VoiceCoil --out docs/hidden-records.md
-
-book-study: $(VENV)/installed-dev
-	$(RUN) studies.judging.book --records 80 --clean 20 --seed $(or $(SEED),20261205) --out docs/book-records.md
+	$(RUN) studies.judging.hidden --records 120 --two 16 --terms 40 --rig 46 --clean 120 --seed $(or $(SEED),20270110) --out docs/hidden-records.md
 
 misuse-study: $(VENV)/installed-dev
 	$(RUN) studies.judging.misuse --each 2 --seed $(or $(SEED),20261181) --out docs/misused-records.md
@@ -83,9 +77,6 @@ laws-study: $(VENV)/installed-dev
 
 foreign-study: $(VENV)/installed-dev
 	$(RUN) studies.judging.foreign --records 16 --clean 12 --seed $(or $(SEED),20261165) --out docs/foreign-fmus.md
-
-naming: $(VENV)/installed-dev
-	$(RUN) studies.judging.naming --seeds 2 --seed $(or $(SEED),700) --workers 2 --out docs/naming.md
 
 hil-demo: $(VENV)/installed
 	$(BIN)/ppy rig demo --out hil-output

@@ -155,8 +155,8 @@ _HEAD = """# Benchmarks
 Written by `make benchmark` (`python -m benchmarks`). Times depend on the machine; ratios depend on
 it much less. Everything that is compared was measured in one run, in turns. *Best* is the shortest
 time, the one least disturbed; a *median ratio* is the median over the rounds of the ratio within
-one round, and a target is the largest that is aimed at. [Clean records](clean-records.md)
-tells how long hundreds of diagnoses take."""
+one round, and a target is the largest that is aimed at. [Hidden and clean
+records](hidden-records.md) tell how long hundreds of diagnoses take."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

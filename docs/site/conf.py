@@ -101,10 +101,7 @@ navigation = {
         "fmus/rig_proxy/README",
     ],
     "docs/studies": [
-        "docs/naming",
         "docs/hidden-records",
-        "docs/book-records",
-        "docs/clean-records",
         "docs/misused-records",
         "docs/bench-records",
         "docs/hidden-laws",

@@ -5,11 +5,13 @@ from .records import base_refit as base_refit
 from .records import cases as cases
 from .records import cases_of_two as cases_of_two
 from .records import draw_hidden as draw_hidden
-from .records import effective_samples as effective_samples
 from .records import left as left
 from .records import left_beside as left_beside
 from .records import widths as widths
 from .shapes import STRENGTHS as STRENGTHS
 from .shapes import Dice as Dice
+from .terms import TermCase as TermCase
+from .terms import cases_of_terms as cases_of_terms
+from .terms import draw_term as draw_term
 from .variations import OUTSIDE as OUTSIDE
 from .variations import USUAL as USUAL

@@ -181,23 +181,6 @@ def _refitted(drawn: CleanRecord, plant: Plant) -> dict[str, Array]:
     return {o: noise[o] * row for o, row in zip(noise, near, strict=True)}
 
 
-def effective_samples(drawn: CleanRecord) -> dict[str, float]:
-    """Return, for each output, the white-noise samples that are worth as much as its own.
-
-    The colour of its noise decides.
-    """
-    found = {}
-    for output, y in drawn.outputs.items():
-        noise = y - drawn.clean[output]
-        colour = (
-            max(0.0, float(np.corrcoef(noise[:-1], noise[1:])[0, 1]))
-            if np.std(noise) > 0.0
-            else 0.0
-        )
-        found[output] = y.size * (1.0 - colour) / (1.0 + colour)
-    return found
-
-
 __all__ = [
     "OUTSIDE",
     "HiddenCase",
@@ -205,7 +188,6 @@ __all__ = [
     "cases",
     "cases_of_two",
     "draw_hidden",
-    "effective_samples",
     "left",
     "left_beside",
     "widths",

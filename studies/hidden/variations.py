@@ -2,8 +2,7 @@
 
 A right answer is the label of an effect or a family of them, as `Term.family` has it: a law over a
 signal, in whatever shape. What cannot be told apart by principle, such as a constant torque and an
-offset of the torque that is commanded, has both names; what one record cannot tell apart is
-computed (`studies.judging.floor`).
+offset of the torque that is commanded, has both names.
 """
 
 from __future__ import annotations

@@ -55,7 +55,6 @@ def judge(
     second: Case,
     factor: float,
     effects: Sequence[str] | None = (),
-    engine: str = "old",
 ) -> Row:
     """Draw two records, compare them, and return what was claimed and what changed."""
     import orchestration as ppy
@@ -85,7 +84,6 @@ def judge(
                 effects=effects,
                 settings=dict(plant.settings),
                 laws=False,
-                engine=engine,
             )
         except UserError as error:
             return row | {
@@ -135,12 +133,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "--factor", type=float, default=1.0, help="of one parameter in the second record"
     )
     parser.add_argument("--catalogue", action="store_true", help="with all effects; default none")
-    parser.add_argument("--engine", choices=["old", "new"], default="old")
     chosen = parser.parse_args(arguments)
     rows = []
     for first, second in pairs(chosen.pairs, chosen.seed):
         effects = None if chosen.catalogue else ()
-        rows.append(judge(first, second, chosen.factor, effects, chosen.engine))
+        rows.append(judge(first, second, chosen.factor, effects))
         print(rows[-1], flush=True)
     print("\n" + str(report(rows)))
 

@@ -26,10 +26,18 @@ from studies.clean import Case, CleanRecord, draw
 from studies.clean import cases as clean_cases
 from studies.hidden import USUAL, HiddenCase, draw_hidden, left
 from studies.hidden import cases as hidden_cases
-from studies.judging.answers import LEAST
-from studies.judging.clean import settings_of
 from studies.judging.stamp import DIAGNOSIS
-from studies.judging.study import Chosen, Part, Row, Study, among, grouped, share
+from studies.judging.study import (
+    LEAST,
+    Chosen,
+    Part,
+    Row,
+    Study,
+    among,
+    grouped,
+    settings_of,
+    share,
+)
 
 NONE = "nothing"
 _HALF = 0.5
@@ -202,8 +210,7 @@ sensor, with its gain.
 """,
     code=(
         *DIAGNOSIS,
-        "orchestration/api/diagnosis.py",
-        "orchestration/diagnosis",
+        "orchestration/diagnosis/foreign",
         "studies/hidden",
         "studies/clean",
         "studies/judging/foreign.py",

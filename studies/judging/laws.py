@@ -35,7 +35,6 @@ from studies.hidden_laws import (
     proportional,
     series,
 )
-from studies.judging.clean import settings_of
 from studies.judging.stamp import DIAGNOSIS
 from studies.judging.study import (
     Chosen,
@@ -45,6 +44,7 @@ from studies.judging.study import (
     among,
     counted,
     processor_time,
+    settings_of,
     share,
     title,
 )
@@ -252,7 +252,6 @@ same to the outputs. No effect of a catalogue is looked at
 """,
     code=(
         *DIAGNOSIS,
-        "orchestration/diagnosis",
         "studies/hidden_laws",
         "studies/hidden",
         "studies/clean",

@@ -2,15 +2,15 @@
 
 `python -m studies.judging.misuse --each 2 --seed 1` draws records of every kind of `studies.misuse`
 and diagnoses them from their files with the models that they were drawn for. A cause that is named
-is false, and `consistent` or `recalibrate` is no answer. Counted is whether the fault is told by
-its name, or else that the model does not describe the record; with `--new` by the new engine, whose
-causes may be readings of columns.
+is false unless it reads spoilt columns otherwise, and `consistent` or `recalibrate` is no answer.
+Counted is whether the fault is told by its name, or else that the model does not describe the
+record.
 """
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,14 +19,12 @@ import numpy as np
 
 from benchmarks.tables import Table, Topic
 from fmus.kit import UserError
-from studies.judging.clean import settings_of
 from studies.judging.stamp import DIAGNOSIS
-from studies.judging.study import Chosen, Part, Row, Study, among, share, title
+from studies.judging.study import Chosen, Part, Row, Study, among, settings_of, share, title
 from studies.misuse import KINDS, MisuseCase, cases, draw_misused, write
 
 if TYPE_CHECKING:
-    from orchestration.api import DiagnosisResult
-    from orchestration.discrepancy import Note
+    from orchestration.diagnosis import Diagnosis
     from studies.misuse import Columns
 
 REFUSED = "refused"
@@ -35,7 +33,6 @@ IN_GENERAL = "told in general"
 SILENT = "unexplained"
 MISLED = "misled"
 OUTCOMES = (REFUSED, NAMED, IN_GENERAL, SILENT, MISLED)
-_COLUMNS = {"exchanged", "other_sign", "other_unit"}  # notes on columns
 _FAULTS = {  # notes on what was done to values
     "resampled ten times finer": {"resampled"},
     "saturated": {"clipped", "clipped_repeatedly"},
@@ -53,23 +50,10 @@ _FAULTS = {  # notes on what was done to values
     "inputs of another run": {"unrelated"},
     "outputs of something else": {"unrelated"},
 }
-_GENERAL = {"large_error", "unrelated", "implausible", "not_followed", "end_not_followed"}
 
 
 def judge(case: MisuseCase) -> Row:
     """Draw a record, spoil it, diagnose it from its file, and tell what was said."""
-    return _judged(case, "old", _outcome)
-
-
-def judge_by_terms(case: MisuseCase) -> Row:
-    """Judge a record as `judge` does, by the new engine."""
-    return _judged(case, "new", _outcome_by_terms)
-
-
-def _judged(
-    case: MisuseCase, engine: str, outcome_of: Callable[[str, DiagnosisResult, set[str]], str]
-) -> Row:
-    """Return the row of a record, diagnosed by an engine."""
     import orchestration as ppy
 
     right, spoilt = draw_misused(case)
@@ -81,13 +65,11 @@ def _judged(
                 right.plant.model,
                 settings=settings_of(right),
                 hold=right.plant.known,
-                laws=False,
-                engine=engine,
             )
         except UserError as error:
             return asdict(case) | {"outcome": REFUSED, "said": str(error)}
     changed = _changed({"time": right.time, **right.inputs, **right.outputs}, spoilt)
-    outcome = outcome_of(case.kind, result, changed)
+    outcome = _outcome(case.kind, result.details, changed)
     return asdict(case) | {"outcome": outcome, "said": result.sentence}
 
 
@@ -100,22 +82,8 @@ def _changed(right: dict[str, Any], spoilt: Columns) -> set[str]:
     }
 
 
-def _outcome(kind: str, result: DiagnosisResult, changed: set[str]) -> str:
-    """Class an answer."""
-    notes = result.details.diagnosis.notes
-    named = any(_names(note, kind, changed) for note in notes)
-    if result.causes or str(result.verdict) in ("consistent", "recalibrate"):
-        # of a fault of values that is told, what is left may be right
-        return NAMED if named and not result.causes else MISLED
-    if named:
-        return NAMED
-    general = _GENERAL & {str(note.code) for note in notes}
-    return IN_GENERAL if general else SILENT
-
-
-def _outcome_by_terms(kind: str, result: DiagnosisResult, changed: set[str]) -> str:
-    """Class an answer of the new engine, whose causes may be readings of columns."""
-    diagnosis = result.details
+def _outcome(kind: str, diagnosis: Diagnosis, changed: set[str]) -> str:
+    """Class an answer, whose causes may be readings of columns."""
     is_noted = any(code in _FAULTS.get(kind, ()) for code, _, _ in diagnosis.notes)
     readings = [cause.reading for cause in diagnosis.causes if cause.reading is not None]
     told = [one for reading in readings for one in (reading, *reading.instead)]
@@ -127,18 +95,6 @@ def _outcome_by_terms(kind: str, result: DiagnosisResult, changed: set[str]) -> 
     if diagnosis.verdict != "unexplained":
         return MISLED
     return IN_GENERAL if is_read else SILENT
-
-
-def _names(note: Note, kind: str, changed: set[str]) -> bool:
-    """Return whether a note names a fault: its kind, or spoilt columns, be it beside others."""
-    code = str(note.code)
-    if kind in _FAULTS:
-        return code in _FAULTS[kind]
-    if code in _COLUMNS:
-        others = [other.split(" in ")[0] for other in note.facts["others"]]
-        told = [note.facts["columns"], *others]
-        return any(changed.issuperset(columns.split(" and ")) for columns in told)
-    return False
 
 
 def report(rows: Sequence[Row]) -> Topic:
@@ -164,8 +120,7 @@ def report(rows: Sequence[Row]) -> Topic:
 
 def _parts(chosen: Chosen) -> Iterator[Part]:
     wanted = among(cases(chosen.each, chosen.seed), chosen)
-    by, name = (judge_by_terms, "new") if chosen.new else (judge, "")
-    yield Part(wanted, by, lambda row: f"{row['outcome']}: {row['said']}", report, name)
+    yield Part(wanted, judge, lambda row: f"{row['outcome']}: {row['said']}", report)
 
 
 STUDY = Study(
@@ -173,13 +128,13 @@ STUDY = Study(
     about=__doc__,
     parts=_parts,
     numbers={"--each": (2, "records of every kind")},
-    switches={"--new": "by the new engine"},
     page="misused-records.md",
     head="""# What is said of records that were spoilt
 
 Drawn by `python -m studies.judging.misuse {options}`; `make misuse-study` draws it anew.
 The records are clean ones, of generators that share no code with the models under test, spoilt in
-the ways of `studies/misuse/kinds.py`. Whatever cause is named is false.
+the ways of `studies/misuse/kinds.py`. Whatever cause is named is false, unless it reads spoilt
+columns otherwise.
 
 {stamp}
 

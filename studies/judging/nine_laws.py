@@ -101,7 +101,6 @@ STUDY = Study(
     numbers={"--each": (3, "records of every law")},
     code=(
         *DIAGNOSIS,
-        "orchestration/diagnosis",
         "studies/nine_laws",
         "studies/judging/nine_laws.py",
     ),

@@ -16,32 +16,24 @@ from functools import cache
 import numpy as np
 
 from benchmarks.tables import Table, Topic
-from fmus.kit.arrays import Array
 from orchestration.diagnosis import (
     Found,
     LawModel,
     Record,
-    Shape,
     Subject,
-    Term,
     conclude,
     features_of,
-    fit,
-    nominal_point,
-    scale_of_signal,
     search,
     subject_of,
-    weights_of,
 )
 from orchestration.fmu import find_model
+from studies.judging.floor import best_plain_term
 from studies.judging.stamp import DIAGNOSIS
 from studies.judging.study import Chosen, Part, Row, Study, among, grouped, share
 from studies.outside import Drawn, OutsideCase, Run, cases, draw_outside
 
 KINDS = ("first", "in group", "silent", "unsure", "group wrong", "sure and wrong")
 _LEFT = 1.5  # noise widths that no verdict passes over in silence
-_STEPS = 12  # of a fit of the floor
-_NAIVE = (Shape.LINEAR, Shape.ODD_SQUARE, Shape.DRY)
 
 Pair = tuple[str, str]
 
@@ -147,50 +139,12 @@ def _in_search(found: Found, drawn: Drawn) -> Row:
 
 
 def _floor(subject: Subject, drawn: Drawn) -> Row:
-    """Fit every plain term alone from nominal; return the one of the least criterion."""
-    problem = subject.problem
-    weights = weights_of(subject.base.errors)
-    best, answer = 0.0, None
-    for term in _plain_terms(subject):
-        fitted = fit(problem, (term,), [nominal_point(problem, (term,))], weights, _STEPS)
-        if fitted is None:
-            continue
-        effective = np.sum([w * len(e) for w, e in zip(weights, fitted.errors, strict=True)])
-        gain = subject.base.cost - fitted.cost - 0.5 * term.freedom * np.log(effective + 3.0)
-        if gain > best:
-            best, answer = float(gain), term
+    """Return the answer of the floor."""
+    answer = best_plain_term(subject)
     return {
         "floor": str(answer or ""),
         "floor_right": answer is not None and _is_right(answer.cause, drawn.right),
     }
-
-
-def _plain_terms(subject: Subject) -> Iterator[Term]:
-    """Yield a constant and every plain function of an input or a state, of every law."""
-    problem = subject.problem
-    model, record = problem.model, problem.records[0]
-    setting = problem.setting(subject.base.point, ())
-    course = model.run(record, setting, subject.base.point.starts[0])
-    assert course is not None, "the base ran before"
-    laws = model.linearise(record, setting, course).laws
-    names = [v.name for v in (*model.inputs, *model.states)]
-    seen = dict(zip(names, np.column_stack([record.inputs, course.states]).T, strict=True))
-    outputs = {o.name for o in model.outputs}
-    for law, values in zip(model.laws, laws.T, strict=True):
-        if law in outputs or model.perturbed.is_definition(law):
-            continue
-        size = _size(values)
-        yield Term(law, "", Shape.CONSTANT, size=size)
-        for name, signal in seen.items():
-            scale, middle = scale_of_signal(signal)
-            for shape in _NAIVE:
-                yield Term(
-                    law, name, shape, size=size, scale=scale or 1.0, middle=middle, width=0.3
-                )
-
-
-def _size(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2))) or 1.0
 
 
 def kind_of(row: Row) -> str:
@@ -273,7 +227,7 @@ STUDY = Study(
     about=__doc__ or "",
     parts=_parts,
     numbers={"--records": (40, "records to draw")},
-    code=(*DIAGNOSIS, "orchestration/diagnosis", "studies/outside", "studies/judging/outside.py"),
+    code=(*DIAGNOSIS, "studies/outside", "studies/judging/outside.py", "studies/judging/floor.py"),
 )
 
 

@@ -25,6 +25,7 @@ from studies.clean import least_squares_fit
 DATA = Path(
     os.environ.get("PPY_PUBLIC_DATA", Path(__file__).resolve().parents[3] / "shared" / "data")
 )
+WORSE = 1.02  # of the best of the others, what a refit may leave
 GAINS = 1.0, 2.0, 3.0, 4.0, 5.0  # rad/s/V, from which the motor's fit starts
 COLUMNS = [
     "record",
@@ -128,10 +129,11 @@ def errors(question: Question) -> dict[str, float]:
     """Return untouched, least-squares and refitted errors of one record, of the model as it is."""
     import orchestration as ppy
 
-    bare = ppy.diagnose(
-        question.record, question.subject, effects=[], laws=False, engine="old", **question.known
-    )
-    trial = _Trial(question, bare.details.model.cls, bare.details.diagnosis.estimation.linear)
+    bare = ppy.diagnose(question.record, question.subject, effects=[], laws=False, **question.known)
+    subject = bare.details.subject
+    pairs = zip(subject.problem.model.inputs, subject.problem.records[0].smooth, strict=True)
+    linear = {v.name for v, is_smooth in pairs if is_smooth}
+    trial = _Trial(question, bare.details.model.cls, linear)
     nominal = {n: e.nominal for n, e in bare.parameters.items()}
     _, least = trial.least_squares(nominal)
     tried = {
@@ -148,9 +150,7 @@ def answer(question: Question) -> dict[str, Any]:
 
     row: dict[str, Any] = {"record": question.title} | errors(question)
     began = clock.process_time()
-    full = ppy.diagnose(
-        question.record, question.subject, laws=False, engine="old", **question.known
-    )
+    full = ppy.diagnose(question.record, question.subject, laws=False, **question.known)
     return row | {
         "verdict": str(full.verdict),
         "causes": full.causes,

@@ -28,15 +28,14 @@ OUTDATED = (
 )
 _DOCUMENTED = ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef
 _OURS = "fmus", "orchestration"
-# loads FMUs and carries their numbers; its own tests hold it to the same bits whatever the way
-_CARRIES = "orchestration/fmu/"
-# what a diagnosis is made of: its module, its data, the families and their sizes, with all that
-# these import, and C
+# FMUs carry numbers, and their own tests hold them to the same bits whatever the way; reports show
+# what was decided
+_CARRIES = "orchestration/fmu/", "orchestration/reporting/"
+# what decides a diagnosis, with all that this imports, and C; not its reports
 DIAGNOSIS = (
-    "orchestration/discrepancy/diagnosis.py",
-    "orchestration/discrepancy/data",
-    "orchestration/discrepancy/candidates/scales.py",
-    "fmus/kit/symbolic/families.py",
+    "orchestration/diagnosis/engine.py",
+    "orchestration/diagnosis/free_run.c",
+    "orchestration/diagnosis/responses.c",
     "fmus/kit/fmi",
 )
 

@@ -17,8 +17,10 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.tables import Table, Topic
+from studies.clean import CleanRecord
 from studies.judging.stamp import ROOT, stamp
 
+LEAST = 1.3  # noise widths that must be left of a hidden effect
 Row = dict[str, Any]
 Chosen = argparse.Namespace
 Tell = Callable[[str], None]
@@ -240,3 +242,10 @@ def counted(
 def processor_time() -> float:
     """Return processor time of this process and its children, s: compilers run beside it."""
     return float(sum(os.times()[:4]))
+
+
+def settings_of(drawn: CleanRecord) -> dict[str, float]:
+    """Return settings that a user of the model under test would give."""
+    return dict(drawn.plant.settings) | (
+        {"sample_period": drawn.step} if drawn.case.plant == "VoiceCoil" else {}
+    )

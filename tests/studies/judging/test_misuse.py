@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import pytest
 
+import orchestration as ppy
+from fmus.kit import UserError
 from studies.judging import misuse
 from studies.misuse import MisuseCase
 
@@ -15,7 +17,6 @@ from studies.misuse import MisuseCase
     [
         ("speed in rpm", misuse.NAMED),
         ("input of the other sign", misuse.NAMED),
-        ("too short", misuse.REFUSED),
     ],
 )
 def test_a_fault_of_a_motor_is_classed(kind, outcome):
@@ -26,9 +27,18 @@ def test_a_fault_of_a_motor_is_classed(kind, outcome):
     assert kind in text
 
 
+def test_what_is_refused_is_told_so(monkeypatch):
+    def refuse(*arguments, **options):
+        raise UserError("too short")
+
+    monkeypatch.setattr(ppy, "diagnose", refuse)
+    row = misuse.judge(MisuseCase("too short", "Motor", "square", 3))
+    assert (row["outcome"], row["said"]) == (misuse.REFUSED, "too short")
+
+
 @dataclass(frozen=True)
 class Told:
-    """A reading of columns, a cause, or an answer, as the new engine gives them."""
+    """A reading of columns, a cause, or an answer, as the engine gives them."""
 
     columns: tuple[str, ...] = ()
     instead: tuple[Told, ...] = ()
@@ -40,10 +50,6 @@ class Told:
     @property
     def is_named(self) -> bool:
         return self.verdict in ("cause", "ambiguous")
-
-    @property
-    def details(self) -> Told:
-        return self
 
 
 RIGHT = Told(reading=Told(("speed",)))
@@ -67,8 +73,8 @@ COARSE = (("quantised", "speed", "coarse"),)
         (Told(verdict="unexplained", causes=(WRONG,)), misuse.SILENT),
     ],
 )
-def test_answers_by_terms_are_classed_by_readings_and_notes(told, outcome):
-    assert misuse._outcome_by_terms("saturated", told, {"speed"}) == outcome
+def test_answers_are_classed_by_readings_and_notes(told, outcome):
+    assert misuse._outcome("saturated", told, {"speed"}) == outcome
 
 
 def test_what_misleads_is_counted_and_shown():

@@ -15,8 +15,7 @@ from scipy.optimize import least_squares
 
 import orchestration as ppy
 from studies.clean.judge import pooled_error
-from studies.judging.clean import WORSE
-from studies.judging.public import DATA, GAINS, Question, errors, pulses
+from studies.judging.public import DATA, GAINS, WORSE, Question, errors, pulses
 
 
 def question(

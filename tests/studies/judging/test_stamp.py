@@ -6,14 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from studies.judging import bench, book, foreign, hidden, laws, misuse, naming, stamp
+from studies.judging import bench, foreign, hidden, laws, misuse, stamp
 
 DRAWN = [
     (hidden, "make hidden-study"),
-    (book, "make book-study"),
     (bench, "make bench-study"),
     (misuse, "make misuse-study"),
-    (naming, "make naming"),
     (laws, "make laws-study"),
     (foreign, "make foreign-study"),
 ]
@@ -89,8 +87,7 @@ def test_a_digest_is_not_of_what_hands_records_over(tmp_path: Path, monkeypatch)
     assert stamp.sources(["benchmarks/reading.py"]) == {tmp_path / "benchmarks" / "reading.py"}
 
 
-@pytest.mark.parametrize("code", [hidden.STUDY.code, naming.STUDY.code])
-def test_a_diagnosis_is_made_of_what_decides_it(code):
+def test_a_diagnosis_is_made_of_what_decides_it():
     """What is called through a model or an option, and so by no import of the diagnosis, is named
     by itself.
     """
@@ -99,9 +96,12 @@ def test_a_diagnosis_is_made_of_what_decides_it(code):
         "fmus/kit/curves.py",
         "fmus/kit/fmi/integrate.c",
         "fmus/kit/fmi/exponential.c",
-        "orchestration/discrepancy/candidates/scales.py",
-        "orchestration/discrepancy/data/dataset.py",
-        "orchestration/discrepancy/selection/block_cross_validation.py",
-        "orchestration/identify/noise/model.py",
+        "orchestration/diagnosis/conclude.py",
+        "orchestration/diagnosis/free_run.c",
+        "orchestration/diagnosis/responses.c",
+        "orchestration/diagnosis/search.py",
+        "orchestration/records/quality/assessment.py",
     )
-    assert {stamp.ROOT / name for name in deciding} <= stamp.sources(code)
+    sources = stamp.sources(hidden.STUDY.code)
+    assert {stamp.ROOT / name for name in deciding} <= sources
+    assert not any("report" in file.relative_to(stamp.ROOT).parts[1] for file in sources)

@@ -1,13 +1,8 @@
-"""Claims: two effects hidden at once are two causes, both at work, and are counted by the causes
-that name them.
-
-`python -m studies.judging.hidden --two 60` draws such records and diagnoses them.
-"""
+"""Claims: two effects hidden at once are two causes, both at work."""
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,8 +10,7 @@ import pytest
 from studies.clean.records import draw
 from studies.hidden.records import HiddenCase, cases, cases_of_two, draw_hidden, left, left_beside
 from studies.hidden.variations import OUTSIDE, USUAL
-from studies.judging import answers, hidden, hidden_two
-from studies.judging.floor import BASE, Fitted
+from studies.judging.study import LEAST
 from studies.plants.change import NOTHING, static
 from studies.plants.library import altered
 
@@ -96,7 +90,7 @@ def test_a_late_logger_is_late_with_what_the_other_made():
     y, passed = drawn.clean["current"], draw_hidden(late.alone()[0]).clean["current"]
     delay = next(k for k in range(1, 100) if np.array_equal(y[k:], passed[:-k]))
     assert 0.15 <= delay * drawn.step <= 0.4
-    assert min(left_beside(drawn)) > answers.LEAST
+    assert min(left_beside(drawn)) > LEAST
 
 
 def test_a_place_has_one_change():
@@ -121,86 +115,4 @@ def test_what_is_left_beside_the_other():
         sizes = left_beside(both)[k] * both.deviation[output], left(one) * one.deviation[output]
         assert sizes[0] == pytest.approx(sizes[1], rel=0.1)
     resistance, drift = left_beside(draw_hidden(replace(_TWO, stimulus="PRBS")))
-    assert resistance < 0.1 < answers.LEAST < drift
-
-
-@pytest.mark.slow
-def test_records_that_do_not_count_are_not_diagnosed(monkeypatch):
-    def fits(cls, drawn, effects, settings):
-        both = len(drawn.plant.changes) == 2
-        return {BASE: Fitted(0.0, 1.0), name: Fitted(0.0, 5.0 if both is one_alone else 50.0)}, 0.0
-
-    monkeypatch.setattr(hidden_two, "diagnosed", lambda *a: pytest.fail("it was diagnosed"))
-    monkeypatch.setattr(hidden_two, "fitted_alone", fits)
-    name, one_alone = "sensor_lag(voltage)", False
-    row = hidden_two.judge(_TWO)
-    assert (hidden_two.left_out(row), row["alike"]) == ("alike", [name])
-    name, one_alone = "sensor_drift(voltage)", True  # although it is one of the two
-    row = hidden_two.judge(_TWO)
-    assert (hidden_two.left_out(row), row["alone"]) == ("one alone", [name])
-    assert "sensor_drift(voltage)" in hidden_two.answer_line(row)
-    monkeypatch.setattr(hidden_two, "left_beside", lambda drawn: [1.29, 9.0])
-    assert hidden_two.left_out(hidden_two.judge(_TWO)) == "too little"
-
-
-def _row(case=_TWO, **more):
-    return (
-        asdict(case)
-        | {
-            "pair": "drift + resistance",
-            "widths": 5.0,
-            "seconds": 1.0,
-            "verdict": "cause",
-            "groups": [["a", "b"], ["d"]],
-            "right": [["b"], ["d"]],
-            "related": ["b", "c", "d"],
-            "alike": [],
-            "alone": [],
-        }
-        | more
-    )
-
-
-@pytest.mark.parametrize(
-    ("more", "what", "false"),
-    [
-        ({}, "one", ["a"]),  # what cannot be told from it counts only where the verdict says so
-        ({"verdict": "ambiguous"}, "both", []),
-        ({"groups": [["d"], ["b"]]}, "both", []),
-        ({"groups": [["d"], ["c"]]}, "one", []),
-        ({"groups": [["d"], ["b"], ["x"]]}, "both", ["x"]),
-        ({"groups": [["x"], ["y"]]}, "none", ["x", "y"]),
-        ({"groups": [["d", "b"]], "verdict": "ambiguous"}, "one", []),  # no cause stands for both
-        ({"groups": [["d", "b"], ["b"]], "verdict": "ambiguous"}, "both", []),
-        ({"groups": []}, "none", []),
-        ({"groups": [], "verdict": "refused"}, "refused", []),
-    ],
-)
-def test_rules_of_naming_two(more, what, false):
-    row = _row(**more)
-    assert hidden_two.named(row) == what
-    assert hidden_two.false_causes(row) == false
-
-
-@pytest.mark.slow
-def test_a_page_tells_of_two_at_once(tmp_path):
-    kept, page = tmp_path / "5.jsonl", tmp_path / "page.md"
-    drawn = cases_of_two(4, 5)
-    said = {}, {"verdict": "ambiguous"}, {"groups": [["x"]]}, {"widths": 1.0}
-    rows = [_row(case, **more) for case, more in zip(drawn, said, strict=True)]
-    kept.with_stem("5-two").write_text(
-        "".join(json.dumps(row) + "\n" for row in rows), encoding="utf-8"
-    )
-    hidden.STUDY.main(
-        ["--records", "0", "--two", "4", "--seed", "5", "--kept", str(kept), "--out", str(page)]
-    )
-    text = page.read_text(encoding="utf-8")
-    assert "--records 0 --two 4 --seed 5" in text
-    section = text.partition("## Two at once\n")[2]
-    assert "4 records: 1 (25.0 %) leave too little" in section
-    assert (
-        "Both are named in 1 (33.3 %), one in 1 (33.3 %), none in 1 (33.3 %); false causes in 2"
-        " (66.7 %)." in section
-    )
-    assert str(drawn[2]) in section
-    assert str(drawn[1]) not in section
+    assert resistance < 0.1 < LEAST < drift

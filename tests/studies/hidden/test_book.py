@@ -1,8 +1,7 @@
-"""Claims: records by the book are as loggers write them, and a study of them makes its page."""
+"""Claims: records by the book are as loggers write them."""
 
 from __future__ import annotations
 
-import json
 from math import pi
 
 import numpy as np
@@ -13,8 +12,6 @@ from orchestration.fmu import find_model
 from studies.clean import Case, cases, draw
 from studies.hidden.records import cases as hidden_cases
 from studies.hidden.variations import OUTSIDE, VARIATIONS
-from studies.judging import book
-from studies.judging.stamp import digest, stamped
 from studies.plants import BY_THE_BOOK, PLANTS
 
 _IN_FILE = {  # column: name, and its size in the unit of the model
@@ -65,24 +62,3 @@ def test_every_plant_hides_three_effects_or_more_and_gets_its_turn():
         families = {v.family for v in VARIATIONS.values() if v.plant == name}
         assert len(families - {OUTSIDE}) >= 3
     assert {case.plant for case in hidden_cases(10, 1, BY_THE_BOOK)} == {*BY_THE_BOOK}
-
-
-@pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="a steady wind is named a sliding friction of the hull")
-def test_plain_effects_are_named_and_the_page_says_so(tmp_path):
-    """A steady wind and a rudder with slack, in degrees and minutes."""
-    kept = tmp_path / "3.jsonl"
-    page = tmp_path / "page.md"
-    options = ["--records", "60", "--clean", "8", "--seed", "4", "--no-floor", "--only", "Ship"]
-    options += ["--without", "levels off", "drift", "drag", "uneven", "outside", "lag", "backlash"]
-    book.STUDY.main([*options, "--kept", str(kept), "--out", str(page)])
-    rows = [json.loads(line) for line in kept.read_text().splitlines()]
-    assert rows
-    assert all(row["causes"][0] in row["right"] for row in rows)
-    clean = [json.loads(line) for line in (tmp_path / "3-clean.jsonl").read_text().splitlines()]
-    assert [row["plant"] for row in clean] == ["Ship"]
-    assert not any(row["causes"] for row in clean)
-    text = page.read_text()
-    assert stamped(text) == digest(book.STUDY.code)
-    assert "## Hidden effects" in text
-    assert "## Clean records" in text
