@@ -126,20 +126,24 @@ def pulses(folder: Path) -> list[Path]:
 
 
 def errors(question: Question) -> dict[str, float]:
-    """Return untouched, least-squares and refitted errors of one record, of the model as it is."""
+    """Return untouched, least-squares and refitted errors of one record, of the model as it is.
+
+    Without held-out data, of the beginning of the record, to which it is fitted.
+    """
     import orchestration as ppy
 
     bare = ppy.diagnose(question.record, question.subject, effects=[], laws=False, **question.known)
-    subject = bare.details.subject
-    pairs = zip(subject.problem.model.inputs, subject.problem.records[0].smooth, strict=True)
+    problem = bare.details.subject.problem
+    fitted = problem.records[0]
+    pairs = zip(problem.model.inputs, fitted.smooth, strict=True)
     linear = {v.name for v, is_smooth in pairs if is_smooth}
-    trial = _Trial(question, bare.details.model.cls, linear)
+    trial = _Trial(question, bare.details.model.cls, linear, float(np.ptp(fitted.time)))
     nominal = {n: e.nominal for n, e in bare.parameters.items()}
-    _, least = trial.least_squares(nominal)
+    refitted = {n: e.value for n, e in bare.parameters.items()}
     tried = {
         "untouched": nominal,
-        "least squares": least,
-        "refitted": {n: e.value for n, e in bare.parameters.items()},
+        "least squares": trial.least_squares(nominal, refitted),
+        "refitted": refitted,
     }
     return {name: trial.error(values) for name, values in tried.items()}
 
@@ -159,12 +163,12 @@ def answer(question: Question) -> dict[str, Any]:
 
 
 class _Trial:
-    """Simulations of a model over its record and over held-out data.
+    """Simulations of a model over its record, up to a time, s, and over held-out data.
 
     Inputs are interpolated as the diagnosis does it.
     """
 
-    def __init__(self, question: Question, cls: Any, linear: Any):
+    def __init__(self, question: Question, cls: Any, linear: Any, until: float):
         import orchestration as ppy
         from fmus.kit.record import CompiledModel
 
@@ -176,40 +180,53 @@ class _Trial:
         outputs = [v.name for v in layout.outputs]
         self._starts = {p.name: p for p in layout.parameters if p.starts}
         paths = [question.record, *([question.holdout] if question.holdout else [])]
-        self._records = [
+        records = [
             ppy.read_record(path, question.subject, dict(question.mapping)) for path in paths
         ]
-        self._measured = [
-            {o: r.signals[o] for o in outputs if o in r.signals} for r in self._records
+        ends = until, *(np.inf for _ in paths[1:])
+        counts = [
+            int(np.searchsorted(r.time - r.time[0], end * (1.0 + 1e-9), "right"))
+            for r, end in zip(records, ends, strict=True)
         ]
+        self._times = [r.time[:n] for r, n in zip(records, counts, strict=True)]
+        self._signals = [
+            {name: values[:n] for name, values in r.signals.items()}
+            for r, n in zip(records, counts, strict=True)
+        ]
+        self._measured = [{o: s[o] for o in outputs if o in s} for s in self._signals]
 
     def simulated(self, values: Mapping[str, float], which: int = 0) -> dict[str, Any]:
-        record = self._records[which]
-        inputs = {n: record.signals[n] for n in self._inputs if n in record.signals}
+        signals = self._signals[which]
+        inputs = {n: signals[n] for n in self._inputs if n in signals}
         own = {n: v for n, v in (self._settings | dict(values)).items() if n not in inputs}
         try:
-            return self._model.run(record.time, inputs, own, self._linear).signals
+            return self._model.run(self._times[which], inputs, own, self._linear).signals
         except UserError:
-            return {o: np.full(record.time.size, np.nan) for o in self._measured[which]}
+            return {o: np.full(self._times[which].size, np.nan) for o in self._measured[which]}
 
     def least_squares(
-        self, nominal: Mapping[str, float], which: int = 0
-    ) -> tuple[float, dict[str, float]]:
-        """Fit the record by least squares, all parameters of the diagnosis being free."""
-        sizes = {n: max(abs(v), 1.0) for n, v in nominal.items() if n in self._starts or v <= 0.0}
-        return least_squares_fit(
-            lambda values: self.simulated(values, which),
-            self._measured[which],
-            nominal,
-            sizes=sizes,
+        self, nominal: Mapping[str, float], refitted: Mapping[str, float]
+    ) -> dict[str, float]:
+        """Fit the record by least squares from nominal parameters.
+
+        States start where the diagnosis has them start, which is near what the model declares.
+        """
+        starts = {n: v for n, v in refitted.items() if n in self._starts}
+        free = {n: v for n, v in nominal.items() if n not in starts}
+        _, values = least_squares_fit(
+            lambda tried: self.simulated(starts | tried),
+            self._measured[0],
+            free,
+            sizes={n: max(abs(v), 1.0) for n, v in free.items() if v <= 0.0},
         )
+        return starts | values
 
     def error(self, values: Mapping[str, float]) -> float:
         """Return the pooled error over the spread of the record, or of held-out data.
 
         States start as fits it best.
         """
-        which = len(self._records) - 1
+        which = len(self._measured) - 1
         at = dict(values)
         if which:
             free = {n: values[n] for n in self._starts if n in values}

@@ -34,7 +34,13 @@ def no_worse(asked: Question) -> None:
 
 
 @pytest.mark.parametrize(
-    "number", [3, *(pytest.param(k, marks=pytest.mark.slow) for k in (0, 1, 2, 4, 5, 6, 7, 8, 9))]
+    "number",
+    [
+        pytest.param(
+            0, marks=pytest.mark.xfail(strict=True, reason="its first drop is taken for outliers")
+        ),
+        *range(1, 10),
+    ],
 )
 def test_a_pulse_of_a_cell(public_data, tmp_path, number):
     public_data("lfp_cell_ten_pulses.csv")
