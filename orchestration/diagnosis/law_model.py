@@ -40,7 +40,9 @@ _VECTORS = '#pragma clang attribute push(__attribute__((target("avx2"))), apply_
 _NOTHING = np.empty(0)
 # Largest product of a step and a rate constant: 2.8 is where the method becomes unstable.
 _STEP = 0.7
+_STEADY = 2.0 * _STEP  # the same, up to which a parameter may go that no output shows
 _MOST_STEPS = 60  # between two samples
+_MANY = 20  # from which on that is looked after
 # The same for the states of effects: faster ones no record tells from others that follow at once.
 _MOST_OF_EFFECTS = 12
 _PARAMETERS = 3  # argument of the functions of `PerturbedLaws`
@@ -318,6 +320,18 @@ class LawModel:
         slopes = self.linearise(record.part(0, len(record.time), step), setting, thin).rates
         return steps_of(slopes, record)
 
+    def is_steady(self, record: Record, setting: Setting, start: Array) -> bool:
+        """Return whether steps are clearly shorter than where the method is unstable, at a start.
+
+        Of a setting without terms. Few steps are taken to be.
+        """
+        if setting.substeps < _MANY or len(record.time) < 2:
+            return True
+        none = np.zeros((0, 0, 0))
+        first = Course(np.zeros((1, len(self.outputs))), none, start[np.newaxis])
+        rates = self.linearise(record.first, setting, first).rates
+        return np.diff(record.time).max() * _fastest(rates) < _STEADY * setting.substeps
+
     @property
     def recorded(self) -> tuple[InputDeclaration, ...]:
         """Inputs that a file may have."""
@@ -574,11 +588,15 @@ class StackedModel:
 
 def steps_of(rates: Array, record: Record) -> int:
     """Return the steps between two samples for derivatives of rates; see `Linearisation`."""
+    wanted = np.ceil(np.diff(record.time).max() * _fastest(rates) / _STEP)
+    return int(np.clip(wanted, 1, _MOST_STEPS))
+
+
+def _fastest(rates: Array) -> float:
+    """Return the modulus of the largest eigenvalue, 1/s; see `Linearisation`."""
     matrices = rates[:, :, rates.shape[2] - rates.shape[1] :]
     finite = matrices[np.isfinite(matrices).all(axis=(1, 2))]
-    fastest = np.abs(np.linalg.eigvals(finite)).max(initial=0.0)
-    wanted = np.ceil(np.diff(record.time).max() * fastest / _STEP)
-    return int(np.clip(wanted, 1, _MOST_STEPS))
+    return float(np.abs(np.linalg.eigvals(finite)).max(initial=0.0))
 
 
 def with_vectors(source: str) -> str:

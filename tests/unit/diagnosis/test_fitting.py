@@ -368,3 +368,37 @@ def test_an_output_that_was_not_measured_has_no_mean_and_no_warning() -> None:
     errors = np.column_stack([[1.0, np.nan, 3.0], np.full(3, np.nan)])
     assert mean_squares(errors) == pytest.approx([5.0, np.nan], nan_ok=True)
     assert np.isfinite(weights_of([errors])[0][0])
+
+
+def test_slopes_are_used_on_as_long_as_they_foresee_the_falls(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Runs with slopes are the fewer ones, and the end is that of SciPy; see above."""
+    runs: list[bool] = []
+    plain = Problem.run
+
+    def counted(self: Problem, *given: object) -> object:
+        runs.append(bool(given[-1]))
+        return plain(self, *given)
+
+    monkeypatch.setattr(Problem, "run", counted)
+    problem = drawn(0.01, 1.2)
+    weights = [np.array([30.0]), np.array([12.0])]
+    found = fit(problem, (OFFSET,), [nominal_point(problem, (OFFSET,))], weights, 60)
+    assert found is not None
+    assert found.cost == pytest.approx(by_scipy(problem, weights, True).cost, rel=1e-4)
+    with_slopes = sum(runs)
+    assert with_slopes < 0.7 * (len(runs) - with_slopes)
+
+
+def test_a_parameter_ends_where_steps_are_too_long_for_the_fastest_rate() -> None:
+    """A mass on a strong damper may be half as heavy, where a step is 1.4 of its time constant."""
+    problem = drawn(0.01)
+    step = max(float(np.diff(record.time).max()) for record in problem.records) / 20.0
+    damping = 0.7 * M / step  # beside which the spring is weak: the fastest rate is damping / mass
+    stiff = replace(problem, substeps=20, values={"damping": damping})
+    at = stiff.names.index("mass")
+    least = float(np.exp(stiff.bounds[0][at]))
+    assert 0.5 * M <= least < 0.63 * M
+    assert np.exp(stiff.bounds[1][at]) == pytest.approx(100.0)  # as declared
+    assert np.exp(problem.bounds[0][at]) == pytest.approx(0.01)
