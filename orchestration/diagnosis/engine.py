@@ -429,7 +429,13 @@ def _answer(
             base = one.judge(by_least_squares(one.base))
             found = None if base is None else Found(one, base)
         else:
-            found = search(one, progress, deadline.is_over, options.is_candidate)
+            found = search(
+                one,
+                progress,
+                deadline.is_over,
+                options.is_candidate,
+                thorough=options.thorough,
+            )
         return None if found is None else (found, _concluded(found))
 
     begun = subject.judge(subject.base)

@@ -38,6 +38,8 @@ class Options:
         The effects of the catalogue by name; by default those that the model's authors list.
     laws : bool
         Whether terms of the laws may be causes, beside effects and faults of sensors and files.
+    thorough : bool
+        Whether to search for more than what is plain; see `search`.
     interpolate : bool or None
         Whether inputs go in straight lines between samples, or are held; estimated by default.
     time : float or None
@@ -54,6 +56,7 @@ class Options:
     effects: Sequence[str] | None = None
     catalogue: Mapping[str, type[Effect]] | None = None
     laws: bool = True
+    thorough: bool = True
     interpolate: bool | None = None
     time: float | None = None
     excitation: Excitation | None = None

@@ -39,6 +39,7 @@ from orchestration.diagnosis.fitting import (
 )
 from orchestration.diagnosis.misreadings import misreadings
 from orchestration.diagnosis.readings import Reading
+from orchestration.diagnosis.remainder import remainders
 from orchestration.diagnosis.runs import Record
 from orchestration.diagnosis.screening import (
     Screen,
@@ -53,6 +54,7 @@ from orchestration.diagnosis.terms import NamedTerm, SensorTerm, Term, effects_i
 _PIECES = (1, 8, 40)  # of a record, of the courses along which terms are proposed
 _QUOTAS = {1: {1: 7, 2: 6, 3: 3}, 8: {1: 6, 2: 5, 3: 2}, 40: {1: 6, 2: 5, 3: 2}}
 _OF_READING = {1: {1: 3, 2: 2}}  # the same of a file that is read in another way
+_QUICK = {1: {1: 7}}  # the same of a search that is not thorough
 _SECOND = {1: 4, 2: 2}  # sets that are fitted around each of the best, by terms added
 _NAMED = {1: 6, 2: 4}  # sets with an effect of the catalogue, beside those without
 _LEADS = 2  # sets of one size with the same first term
@@ -195,6 +197,8 @@ def search(
     progress: Callable[[str], None] = lambda text: None,
     is_over: Callable[[], bool] = lambda: False,
     is_candidate: Callable[[Term], bool] = lambda term: True,
+    *,
+    thorough: bool = True,
 ) -> Found | None:
     """Fit what the record proposes; None if the base cannot be judged.
 
@@ -207,13 +211,18 @@ def search(
         Returns whether to leave out what has not been begun yet.
     is_candidate : callable
         Returns whether a term may be a cause.
+    thorough : bool
+        Whether to propose along pieces of the record, to read the file otherwise, and to look for a
+        second term where the best leaves noise alone.
     """
     base = subject.judge(subject.base)
     if base is None:
         return None
     ways = progress, is_over, is_candidate
-    rounds = _Rounds(Found(subject, base), *ways)
+    rounds = _Rounds(Found(subject, base), *ways, thorough=thorough)
     model = subject.problem.model
+    if not thorough:
+        return _along_the_whole(rounds)
     pieces = _PIECES if model.states and not model.begins_as_declared else (1,)
     rounds.propose(subject.base, pieces, _QUOTAS)
     other = _between_samples(rounds.found)
@@ -240,6 +249,22 @@ def search(
     # what inputs do between samples is less than a linearisation elsewhere leaves
     other = _between_samples(found) if linearised else None
     return found if other is None else search(other, *ways)
+
+
+def _along_the_whole(rounds: _Rounds) -> Found:
+    """Fit what the whole record proposes, once more around the best if that leaves more."""
+    rounds.propose(rounds.found.base.fit, (1,), _QUICK)
+    for one in filter(leaves_more, rounds.found.best(1)[:1]):
+        rounds.propose(one.fit, (1,), {1: _SECOND})
+    rounds.subsets()
+    rounds.polish()
+    return _on_all_samples(rounds.found)
+
+
+def leaves_more(judged: Judged) -> bool:
+    """Return whether a model leaves more than noise of an output where nothing was chosen by."""
+    spreads = np.ones(len(judged.fit.problem.spread))
+    return any(one.is_more_than_noise for one in remainders(judged, spreads))
 
 
 def _is_linearised_anew(found: Found) -> bool:
@@ -402,8 +427,11 @@ class _Rounds:
         progress: Callable[[str], None],
         is_over: Callable[[], bool] = lambda: False,
         is_candidate: Callable[[Term], bool] = lambda term: True,
+        *,
+        thorough: bool = True,
     ):
         self.found = found
+        self._thorough = thorough
         self._progress = progress
         self._is_over = is_over
         self._is_candidate = is_candidate
@@ -424,7 +452,9 @@ class _Rounds:
             moved = fitted.point.q - fitted.problem.nominal_at_phases(fitted.point.q)
             is_far = bool(np.any(np.abs(moved) > _FAR * fitted.problem.deviation))
             ways = quotas[count], room, fitted.terms
-            asked = list(_by_quota(screen, *ways, is_far=is_far and count == 1))
+            asked = list(
+                _by_quota(screen, *ways, is_far=is_far and count == 1, every_sensor=self._thorough)
+            )
             along = "the record" if count == 1 else f"{count} pieces of the record"
             self._progress(f"{len(screen.candidates)} terms along {along}, {len(asked)} sets")
             asked.sort(key=len)
@@ -643,12 +673,13 @@ def _by_quota(
     there: Sequence[Term],
     *,
     is_far: bool = False,
+    every_sensor: bool = True,
 ) -> Iterable[tuple[int, ...]]:
     """Yield the best sets of each number of terms; a first term leads few of them, time fewer.
 
-    Each fault of a sensor is tried alone first: parameters that do its work beside the truth may
-    hide it from the screen, and they are few. So is each effect of the catalogue if they went far
-    (`is_far`): dry friction looks like another damping and inductance.
+    Each fault of a sensor is tried alone first (`every_sensor`): parameters that do its work beside
+    the truth may hide it from the screen, and they are few. So is each effect of the catalogue if
+    they went far (`is_far`): dry friction looks like another damping and inductance.
     """
     taken: dict[object, int] = {}
     sources = {t.source for t in there}
@@ -661,7 +692,8 @@ def _by_quota(
         is_named = bool(effects_in(terms))
         own = _NAMED if is_named else quota
         kind = size, "named" if is_named else "laws"
-        is_hidden = isinstance(terms[0], SensorTerm) or (is_named and is_far)
+        is_sensor = isinstance(terms[0], SensorTerm)
+        is_hidden = (is_sensor and every_sensor) or (is_named and is_far)
         if size == 1 and not there and is_hidden:
             yield chosen
             continue

@@ -12,7 +12,7 @@ import orchestration.diagnosis.search  # noqa: F401
 from fmus.kit.arrays import Array
 from orchestration.diagnosis import Found, Shape, Term, subject_of
 from orchestration.diagnosis.conclude import conclude
-from orchestration.diagnosis.fitting import Point
+from orchestration.diagnosis.fitting import Fit, Point
 from orchestration.diagnosis.search import search
 from orchestration.diagnosis.term_names import sentence
 from orchestration.diagnosis.terms import Memory, NamedTerm, SensorTerm
@@ -310,3 +310,26 @@ def test_a_law_that_changes_is_found_with_its_instant() -> None:
     assert (term.law, term.shape, term.factor) == ("friction", Shape.STEP, "friction")
     assert term.width * term.scale == pytest.approx(4.3, abs=0.3)
     assert sentence(mass().cls, term) == f"friction changes at {term.width * term.scale:.4g} s"
+
+
+def test_a_search_that_is_not_thorough_goes_along_the_whole_record(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Around the best set that leaves more than noise it goes once more."""
+    one = subject_of(mass(), [drawn(dry)])
+    assert one is not None
+    asked: list[tuple[tuple[int, ...], int]] = []
+    plain = NAMES._Rounds.propose
+
+    def watched(self: object, fitted: Fit, pieces: tuple[int, ...], quotas: object) -> None:
+        asked.append((pieces, len(fitted.terms)))
+        plain(self, fitted, pieces, quotas)
+
+    monkeypatch.setattr(NAMES._Rounds, "propose", watched)
+    found = search(one, thorough=False)
+    assert found is not None
+    assert found.compared()[0].judged.terms[0].cause == ("friction", "v")
+    assert asked[0] == ((1,), 0)
+    assert len(asked) <= 2
+    assert {pieces for pieces, _ in asked} == {(1,)}
+    assert not found.read
