@@ -32,8 +32,6 @@ from orchestration.cli.options import IsolateOption, JsonOption, platform_list
 from orchestration.cli.outputs import JSON, PAGE, Outputs, same_file, write_json
 from orchestration.diagnosis import systems
 from orchestration.discrepancy import Verdict, fmu_paths
-from orchestration.discrepancy.report import system_diagnosis_summary, system_overview
-from orchestration.discrepancy.systems import diagnose_system
 from orchestration.fmu import Model
 from orchestration.fmu.model import declared_model
 from orchestration.records import Record
@@ -164,10 +162,7 @@ def run_system(options: DiagnoseCommand, system: Path) -> None:
     UserError
         If the record or the system cannot be used, or an option is given that is of one model only.
     """
-    is_new = options["engine"] == "new"
-    of_a_system = {"records", "engine", *options_of(*_SYSTEM_OPTIONS)}
-    if is_new:
-        of_a_system.add("time")
+    of_a_system = {"records", "time", *options_of(*_SYSTEM_OPTIONS)}
     values = cast("Mapping[str, object]", options)
     unfit = [
         option.flags[0]
@@ -187,19 +182,12 @@ def run_system(options: DiagnoseCommand, system: Path) -> None:
     ).check()
     settings = [f"{name}={value}" for name, value in (options["settings"] or {}).items()]
     mapping = [f"{column}={signal}" for column, signal in (options["mapping"] or {}).items()]
+    seconds = forms.optional_seconds(options["time"])
     with progress() as tell:
-        if is_new:
-            seconds = forms.optional_seconds(options["time"])
-            judged = systems.diagnose_system(record, system, mapping, settings, tell, seconds)
-            shown, figures = systems.overview(judged), systems.summary(judged)
-            repairs = judged.record.repairs
-        else:
-            diagnosis = diagnose_system(record, system, mapping, settings, tell)
-            shown, figures = system_overview(diagnosis), system_diagnosis_summary(diagnosis)
-            repairs = diagnosis.record.repairs
-    tell_repairs(repairs)
-    out.print(shown)
-    write_json(path, figures)
+        judged = systems.diagnose_system(record, system, mapping, settings, tell, seconds)
+    tell_repairs(judged.record.repairs)
+    out.print(systems.overview(judged))
+    write_json(path, systems.summary(judged))
 
 
 def open_judged(options: DiagnoseCommand | LawsCommand, check: Callable[[Model], None]) -> Judged:

@@ -12,8 +12,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
+
 from benchmarks.tables import Table, Topic
-from orchestration.discrepancy.systems import SystemDiagnosis, diagnose_system
+from orchestration.diagnosis.systems import SystemDiagnosis, diagnose_system
 from orchestration.system import library, ssp
 from studies.benches import BenchRecord, draw
 from studies.judging.study import Chosen, Part, Row, Study, among, processor_time
@@ -79,22 +81,20 @@ def judge(case: BenchCase) -> Row:
 def _said(diagnosis: SystemDiagnosis, record: BenchRecord) -> Row:
     """Return what was said, and whether intervals hold what is true."""
     truth = record.bench.values | {"coulomb_force": record.bench.dry_friction}
-    inside = {
-        name: bool(parameter.interval[0] <= truth[name] <= parameter.interval[1])
-        for member in diagnosis.members
-        for name, parameter in member.parameters.items()
-        if name in truth and parameter.interval is not None
-    }
+    causes = [pair for member in diagnosis.members for pair in member.causes]
+    causes.sort(key=lambda pair: -pair[1].probability)
+    parameters = [pair for member in diagnosis.members for pair in member.parameters.items()]
+    inside = {}
+    for name, parameter in parameters:
+        if name in truth and np.isfinite(parameter.estimate.interval).all():
+            low, high = parameter.estimate.interval
+            inside[name] = bool(low <= truth[name] <= high)
     return {
         "verdict": str(diagnosis.verdict),
         "verdicts": {member.name: str(member.verdict) for member in diagnosis.members},
-        "causes": [cause for member in diagnosis.members for cause in member.causes],
-        "named": sorted(
-            name
-            for member in diagnosis.members
-            for name, parameter in member.parameters.items()
-            if parameter.differs
-        ),
+        "causes": [name for name, _ in causes],
+        "probabilities": [float(cause.probability) for _, cause in causes],
+        "named": sorted(name for name, parameter in parameters if parameter.differs),
         "inside": inside,
     }
 
@@ -176,15 +176,14 @@ Drawn by `python -m studies.judging.bench {options}`; `make bench-study` draws i
 Records of 10 to 25 s at 100 Hz of a voice coil that holds an actuator, by a simulation that shares
 no code with the models under test. The 30 Hz controller begins at any phase of the record's clock;
 every second bench has parameters that are not nominal, in every second the noise of the load cell
-goes through the controller, and the clock of every fourth jitters by 0.3 ms. Each is diagnosed with
+goes through the controller, and the clock of every fourth jitters by 0.3 ms. Each is diagnosed by
 `ppy diagnose RECORD --system dma_bench.ssp`.
 
 {stamp}
 
 """,
     code=(
-        "orchestration/discrepancy/systems",
-        "fmus/kit/fmi",
+        "orchestration/diagnosis",
         "fmus/voice_coil_dma",
         "fmus/ppy_actuator",
         "studies/benches",

@@ -8,7 +8,7 @@ between samples is unknown there, and no noise of a measurement goes in.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
@@ -20,6 +20,7 @@ from fmus.kit import UserError
 from fmus.kit.storage import scratch
 from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.engine import Diagnosis, diagnose, is_followed
+from orchestration.diagnosis.foreign import diagnose_fmu, reals
 from orchestration.diagnosis.options import Options
 from orchestration.diagnosis.remainder import Remainder
 from orchestration.diagnosis.systems.fused_component import Fused, full_name, fused
@@ -69,16 +70,21 @@ class Judgement:
         Why not.
     whole : Fused or None
         The component that several members are together.
+    names : Mapping of str to str
+        Of variables of an FMU without equations, by those of the component that corrects it.
     """
 
     part: Part
     diagnosis: Diagnosis | None = None
     reason: str = ""
     whole: Fused | None = None
+    names: Mapping[str, str] = field(default_factory=dict)
 
     def origin(self, name: str) -> tuple[str, str]:
         """Return the member of a variable, law or effect of the part, and its name there."""
-        return (self.part.names[0], name) if self.whole is None else self.whole.origin(name)
+        if self.whole is None:
+            return self.part.names[0], self.names.get(name, name)
+        return self.whole.origin(name)
 
     def name(self, member: str, variable: str) -> str:
         """Return the name of a variable of a member in the part."""
@@ -420,7 +426,7 @@ def _beginning(record: Record) -> Record:
 def _judgement(
     part: Part, record: Record, progress: Callable[[str], None], time: float | None
 ) -> Judgement:
-    """Diagnose a part: by the catalogues of its members first, and by all laws if that leaves more.
+    """Diagnose a part: by the catalogues of its members, and by all laws if no cause is there.
 
     A loop has the laws and signals of all members, and a search among them takes minutes.
     """
@@ -436,15 +442,33 @@ def _judgement(
     try:
         subject = _subject(part, record, time)
         records = [subject.record]
+        if subject.model.cls is None:
+            return _judgement_of_fmu(part, subject, tell)
         if subject.whole is None:
             return Judgement(part, diagnose(records, subject.model, (), subject.options, tell))
-        by_effects = replace(subject.options, laws=False)
+        by_effects = replace(subject.options, laws=False, thorough=False)
         diagnosis = diagnose(records, subject.model, (), by_effects, tell)
-        if _leaves_more(diagnosis):
+        if _leaves_more(diagnosis) and not diagnosis.is_named:
             diagnosis = diagnose(records, subject.model, (), subject.options, tell)
         return Judgement(part, diagnosis, whole=subject.whole)
     except UserError as error:
         return Judgement(part, reason=str(error))
+
+
+def _judgement_of_fmu(
+    part: Part, subject: _PartSubject, progress: Callable[[str], None]
+) -> Judgement:
+    """Diagnose a member without equations by corrections at its ports, all its reals fitted."""
+    fmu = subject.model
+    options = replace(subject.options, fit=reals(fmu.parameters))
+    record = replace(
+        subject.record,
+        units={name: {**fmu.inputs, **fmu.outputs}[name].unit for name in subject.record.signals},
+    )
+    settings = subject.options.given
+    found = diagnose_fmu([record], fmu, (), settings, options, progress)
+    names = {ours: name for name, ours in found.names.variables.items()}
+    return Judgement(part, found.diagnosis, names=names)
 
 
 def _leaves_more(diagnosis: Diagnosis) -> bool:

@@ -22,7 +22,6 @@ SHELL_ONLY = (
     "cli",
     "rig",
     "sweeps/storage/zarr_store.py",
-    "discrepancy/report/system.py",  # the next command to give
     "api/command.py",
     "api/options.py",
     "reporting/phrasing.py",

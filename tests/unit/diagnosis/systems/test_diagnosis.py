@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -9,13 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fmus.kit import Component, Effect, Input, Output, Parameter, State
+from fmus.kit import Component, Effect, Input, Output, Parameter, State, UserError
 from fmus.kit import Term as EffectTerm
 from orchestration.diagnosis import Shape, Term
 from orchestration.diagnosis.systems.diagnosis import (
     Judgement,
     MemberDiagnosis,
     SystemDiagnosis,
+    diagnose_system,
     judgements,
 )
 from orchestration.diagnosis.systems.fused_component import fused
@@ -23,8 +25,10 @@ from orchestration.diagnosis.systems.parts import Cuts
 from orchestration.diagnosis.systems.report import overview, reason, sentence, summary
 from orchestration.diagnosis.terms import NamedTerm
 from orchestration.identify.uncertainty import Estimate
-from orchestration.records import Record
+from orchestration.records import Record, write_record
 from orchestration.system import Member, Port, System, connect
+from tests.support.reference import documented, fields
+from tests.support.system.lags import lags
 
 STEP = 0.05
 
@@ -190,3 +194,48 @@ def test_a_part_that_nothing_explains_is_wrong() -> None:
     assert (str(a.verdict), str(b.verdict)) == ("wrong", "wrong")
     assert reason(b) == "something is missing, and nothing that was tried explains it"
     assert a.partners == ["b"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("gain", "tau", "expected"),
+    [
+        (0.0, 1.0, ("consistent", "consistent")),
+        (0.1, 1.0, ("consistent", "wrong")),
+        (0.0, 1.4, ("recalibrate", "consistent")),
+    ],
+)
+def test_members_without_equations_are_corrected_at_their_ports(
+    tmp_path: Path, gain: float, tau: float, expected: tuple[str, str]
+) -> None:
+    """Of two lags the second is read by a sensor with a square, or the first is slower."""
+    lags(tmp_path, gain, a=tau)
+    found = diagnose_system(tmp_path / "record.csv", tmp_path / "system.ssp")
+    a, b = found.members
+    assert (str(a.verdict), str(b.verdict)) == expected
+    fitted = a.parameters["tau"].estimate
+    assert fitted.interval[0] < tau < fitted.interval[1]
+    assert fitted.unit == "s"
+    assert [m.name for m in found.wrong] == (["b"] if gain else [])
+    assert list(b.outputs) == ["x"]
+    columns = {str(port): column for port, (column, _) in found.columns.items()}
+    assert columns == {"a.u": "drive", "a.x": "a.x", "b.x": "b.x"}
+    figures = json.loads(json.dumps(summary(found), allow_nan=False))
+    if gain:
+        (cause,) = figures["members"][1]["group"][:1]
+        assert cause["probability"] > 0.8
+        written = {path for path, _ in fields(figures)}
+        assert written <= set(documented(system=True))
+
+
+def test_what_was_not_recorded_as_it_must_be_is_refused(tmp_path: Path) -> None:
+    """A column twice, a record that is too short."""
+    lags(tmp_path, 0.0)
+    two = {"drive": np.zeros(200), "a.u": np.ones(200), "a.x": np.ones(200)}
+    write_record(tmp_path / "two.csv", 0.05 * np.arange(200), two, dict.fromkeys(two, "1"))
+    with pytest.raises(UserError, match=r"two.csv: .* is a.u, and another column is too"):
+        diagnose_system(tmp_path / "two.csv", tmp_path / "system.ssp")
+    short = {name: values[:50] for name, values in two.items() if name != "drive"}
+    write_record(tmp_path / "short.csv", 0.05 * np.arange(50), short, dict.fromkeys(short, "1"))
+    with pytest.raises(UserError, match="50 samples are too few; 100 are the least"):
+        diagnose_system(tmp_path / "short.csv", tmp_path / "system.ssp")

@@ -1,9 +1,0 @@
-from .cut import InputOrigin as InputOrigin
-from .cut import InputSource as InputSource
-from .cut import Reason as Reason
-from .cut import ReasonCode as ReasonCode
-from .diagnose import diagnose_system as diagnose_system
-from .verdict import AdjustedParameter as AdjustedParameter
-from .verdict import MemberDiagnosis as MemberDiagnosis
-from .verdict import MemberVerdict as MemberVerdict
-from .verdict import SystemDiagnosis as SystemDiagnosis
