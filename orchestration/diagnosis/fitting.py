@@ -719,6 +719,14 @@ def fit(
     return Fit(problem, search.terms, point, here.errors, here.cost, here.curvature)
 
 
+def not_fitted(problem: Problem, point: Point, weights: Sequence[Array]) -> Fit | None:
+    """Return the model without terms as it is at a point; None if it runs away there."""
+    here = _Search(problem, (), weights).evaluate(point)
+    if here is None:
+        return None
+    return Fit(problem, (), point, here.errors, here.cost, here.curvature)
+
+
 def nominal_point(problem: Problem, terms: Sequence[Term] = ()) -> Point:
     """Return the nominal parameters and start states, with small coefficients of the terms."""
     values = [term.values(SMALL) for term in terms]

@@ -34,6 +34,7 @@ from orchestration.diagnosis.fitting import (
     fit_base,
     fit_start,
     located,
+    not_fitted,
     variance_of,
     weights_of,
 )
@@ -251,9 +252,25 @@ def search(
     return found if other is None else search(other, *ways)
 
 
+def _is_far(fitted: Fit) -> bool:
+    """Return whether parameters went far from nominal."""
+    moved = fitted.point.q - fitted.problem.nominal_at_phases(fitted.point.q)
+    return bool(np.any(np.abs(moved) > _FAR * fitted.problem.deviation))
+
+
 def _along_the_whole(rounds: _Rounds) -> Found:
-    """Fit what the whole record proposes, once more around the best if that leaves more."""
-    rounds.propose(rounds.found.base.fit, (1,), _QUICK)
+    """Fit what the whole record proposes, once more around the best if that leaves more.
+
+    Also along the nominal model where parameters went far: along it an effect has the response
+    that they hide.
+    """
+    base = rounds.found.base.fit
+    rounds.propose(base, (1,), _QUICK)
+    if _is_far(base):
+        nominal = replace(base.point, q=base.problem.nominal_at_phases(base.point.q))
+        plain = not_fitted(base.problem, nominal, weights_of(base.errors))
+        if plain is not None:
+            rounds.propose(plain, (1,), _QUICK)
     for one in filter(leaves_more, rounds.found.best(1)[:1]):
         rounds.propose(one.fit, (1,), {1: _SECOND})
     rounds.subsets()
@@ -449,8 +466,7 @@ class _Rounds:
                 continue
             self._terms += [c.term for c in screen.candidates if not isinstance(c.term, SensorTerm)]
             room = _MOST_TERMS - len(fitted.terms)
-            moved = fitted.point.q - fitted.problem.nominal_at_phases(fitted.point.q)
-            is_far = bool(np.any(np.abs(moved) > _FAR * fitted.problem.deviation))
+            is_far = count == 1 and self._thorough and _is_far(fitted)
             ways = quotas[count], room, fitted.terms
             asked = list(
                 _by_quota(screen, *ways, is_far=is_far and count == 1, every_sensor=self._thorough)

@@ -330,6 +330,25 @@ def test_a_search_that_is_not_thorough_goes_along_the_whole_record(
     assert found is not None
     assert found.compared()[0].judged.terms[0].cause == ("friction", "v")
     assert asked[0] == ((1,), 0)
-    assert len(asked) <= 2
+    assert len(asked) <= 3
     assert {pieces for pieces, _ in asked} == {(1,)}
     assert not found.read
+
+
+def test_terms_are_proposed_along_nominal_parameters_where_fitted_ones_went_far(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """With the phases of clocks that were fitted, of which a mass has none."""
+    one = subject_of(mass(), [drawn(dry)])
+    assert one is not None
+    asked: list[Fit] = []
+    monkeypatch.setattr(NAMES._Rounds, "propose", lambda self, fitted, *given: asked.append(fitted))
+    monkeypatch.setattr(NAMES, "_FAR", np.inf)
+    search(one, thorough=False)
+    assert [fitted.point.q.tolist() for fitted in asked] == [one.base.point.q.tolist()]
+    monkeypatch.setattr(NAMES, "_FAR", 1e-6)
+    asked.clear()
+    search(one, thorough=False)
+    assert asked[1].point.q == pytest.approx(one.problem.mean)
+    assert asked[1].errors[0] != pytest.approx(one.base.errors[0])
+    assert not asked[1].terms
