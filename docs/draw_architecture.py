@@ -139,14 +139,14 @@ def arrows(boxes: dict[str, str]) -> set[tuple[str, str]]:
 
 def plans() -> dict[str, Plan]:
     """Every picture by the name of its file."""
-    rooms, floors = layers("orchestration"), layers("orchestration.discrepancy")
+    rooms, floors = layers("orchestration"), layers("orchestration.diagnosis")
     parts = sorted(
         p.parent.name for p in (ROOT / "fmus").glob("*/__init__.py") if p.parent.name != "kit"
     )
     models = [f"fmus.{name}" for name in parts]
     boxes = {f"orchestration.{room}": room for floor in rooms for room in floor}
     boxes |= {name: name for name in ("fmus", "fmus.kit", *models)}
-    inside = {f"orchestration.discrepancy.{room}": room for floor in floors for room in floor}
+    inside = {f"orchestration.diagnosis.{room}": room for floor in floors for room in floor}
     rig = layers("orchestration.rig")
     at_the_rig = {f"orchestration.rig.{room}": room for floor in rig for room in floor}
     return {
@@ -154,7 +154,7 @@ def plans() -> dict[str, Plan]:
             "Rooms of the project", "", [*rooms, ["fmus", *models], ["fmus.kit"]], arrows(boxes)
         ),
         "layers_of_a_diagnosis.svg": Plan(
-            "orchestration.discrepancy", "orchestration.discrepancy", floors, arrows(inside)
+            "orchestration.diagnosis", "orchestration.diagnosis", floors, arrows(inside)
         ),
         "layers_of_a_rig.svg": Plan(
             "orchestration.rig", "orchestration.rig", rig, arrows(at_the_rig)

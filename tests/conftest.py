@@ -39,8 +39,6 @@ pytest_plugins = ["pytester"]
 PUBLIC_DATA = Path(os.environ.get("PPY_PUBLIC_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
 
-# loggers of what is a fault of the search, and no user's
-_FAULTS = {"orchestration.discrepancy.selection.search"}
 # an example may take long on a machine that does other work
 settings.register_profile("ppy", deadline=None)
 settings.load_profile("ppy")
@@ -176,11 +174,3 @@ def public_data() -> Callable[[str], Path]:
         return file
 
     return path
-
-
-@pytest.fixture(autouse=True)
-def _no_fault_is_logged(caplog: pytest.LogCaptureFixture) -> Iterator[None]:
-    """Fail where the product logs a warning, which is a fault of its own; users see none."""
-    yield
-    logged = [r.getMessage() for r in caplog.get_records("call") if r.name in _FAULTS]
-    assert not logged, logged

@@ -1,6 +1,7 @@
 from . import declaration as declaration
 from . import forms as forms
 from . import options as options
+from .builds import fmu_paths as fmu_paths
 from .diagnosis import diagnose as diagnose
 from .diagnosis import laws as laws
 from .diagnosis import refuse_useless_options as refuse_useless_options

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import Unpack
+from typing import Any, Unpack
 
 from fmus.kit import UserError, registry
 from fmus.kit.extras import require
@@ -21,18 +19,14 @@ from orchestration.api.options import (
 from orchestration.api.records import Records, held_out, matching_record
 from orchestration.api.results import DiagnosisResult
 from orchestration.api.simulation import as_declared, values_of
-from orchestration.api.term_results import TermDiagnosisResult
-from orchestration.diagnosis import Options as TermOptions
+from orchestration.diagnosis import Options as DiagnosisOptions
 from orchestration.diagnosis import diagnose as diagnose_by_terms
 from orchestration.diagnosis import law_map
 from orchestration.diagnosis.changes import find_changes
 from orchestration.diagnosis.foreign import FmuDiagnosis, diagnose_fmu
-from orchestration.discrepancy import UnusableRecordError, before_after, pipeline
-from orchestration.discrepancy.report import wording
-from orchestration.fmu import Model, Value
-from orchestration.fmu.model import built
+from orchestration.fmu import Model
 from orchestration.fmu.signal import numeric
-from orchestration.records import Record, refuse_same
+from orchestration.records import refuse_same
 from orchestration.reporting import option
 
 
@@ -74,81 +68,11 @@ def diagnose(
     """
     require("threadpoolctl")
     subject = as_declared(model)
-    progress = options["progress"]
-    mapping = options["mapping"]
-    measured, unseen = held_out(record, options["holdout"], subject, mapping, options["runs"])
     refuse_useless_options(subject, options)
-    if _is_by_terms(subject, options):
-        return _run_new_engine(subject, measured, unseen, model, options)
-    given = values_of(subject, options["settings"])
-    diagnosis_options = _pipeline_options(subject, given, options)
-    compare = options["compare"]
-    later = None if compare is None else matching_record(compare, subject, mapping)
-    subject = built(subject)
-    try:
-        result = pipeline.diagnose(measured, subject, unseen, diagnosis_options, progress)
-    except UnusableRecordError as error:
-        raise _unusable_error(measured, error) from error
-    command = equivalent_command(
-        "diagnose",
-        _word_of(model, subject),
-        measured,
-        unseen,
-        declared=DiagnoseOptions,
-        options={**options, "compare": later},
+    measured, unseen = held_out(
+        record, options["holdout"], subject, options["mapping"], options["runs"]
     )
-    if later is None:
-        return DiagnosisResult(result, command=command)
-    try:
-        compared = before_after.compare(result, later, diagnosis_options, progress)
-    except UnusableRecordError as error:
-        raise _unusable_error([later], error) from error
-    more = [note for note in compared.notes if note not in result.notes]
-    with_notes = replace(result, notes=[*result.notes, *more])
-    return DiagnosisResult(with_notes, compared.changes, compared.later, command)
-
-
-def _is_by_terms(subject: Model, options: DiagnoseKeywords) -> bool:
-    """Return whether the new engine is asked: an FMU without equations has no other."""
-    return options["engine"] != "old" or subject.cls is None
-
-
-def refuse_useless_options(subject: Model, options: DiagnoseKeywords) -> None:
-    """Raise an error for options of `diagnose` that have no effect on a model.
-
-    Raises
-    ------
-    UserError
-        With the option and the reason.
-    """
-    if subject.cls is None and options["compare"] is not None:
-        raise UserError(f"compare: {subject.without_equations}; diagnose each record by itself")
-    if options["fit"] and not _is_by_terms(subject, options):
-        raise UserError(
-            f"fit: {subject.name} has equations, and all its parameters are fitted; hold leaves"
-            " some out"
-        )
-
-
-def _run_new_engine(
-    subject: Model,
-    measured: Sequence[Record],
-    unseen: Sequence[Record],
-    model: Model | str | Path | None,
-    options: DiagnoseKeywords,
-) -> TermDiagnosisResult:
-    """Diagnose a model with equations by terms of its laws."""
-    chosen = TermOptions(
-        hold=options["hold"],
-        fit=options["fit"],
-        each=options["each"],
-        given=numeric(values_of(subject, options["settings"])),
-        effects=options["effects"],
-        laws=options["laws"],
-        interpolate=options["interpolate"],
-        time=optional_seconds(options["time"]),
-        excitation=registry.excitation(subject.name),
-    )
+    chosen = _chosen(subject, options, fit=options["fit"], laws=options["laws"])
     compare = options["compare"]
     later = None if compare is None else matching_record(compare, subject, options["mapping"])
     refuse_same([*measured, *unseen], subject.outputs)
@@ -170,26 +94,37 @@ def _run_new_engine(
         options={**options, "compare": later},
     )
     if later is None:
-        return TermDiagnosisResult(diagnosis, command, around=around)
+        return DiagnosisResult(diagnosis, command, around=around)
     changed = find_changes(diagnosis, later, chosen, options["progress"])
-    return TermDiagnosisResult(diagnosis, command, changed)
+    return DiagnosisResult(diagnosis, command, changed)
 
 
-def _pipeline_options(
-    subject: Model, given: Mapping[str, Value], options: DiagnoseKeywords
-) -> pipeline.DiagnosisOptions:
-    """Return the options of the pipeline that correspond to those of `diagnose`."""
-    excitation = registry.excitation(subject.name)
-    return pipeline.DiagnosisOptions(
-        given=numeric(given),
-        effects=options["effects"],
+def _chosen(
+    subject: Model, options: DiagnoseKeywords | LawsKeywords, **more: Any
+) -> DiagnosisOptions:
+    """Return the options of the search that `diagnose` and `laws` share, and more of one."""
+    return DiagnosisOptions(
         hold=options["hold"],
         each=options["each"],
+        given=numeric(values_of(subject, options["settings"])),
+        effects=options["effects"],
         interpolate=options["interpolate"],
-        limits=excitation.ranges if excitation else None,
-        highest_frequency=excitation.bandwidth if excitation else float("inf"),
         time=optional_seconds(options["time"]),
+        excitation=registry.excitation(subject.name),
+        **more,
     )
+
+
+def refuse_useless_options(subject: Model, options: DiagnoseKeywords) -> None:
+    """Raise an error for options of `diagnose` that have no effect on a model.
+
+    Raises
+    ------
+    UserError
+        With the option and the reason.
+    """
+    if subject.cls is None and options["compare"] is not None:
+        raise UserError(f"compare: {subject.without_equations}; diagnose each record by itself")
 
 
 def refuse_without_laws(subject: Model) -> None:
@@ -250,15 +185,7 @@ def laws(
         record, options["holdout"], subject, options["mapping"], options["runs"]
     )
     refuse_same([*measured, *unseen], subject.outputs)
-    chosen = TermOptions(
-        hold=options["hold"],
-        each=options["each"],
-        given=numeric(values_of(subject, options["settings"])),
-        effects=options["effects"],
-        interpolate=options["interpolate"],
-        time=optional_seconds(options["time"]),
-        excitation=registry.excitation(subject.name),
-    )
+    chosen = _chosen(subject, options)
     diagnosis = diagnose_by_terms(measured, subject, unseen, chosen, options["progress"])
     command = equivalent_command(
         "laws",
@@ -268,17 +195,9 @@ def laws(
         declared=LawsOptions,
         options=options,
     )
-    return TermDiagnosisResult(diagnosis, command, law_map=law_map.map_laws(diagnosis))
+    return DiagnosisResult(diagnosis, command, law_map=law_map.map_laws(diagnosis))
 
 
 def _word_of(model: Model | str | Path | None, subject: Model) -> str:
     """Return a model as a word of the command line: as it was given, or its name."""
     return str(model) if isinstance(model, str | Path) else subject.name
-
-
-def _unusable_error(records: Sequence[Record], error: UnusableRecordError) -> UserError:
-    """Return the error for records in which no output can be diagnosed."""
-    reasons = "; ".join(wording.message(note) for note in error.notes)
-    return UserError(
-        f"{pipeline.file_names(records)}: no output can be both fitted and unseen: {reasons}"
-    )

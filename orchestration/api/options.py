@@ -126,13 +126,10 @@ class SearchOptions(SettingsOption, total=False):
     time: Annotated[
         float | str | None,
         Option(
-            "Processor time of each search, e.g. 60s or inf; then the best answer so far. Default"
-            " 60 s for 60,000 samples or less, and in proportion beyond; none for the new engine.",
+            "Processor time of each search, e.g. 60s, then the best answer so far; else no end.",
             "Processor time of the search, after which the best answer so far is returned with a"
-            " note; by default a minute for up to 60,000 samples and in proportion beyond. The load"
-            " of the machine does not change the answer, and with ``inf`` its speed does not"
-            " either. With a later record to compare it applies to each of three searches. The new"
-            " engine has no limit unless one is given.",
+            " note; by default it has no end. With a later record to compare it applies to each of"
+            " three searches.",
             kind='float in s or str such as "10s", optional',
             metavar="TIME",
             form=TIME,
@@ -158,13 +155,13 @@ class DiagnoseOptions(RecordOptions, SearchOptions, total=False):
     effects: Annotated[
         Sequence[str] | None,
         Option(
-            "Candidate effects, e.g. diffusion,sensor_lag(voltage); none only recalibrates;"
+            "Effects that may be causes by name, e.g. diffusion,sensor_lag(voltage), or none;"
             " families: all known ones and general ones that fit the model's laws by their units,"
             " e.g. dead_zone(voltage), the default for a model without a list of effects.",
-            "Candidate effects, as ``id`` or ``id(output)``; an empty sequence only recalibrates."
+            "Effects that may be causes by name, as ``id`` or ``id(output)``, or none."
             ' ``["families"]`` means all known effects and general ones that fit the model\'s laws'
-            " by their units, the default for a model without a list of effects. The new engine"
-            " searches terms of the laws beside them.",
+            " by their units, the default for a model without a list of effects. Terms of the laws"
+            " are searched beside them; see ``laws``.",
             form=EFFECTS,
             complete="effect",
         ),
@@ -172,12 +169,10 @@ class DiagnoseOptions(RecordOptions, SearchOptions, total=False):
     fit: Annotated[
         Sequence[str],
         Option(
-            "Parameters of an FMU without equations that are fitted too, e.g. p1,p2; with the new"
-            " engine, parameters that are fitted, all others being held.",
-            "Parameters that are fitted of an FMU without equations, which is diagnosed by effects"
-            " of measurement on its outputs and by corrections of these by any of its signals. With"
-            " the new engine, parameters of a model with equations that are fitted, all others"
-            " being held; by default all are.",
+            "Parameters that are fitted, all others being held; of an FMU without equations those"
+            " that are fitted too, e.g. p1,p2.",
+            "Parameters of a model with equations that are fitted, all others being held; by"
+            " default all are. Of an FMU without equations, parameters that are fitted at all.",
             default=(),
             form=NAMES,
         ),
@@ -196,27 +191,12 @@ class DiagnoseOptions(RecordOptions, SearchOptions, total=False):
     laws: Annotated[
         bool,
         Option(
-            "Omit the search of the laws where effects do not explain the residual.",
-            "Whether the laws are searched for missing dependences (`laws`) where neither"
-            " parameters nor effects explain the residual. A correction that unseen data confirm"
-            " is a cause.",
+            "Leave terms of the laws out of the search: causes are effects by name.",
+            "Whether terms of the laws may be causes, beside effects by name. Without effects and"
+            " laws parameters alone are fitted.",
             default=True,
             flag="--no-laws",
             form=LEFT_OUT,
-        ),
-    ]
-    engine: Annotated[
-        str,
-        Option(
-            "new: terms of all laws, many fits, one comparison; of a model with equations. old:"
-            " effects of a catalogue one after another, then laws. auto: new where a model has"
-            " equations.",
-            "Engine of the diagnosis: ``new`` fits many sets of terms of all laws and compares"
-            " them once, for a model with equations; ``old`` tries the effects of a catalogue one"
-            " after another, and then searches the laws; ``auto`` is ``new`` where a model has"
-            " equations, else ``old``.",
-            default="auto",
-            choices=("auto", "new", "old"),
         ),
     ]
 

@@ -12,14 +12,19 @@ import numpy as np
 
 from fmus.kit import Component, UserError, files
 from fmus.kit.build import host_platform
-from orchestration.discrepancy import Verdict, export, pipeline
-from orchestration.discrepancy.report import (
-    TriedEffect,
-    diagnosis_page,
-    diagnosis_summary,
-    picture,
+from orchestration.api.builds import export
+from orchestration.diagnosis import Diagnosis
+from orchestration.diagnosis.changes import Changed
+from orchestration.diagnosis.foreign import FmuDiagnosis, corrected_system
+from orchestration.diagnosis.law_map import LawMap
+from orchestration.diagnosis.report import (
+    Explanation,
+    TriedSet,
+    effect_source,
+    explain,
+    summary,
     terminal,
-    tried_effects,
+    tried_sets,
     wording,
 )
 from orchestration.experiment.design import DiscriminatingExperiment
@@ -28,21 +33,23 @@ from orchestration.identify.uncertainty import Estimate, estimates_frame
 from orchestration.records import Record
 from orchestration.reporting import (
     Displayable,
+    draw,
     in_shell,
+    make_page,
     one_line,
     option,
     pictures,
     plain_table,
 )
 from orchestration.reporting.html import path_of_report
+from orchestration.system.ssp import write as write_ssp
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
     from rich.console import RenderableType
 
-    from orchestration.diagnosis.report import Explanation
-    from orchestration.reporting.html import Page
+_DRAWN = 12  # sets of terms
 
 
 @dataclass(frozen=True)
@@ -126,31 +133,33 @@ class DiagnosisGain(NamedTuple):
 
 @dataclass(frozen=True)
 class Evidence(Displayable):
-    """Evidence for and against every effect that was tried, first those that are named.
+    """Evidence for every set of terms and readings that was fitted, the best first.
 
     Attributes
     ----------
-    tried : tuple of TriedEffect
+    tried : tuple of TriedSet
     """
 
-    tried: tuple[TriedEffect, ...]
+    tried: tuple[TriedSet, ...]
 
     def __repr__(self) -> str:
-        named = ", ".join(f"{row.candidate.effect_name} {row.verdict}" for row in self.tried[:3])
-        return one_line(f"Evidence for {len(self.tried)} tried: {named or 'nothing'}")
+        best = f", the best {self.tried[0].parts}" if self.tried else ""
+        return one_line(f"Evidence for {len(self.tried)} sets of terms{best}")
 
     def overview(self) -> Iterator[RenderableType]:
-        """Yield a table of all effects that were tried."""
+        """Yield a table of all sets that were fitted."""
         if not self.tried:
-            yield "no effect was tried"
+            yield "no set of terms was fitted"
             return
-        table = plain_table("evidence", "effect", "fall of BIC", "verdict", "")
+        head = ("terms", "gain on fitted samples [nat]", "on unseen ones", "score")
+        table = plain_table("evidence", *head)
         for row in self.tried:
-            table.add_row(row.candidate.effect_name, f"{row.gain:.1f}", row.verdict, row.reason)
+            nats = (row.fitted, row.left_out, row.score)
+            table.add_row(row.parts, *(f"{value:.1f}" for value in nats))
         yield table
 
     def to_frame(self) -> pandas.DataFrame:
-        """Return the evidence as a table, a row for each effect.
+        """Return the evidence as a table, a row for each set of terms.
 
         Raises
         ------
@@ -159,15 +168,12 @@ class Evidence(Displayable):
         """
         import pandas
 
-        columns = ["effect", "delta_bic", "p_value", "verdict", "reason"]
-        rows = [
-            (row.candidate.effect_name, row.gain, row.p_value, row.verdict, row.reason)
-            for row in self.tried
-        ]
-        return pandas.DataFrame(rows, columns=columns).set_index("effect")
+        columns = ["terms", "fitted", "left_out", "score", "error"]
+        rows = [(r.parts, r.fitted, r.left_out, r.score, r.error) for r in self.tried]
+        return pandas.DataFrame(rows, columns=columns).set_index("terms")
 
     def draw(self) -> Figure:
-        """Draw the fall of BIC with every effect, with those that are named in another colour.
+        """Draw the scores of the best sets.
 
         Raises
         ------
@@ -175,35 +181,178 @@ class Evidence(Displayable):
             If nothing was tried.
         """
         if not self.tried:
-            raise UserError("no effect was tried, so there is nothing to draw")
-        rows = [row for row in reversed(self.tried) if np.isfinite(row.gain)]
+            raise UserError("no set of terms was fitted, so there is nothing to draw")
+        rows = [*reversed(self.tried[:_DRAWN])]
         height = 0.6 + 0.22 * len(rows)
-        figure, (axis,) = pictures.panels(1, "evidence for each effect", "fall of BIC [1]", height)
-        colours = [pictures.FITTED if row.verdict == "named" else pictures.MODEL for row in rows]
-        axis.barh(range(len(rows)), [row.gain for row in rows], color=colours)
-        names = [row.candidate.effect_name.replace("_", " ") for row in rows]
-        axis.set_yticks(range(len(rows)), names)
+        figure, (axis,) = pictures.panels(1, "evidence for sets of terms", "score [nat]", height)
+        axis.barh(range(len(rows)), [row.score for row in rows], color=pictures.MODEL)
+        axis.set_yticks(range(len(rows)), [row.parts for row in rows])
         return figure
 
 
-class _Result(Displayable):
-    """Base of results that print as their command does, with a page and a model to build."""
+class DiagnosisResult(Displayable):
+    """Result of a diagnosis: the causes of a model's error on a record, and the extended model.
 
-    _LACKING = ""  # why there is no model to build, for messages
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    command : sequence of str
+        Words of an equivalent command.
+    changed : Changed, optional
+        What changed in a later record.
+    around : FmuDiagnosis, optional
+        If the model is an FMU without equations.
+    law_map : LawMap, optional
+        What each law gains over each signal.
 
-    model: type[Component] | None
+    Attributes
+    ----------
+    verdict : str
+        ``consistent``, ``recalibrate``, ``cause``, ``ambiguous`` or ``unexplained``.
+    sentence : str
+        The verdict in words, with its conditions.
+    causes, alternatives : list of str
+        The first cause, as the name of an effect or ``LAW(SIGNAL)``, and the others of the smallest
+        group that is sure.
+    probabilities : dict of str to float
+        Probability of each cause of the group, or of the best guesses.
+    parameters : dict of str to Estimate
+        By name: ``value``, ``interval`` (95 %), ``nominal``, ``unit``; SI.
+    changed : list of str
+        Parameters that differ significantly from nominal.
+    gain : DiagnosisGain
+        Errors on validation data.
+    model : type[Component]
+        The model with the terms of the first cause, or with fitted parameters alone.
+    experiment : ProposedExperiment or None
+        Experiment that discriminates between causes, or best guesses.
+    record : Record
+        The first of the records.
+    records : list of Record
+        All records of the estimation data.
+    notes : list of str
+        Remarks on parts of the record or model that could not be judged.
+    evidence : Evidence
+        Evidence for every set of terms that was fitted.
+    changes : list of Change or None
+        Changes in the later record; None without one.
+    later : DiagnosisResult or None
+        Diagnosis of the later record.
+    law_map : list of dict
+        What each law gains over each signal, the best first; of `laws`.
+    """
 
-    def __init__(self, records: Sequence[Record], command: Sequence[str]):
-        self._sources = [record.source for record in records]
+    def __init__(
+        self,
+        diagnosis: Diagnosis,
+        command: Sequence[str] = (),
+        changed: Changed | None = None,
+        around: FmuDiagnosis | None = None,
+        law_map: LawMap | None = None,
+    ):
+        self._sources = [one.source for one in (*diagnosis.records, *diagnosis.holdouts)]
         self._command = shlex.join(command)
+        self._diagnosis = diagnosis
+        self._changed = changed
+        self._around = around
+        self._law_map = law_map
+        self.verdict: str = diagnosis.verdict
+        self.sentence = f"{wording.headline(diagnosis)}. {wording.support(diagnosis)}".strip()
+        named = [cause.name for cause in diagnosis.causes] if diagnosis.is_named else []
+        self.causes: list[str] = named[:1]
+        self.alternatives: list[str] = named[1:]
+        self.probabilities = {cause.name: float(cause.probability) for cause in diagnosis.causes}
+        self.parameters: dict[str, Estimate] = diagnosis.parameters
+        self.changed: list[str] = list(diagnosis.changed)
+        before = diagnosis.errors(diagnosis.found.base)
+        after = diagnosis.errors(diagnosis.final)
+        self.gain = DiagnosisGain(_known(before), _known(after))
+        self.model: type[Component] = diagnosis.component
+        self.experiment = (
+            ProposedExperiment(diagnosis.experiment, diagnosis.model.name)
+            if diagnosis.experiment
+            else None
+        )
+        self.record: Record = diagnosis.records[0]
+        self.records: list[Record] = list(diagnosis.records)
+        self.notes: list[str] = [message for _, _, message in diagnosis.notes]
+        self.law_map: list[dict[str, Any]] = [] if law_map is None else summary.law_figures(law_map)
+        self.changes: list[Change] | None = None if changed is None else list(changed.changes)
+        self.later = None if changed is None else DiagnosisResult(changed.later)
+
+    @property
+    def details(self) -> Diagnosis:
+        """The complete diagnosis, with all fits."""
+        return self._diagnosis
+
+    @property
+    def evidence(self) -> Evidence:
+        """Evidence for every set of terms that was fitted."""
+        return Evidence(tuple(tried_sets(self._diagnosis)))
 
     def overview(self) -> list[RenderableType]:
         """Return the renderables that the command prints."""
-        raise NotImplementedError
+        parts: list[RenderableType] = [terminal.overview(self._diagnosis)]
+        if self._changed is not None:
+            parts.append(terminal.comparison(self._changed))
+        if self._law_map is not None:
+            parts.append(terminal.laws(self._law_map))
+        return parts
 
-    def _page(self, command: str) -> Page:
-        """Return the page of the result, with the command that made it."""
-        raise NotImplementedError
+    def __repr__(self) -> str:
+        causes = f" {', '.join([*self.causes, *self.alternatives])}" if self.causes else ""
+        names = ", ".join(dict.fromkeys(record.source.name for record in self.records))
+        name = self._diagnosis.model.name
+        return one_line(f"DiagnosisResult {self.verdict}{causes}: {name}, {names}")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures, ready for JSON: the form that ``ppy diagnose --json`` writes."""
+        with in_shell():
+            figures = summary.summary(self._diagnosis)
+        if self._law_map is not None:
+            figures |= {"law_map": self.law_map}
+        if self.changes is None or self.later is None:
+            return figures
+        comparison = [change.to_dict() for change in self.changes]
+        return figures | {"comparison": comparison, "later": self.later.to_dict()}
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the parameters as a table, a row for each.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        return estimates_frame(self.parameters)
+
+    def draw(self) -> Figure:
+        """Draw what was left out of the output whose error falls most, above the residuals.
+
+        Of `laws`, draw what is added to a law over its signal.
+
+        Raises
+        ------
+        UserError
+            If `laws` found no law to lack a function of a signal.
+        """
+        return draw(self._law_map or self._diagnosis)
+
+    def explain(self, first: str, second: str) -> Explanation:
+        """Compare two candidates by the features that decide.
+
+        Parameters
+        ----------
+        first, second : str
+            ``LAW(SIGNAL)``, such as ``friction(velocity)``, or ``nothing`` for the model without
+            terms. One that no set had is fitted now.
+
+        Raises
+        ------
+        UserError
+            If there is no such law or signal, or both are the same.
+        """
+        return explain(self._diagnosis, first, second)
 
     def report(self, path: str | Path, command: str = "") -> Path:
         """Write the result as a page of HTML.
@@ -222,7 +371,8 @@ class _Result(Displayable):
         """
         target = path_of_report(path)
         with in_shell():  # as from the command, which the page shows
-            self._page(command or self._command).write(target)
+            shown = self._changed or self._law_map or self._diagnosis
+            make_page(shown, command or self._command).write(target)
         return target
 
     def fmu(
@@ -245,165 +395,15 @@ class _Result(Displayable):
         Raises
         ------
         UserError
-            If there is no model, or an FMU cannot be built or written.
+            If the model has no equations, or an FMU cannot be built or written.
         """
-        if self.model is None:
-            raise UserError(f"{path}: {self._LACKING}, so there is nothing to make an FMU of")
+        if self._around is not None:
+            raise UserError(
+                f"{path}: {self._around.fmu.without_equations}; with its correction it is a system"
+                f" ({option('ssp')})"
+            )
         targets = platforms or [host_platform()]
         return export(self.model, Path(path), self._sources, targets, progress)
-
-
-class DiagnosisResult(_Result):
-    """Result of a diagnosis: the causes of a model's error on a record, and the extended model.
-
-    Parameters
-    ----------
-    result : pipeline.Result
-    changes : list of Change, optional
-    later : pipeline.Result, optional
-        Diagnosis of the later record, in which the changes were found.
-    command : sequence of str
-        Words of an equivalent command.
-
-    Attributes
-    ----------
-    verdict : str
-        ``consistent``, ``recalibrate``, ``cause``, ``ambiguous`` or ``unexplained``.
-    sentence : str
-        The verdict in words, with its conditions.
-    causes, alternatives : list of str
-        Effects that are named, and those that this record cannot distinguish from them.
-    parameters : dict of str to Estimate
-        By name: ``value``, ``interval`` (95 %), ``nominal``, ``unit``; SI.
-    changed : list of str
-        Parameters that differ significantly from nominal.
-    gain : DiagnosisGain
-        Errors on validation data.
-    model : type[Component] or None
-        The extended model, with fitted values as defaults; None if the diagnosis is inconclusive.
-    experiment : ProposedExperiment or None
-        Experiment that discriminates between causes; None unless the verdict is ambiguous, or
-        with the new engine unexplained with several guesses.
-    record : Record
-        The first of the records.
-    records : list of Record
-        All records of the estimation data.
-    notes : list of str
-        Remarks on parts of the record or model that could not be judged.
-    evidence : Evidence
-        Evidence for and against every effect that was tried.
-    changes : list of Change or None
-        Changes in the later record; None without one.
-    later : DiagnosisResult or None
-        Diagnosis of the later record.
-    law_map : list of dict
-        Of `laws`: what each law gains over each signal, the most first, with ``effect`` (the name
-        of the cause), ``law``, ``signal``, ``memory``, ``factor``, ``shape`` and ``gain`` (nats);
-        of a term of the first cause also ``curve`` (``x``, ``y``) and ``units``. Else empty.
-    """
-
-    _LACKING = "nothing could be said of the model"
-
-    def __init__(
-        self,
-        result: pipeline.Result,
-        changes: Sequence[Change] | None = None,
-        later: pipeline.Result | None = None,
-        command: Sequence[str] = (),
-    ):
-        super().__init__([*result.records, *result.holdouts], command)
-        self._result = result
-        self.later: DiagnosisResult | None = None if later is None else DiagnosisResult(later)
-        self.changes: list[Change] | None = None if changes is None else list(changes)
-        diagnosis = result.diagnosis
-        errors = result.gain or diagnosis
-        self.verdict: Verdict = diagnosis.verdict
-        self.sentence: str = str(wording.headline(result))
-        self.causes: list[str] = diagnosis.causes
-        self.alternatives: list[str] = diagnosis.alternatives
-        self.parameters: dict[str, Estimate] = diagnosis.estimates
-        self.changed: list[str] = diagnosis.changed
-        self.gain = DiagnosisGain(errors.before, errors.after)
-        self.model = result.component
-        self.experiment = (
-            ProposedExperiment(result.experiment, result.model.name) if result.experiment else None
-        )
-        self.record: Record = result.record
-        self.records: list[Record] = list(result.records)
-        self.notes: list[str] = [wording.message(note) for note in result.notes]
-        self.evidence = Evidence(tuple(tried_effects(diagnosis)))
-        self.law_map: list[dict[str, Any]] = []
-
-    @property
-    def details(self) -> pipeline.Result:
-        """The complete result of the pipeline."""
-        return self._result
-
-    def overview(self) -> list[RenderableType]:
-        """Return the renderables that ``ppy diagnose`` prints."""
-        parts: list[RenderableType] = [terminal.overview(self._result)]
-        if self.changes is not None and self.later is not None:
-            parts.append(terminal.comparison(self.changes, self.later.details))
-        return parts
-
-    def _page(self, command: str) -> Page:
-        later = self.later.details if self.later else None
-        return diagnosis_page(self._result, command, self.changes or (), later)
-
-    def __repr__(self) -> str:
-        causes = f" {', '.join(self.causes)}" if self.causes else ""
-        return one_line(
-            f"DiagnosisResult {self.verdict}{causes}: {self._result.model.name},"
-            f" {self._result.files}"
-        )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures, ready for JSON: the form that ``ppy diagnose --json`` writes."""
-        with in_shell():
-            figures = diagnosis_summary(self._result)
-        if self.changes is not None and self.later is not None:
-            figures |= {
-                "comparison": [change.to_dict() for change in self.changes],
-                "later": self.later.to_dict(),
-            }
-        return figures
-
-    def to_frame(self) -> pandas.DataFrame:
-        """Return the parameters as a table, a row for each.
-
-        Raises
-        ------
-        ImportError
-            If pandas is not installed.
-        """
-        return estimates_frame(self.parameters)
-
-    def draw(self) -> Figure:
-        """Draw the output with the largest gain over the validation data, with residuals.
-
-        The measured output is drawn with those of the refitted and the extended model.
-        """
-        return picture.draw_diagnosis(self._result.diagnosis, self._result.model)
-
-    def explain(self, first: str, second: str) -> Explanation:
-        """Compare two candidates of the new engine by the features that decide.
-
-        Parameters
-        ----------
-        first, second : str
-            ``LAW(SIGNAL)``, such as ``friction(velocity)``, or ``nothing`` for the model without
-            terms. One that no set had is fitted now.
-
-        Raises
-        ------
-        UserError
-            If the diagnosis is of the old engine, there is no such law or signal, or both are the
-            same.
-        """
-        raise UserError(
-            f"{option('explain', [first, second])}: this compares candidates of the new engine; add"
-            f" {option('engine', 'new')}"
-        )
 
     def effect(self, path: str | Path) -> Path:
         """Write what the first cause adds to laws as short classes of effects.
@@ -419,7 +419,15 @@ class DiagnosisResult(_Result):
             If no law lacks anything, a term of the cause cannot be a class of its own, the file
             cannot be written, or its name does not end in ``.py``.
         """
-        raise UserError(f"{path}: {self._LACKING}, so there is nothing to write")
+        target = Path(path)
+        if target.suffix.lower() != ".py":
+            raise UserError(f"{target}: the name of a file of Python ends in .py")
+        diagnosis = self._diagnosis
+        names = ", ".join(dict.fromkeys(record.source.name for record in diagnosis.records))
+        with in_shell():
+            text = effect_source(diagnosis.final.fit, diagnosis.terms, names)
+        files.write(target, text.encode())
+        return target
 
     def system(self, path: str | Path) -> Path:
         """Write an FMU without equations and its correction as one system.
@@ -434,7 +442,14 @@ class DiagnosisResult(_Result):
         UserError
             If the model has equations, or the file cannot be written.
         """
-        raise UserError(
-            f"{path}: the model has equations; the extended one is an FMU of its own"
-            f" ({option('fmu')})"
-        )
+        if self._around is None:
+            raise UserError(
+                f"{path}: the model has equations; the extended one is an FMU of its own"
+                f" ({option('fmu')})"
+            )
+        write_ssp(corrected_system(self._around), Path(path))
+        return Path(path)
+
+
+def _known(errors: dict[str, float | None]) -> dict[str, float]:
+    return {name: value for name, value in errors.items() if value is not None}

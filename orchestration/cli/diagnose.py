@@ -13,6 +13,7 @@ from fmus.kit.build import available_platforms
 from orchestration.api import (
     DiagnosisResult,
     diagnose,
+    fmu_paths,
     forms,
     held_out,
     laws,
@@ -31,7 +32,6 @@ from orchestration.cli.models import build_model, model_file, note_neutral
 from orchestration.cli.options import IsolateOption, JsonOption, platform_list
 from orchestration.cli.outputs import JSON, PAGE, Outputs, same_file, write_json
 from orchestration.diagnosis import systems
-from orchestration.discrepancy import Verdict, fmu_paths
 from orchestration.fmu import Model
 from orchestration.fmu.model import declared_model
 from orchestration.records import Record
@@ -78,14 +78,11 @@ def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
         out.print(*result.explain(*options["explain"]).overview(), sep="\n")
 
     def fmu(path: Path, tell: Callable[[str], None]) -> list[Path]:
-        if result.model is None:
-            note(f"there is nothing to make an FMU of: {path} was not written")
-            return []
         return result.fmu(path, _platforms(options), tell)
 
     def experiment(path: Path, tell: Callable[[str], None]) -> list[Path]:
         if result.experiment is None:
-            is_open = result.verdict in (Verdict.AMBIGUOUS, Verdict.UNEXPLAINED)
+            is_open = result.verdict in ("ambiguous", "unexplained")
             reason = "there is no experiment" if is_open else "nothing is to be told apart"
             note(f"{reason}: {path} was not written")
             return []
@@ -103,10 +100,8 @@ def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
 
 
 def _check_explained(options: DiagnoseCommand) -> None:
-    """Refuse ``--explain`` with anything but two candidates of the new engine."""
+    """Refuse ``--explain`` with anything but two candidates."""
     names = options["explain"]
-    if names and options["engine"] == "old":
-        raise UserError("--explain compares candidates of the new engine; add --engine new")
     if names and len(names) != 2:
         raise UserError(f"--explain {','.join(names)}: it takes two candidates, not {len(names)}")
 

@@ -20,6 +20,7 @@ from fmus.kit.arrays import Array
 from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.effects import effect_name, unstack
 from fmus.kit.symbolic import ComponentAlong, EffectForcing, Forcing, Points
+from fmus.kit.titles import effect_title
 from orchestration.diagnosis.courses import Courses
 from orchestration.diagnosis.responses import Drives, Stepped, steps_along
 from orchestration.diagnosis.runs import Linearisation
@@ -194,7 +195,7 @@ def _term(
         Shape.LINEAR,
         constants=starts,
         effect=name,
-        title=effect.title,
+        title=effect_title(effect),
         formula=term.shape,
         family=term.family or name,
         released=released,

@@ -603,7 +603,7 @@ def _refusal(data: _Data, read: Reading | None) -> str:
         return f"{where}, and follows it if {read.sentence}: {read.correction}"
     return (
         f"{where}, and so do predictions by an observer: the model is unstable there, or lacks an"
-        f" input; use {option('engine', 'old')}"
+        " input"
     )
 
 
@@ -650,8 +650,7 @@ def _law_model(model: Model, options: Options) -> LawModel:
         If it has none, or not an effect that is wanted.
     """
     if model.cls is None:
-        instead = f"use {option('engine', 'old')}"
-        raise UserError(f"{model.without_equations}, which the new engine needs; {instead}")
+        raise UserError(f"{model.without_equations}, and has no laws to search")
     return LawModel(model.cls, options.effects_of(model.cls))
 
 
@@ -663,7 +662,7 @@ def _check_clocks(model: LawModel, records: Sequence[Record], given: Mapping[str
         if ticks > MOST_TICKS:
             raise UserError(
                 f"{model.cls.name}: {ticks:.0f} sample instants fall between two samples of"
-                f" {record.label}, and {MOST_TICKS:.0f} are allowed; use {option('engine', 'old')}"
+                f" {record.label}, and {MOST_TICKS:.0f} are allowed; record more samples"
             )
 
 

@@ -387,7 +387,12 @@ class LawModel:
         return set(self.perturbed.computed_from(law))
 
     def reads(self, law: str) -> set[str]:
-        """Return the signals of which a law is a function already, and the laws that it calls."""
+        """Return the signals of which a law is a function already, and the laws that it calls.
+
+        An effect may add to an input, which calls none.
+        """
+        if law not in self.laws:
+            return self.depends_on(law)
         called = {other for other in self.laws if self.perturbed.reads_itself(law, other)}
         return self.depends_on(law) | called
 

@@ -273,8 +273,12 @@ def _stepped(problem: Problem, point: Point, runs: Sequence[Course]) -> tuple[Po
     target, others = _columns(problem, point, runs)
     known = np.isfinite(target)
     own = others[known]
-    whole = own.T @ own + np.eye(own.shape[1])
-    step = np.clip(np.linalg.solve(whole, own.T @ target[known]), -_LONGEST, _LONGEST)
+    if not np.isfinite(own).all():
+        return point, np.inf
+    # slopes may be so large that the squares of the prior's are lost beside theirs
+    rows = np.vstack([own, np.eye(own.shape[1])])
+    least = np.linalg.lstsq(rows, np.append(target[known], np.zeros(own.shape[1])), rcond=None)[0]
+    step = np.clip(least, -_LONGEST, _LONGEST)
     left = (target - others @ step).reshape(-1, len(problem.spread)) / np.sqrt(_WEIGHT)
     p, nx = len(point.q), len(problem.model.states)
     moves = step[p:].reshape(len(runs), nx)

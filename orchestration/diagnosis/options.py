@@ -143,7 +143,7 @@ class Options:
                 if not (named or known[wanted].output):
                     raise UserError(
                         f"{option('effects', [wanted])}: {wanted!r} is random, has discrete states,"
-                        f" or is in the model already; use {option('engine', 'old')}"
+                        " or is in the model already, and cannot be judged by a simulation"
                     )
             chosen |= named
         return chosen

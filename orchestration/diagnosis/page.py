@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
+from itertools import islice
 
 import numpy as np
 
@@ -12,9 +13,8 @@ from fmus.kit.units import format_value
 from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.law_map import LawEntry, LawMap
-from orchestration.diagnosis.report import curves, terminal, wording
+from orchestration.diagnosis.report import curves, terminal, tried_sets, wording
 from orchestration.diagnosis.term_names import sentence, shape_text, unit_of
-from orchestration.diagnosis.terms import Term
 from orchestration.identify.changes import CHANGE_HEAD, Change, change_rows, describe_changes
 from orchestration.records import Record
 from orchestration.reporting import flag, make_page, pictures
@@ -273,23 +273,12 @@ def _add_sets(page: Page, diagnosis: Diagnosis) -> None:
         f"{len(fits)} fits of sets of terms in {wording.runs(diagnosis)} were compared with the"
         " model without terms."
     )
-    cls = diagnosis.subject.problem.model.cls
-    rows: dict[str, tuple[str, ...]] = {}
-    for one in fits:
-        terms = "; ".join(
-            f"{sentence(cls, p)}, {shape_text(p)}"
-            if isinstance(p, Term)
-            else wording.part_text(diagnosis, p)
-            for p in one.judged.parts
-        )
-        nats = (one.comparison.fitted, one.comparison.left_out, one.score)
-        figures = [f"{value:.1f}" for value in nats]
-        error = wording.error_text(diagnosis.error(one.judged))
-        rows.setdefault(terms, (format_quantities(terms), *figures, error))
-        if len(rows) == _SETS:
-            break
+    rows = []
+    for one in islice(tried_sets(diagnosis), _SETS):
+        figures = [f"{value:.1f}" for value in (one.fitted, one.left_out, one.score)]
+        rows.append((format_quantities(one.parts), *figures, wording.error_text(one.error)))
     with page.folded(f"The best {len(rows)}"):
-        page.table(_SET_HEAD, list(rows.values()))
+        page.table(_SET_HEAD, rows)
 
 
 def _command(diagnosis: Diagnosis, later: Sequence[Record]) -> str:
@@ -299,5 +288,5 @@ def _command(diagnosis: Diagnosis, later: Sequence[Record]) -> str:
         words += [flag("holdout"), str(record.source)]
     for record in later:
         words += [flag("compare"), str(record.source)]
-    words += [flag("model"), diagnosis.model.name, flag("engine"), "new"]
+    words += [flag("model"), diagnosis.model.name]
     return shlex.join(words)

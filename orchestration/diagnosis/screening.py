@@ -545,6 +545,9 @@ def _of_sensors(along: Courses, shapes: _Shapes) -> Iterator[Candidate]:
 
 def _delays(along: Courses, output: str, size: float) -> Iterator[Candidate]:
     """Yield delays of an output."""
+    # a state that is shown has no effect of measurement that a model could be extended by
+    if output not in {one.name for one in along.model.cls.layout.measured_outputs}:
+        return
     model, values = along.model, along.values[output]
     ends = np.cumsum([len(time) for time in along.times])[:-1]
     parts = list(zip(np.split(values, ends), along.times, strict=True))

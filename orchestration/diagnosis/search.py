@@ -239,7 +239,6 @@ def search(
     rounds.polish()
     rounds.subsets()
     rounds.parts_of_best()
-    rounds.shapes_alone()
     rounds.polish()
     found = _on_all_samples(_read_otherwise(rounds.found, *ways))
     linearised = 0
@@ -583,23 +582,8 @@ class _Rounds:
 
     def shapes(self) -> None:
         """Fit the best sets with other shapes and other memories of each of their terms."""
-        self._in_other_shapes(self.found.best(_SHAPES))
-
-    def shapes_alone(self) -> None:
-        """Do the same with the best of one term.
-
-        Two terms that mimic the right shape of one would be ahead of it, if it was not tried.
-        """
-        best: dict[object, Judged] = {}
-        for entry in self.found.compared():
-            if len(entry.judged.terms) == 1:
-                best.setdefault(entry.judged.terms[0].source, entry.judged)
-        self._in_other_shapes(list(best.values())[:_SHAPES], _LAST_STEPS)
-
-    def _in_other_shapes(self, sets: Sequence[Judged], most: int = _FEWER_STEPS) -> None:
-        """Fit sets with other shapes and other memories of each of their terms."""
         asked = []
-        for one in sets:
+        for one in self.found.best(_SHAPES):
             for term in one.terms:
                 if not term.signal or isinstance(term, NamedTerm | SensorTerm):
                     continue
@@ -607,7 +591,7 @@ class _Rounds:
                 for other in itertools.chain(*others):
                     terms = tuple(other if t == term else t for t in one.terms)
                     asked.append((terms, [_extended(one.fit, terms)]))
-        self._fit_all(asked, most)
+        self._fit_all(asked, _FEWER_STEPS)
 
     def owners(self) -> None:
         """Fit the best sets with each of their terms in every other law."""
@@ -629,7 +613,8 @@ class _Rounds:
 
     def _in_other_laws(self, term: Term) -> Iterable[Term]:
         """Return a term of a signal in each of the other laws that a screen had it in."""
-        same = {other.law: other for other in self._terms if _view_of(other) == _view_of(term)}
+        in_laws = (other for other in self._terms if other.law)  # an effect may be in none
+        same = {other.law: other for other in in_laws if _view_of(other) == _view_of(term)}
         return [
             replace(term, law=law, factor=other.factor, size=other.size)
             for law, other in same.items()

@@ -12,7 +12,7 @@ from fmus.kit import Component
 from fmus.kit.arrays import Array
 from fmus.kit.curves import in_brackets, per
 from fmus.kit.symbolic import list_laws
-from fmus.kit.titles import in_words, law_title, within_sentence
+from fmus.kit.titles import law_title, within_sentence
 from orchestration.diagnosis.fitting import Fit, final_curvature
 from orchestration.diagnosis.terms import DelayTerm, Memory, NamedTerm, SensorTerm, Shape, Term
 from orchestration.identify.uncertainty import Estimate
@@ -276,7 +276,7 @@ def sentence(cls: type[Component], term: Term) -> str:
     In proportion to a law it is a factor: ``friction times a function of velocity``.
     """
     if isinstance(term, NamedTerm):
-        return within_sentence(term.title or in_words(term.effect))
+        return within_sentence(term.title)
     law = within_sentence(law_title(cls, term.law))
     if isinstance(term, SensorTerm):
         fault = {"offset": "an offset", "gain": "another gain"}.get(term.fault, f"a {term.fault}")
@@ -293,8 +293,3 @@ def sentence(cls: type[Component], term: Term) -> str:
         return f"{law} times a function of {seen}"
     factor = within_sentence(law_title(cls, term.factor))
     return f"{law} over {factor} times a function of {seen}"
-
-
-def plain(identifier: str) -> str:
-    """Return an identifier in words."""
-    return in_words(identifier)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -74,11 +74,6 @@ def fitted_sizes(
     return [_fitted(size, estimates, declared) for size in fitted]
 
 
-def meanings(sizes: Sequence[FittedSize], name: str) -> list[str]:
-    """Return the sizes that say what a parameter means where its value alone does not say it."""
-    return [one.text for one in sizes if one.size.parameters[0] == name and one.size.unit]
-
-
 def _fitted(
     size: Size, estimates: Mapping[str, Estimate], declared: Mapping[str, ParameterDeclaration]
 ) -> FittedSize:
@@ -111,13 +106,6 @@ def _through(size: Size, *values: float) -> float:
     """Return the quantity of a size, infinite where it has a pole."""
     with np.errstate(all="ignore"):
         return float(size.quantity(*map(np.float64, values)))
-
-
-def format_estimated(e: Estimate, declared: Described) -> str:
-    """Return a value with its unit and its interval."""
-    return with_interval(
-        e.value, e.interval, lambda value, digits: format_prefixed(value, declared, digits, e.value)
-    )
 
 
 def with_interval(value: float, interval: tuple[float, float], write: Writer) -> str:

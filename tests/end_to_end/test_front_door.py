@@ -119,25 +119,6 @@ def test_the_extended_model_goes_on(result, hidden):
     assert compared.before["displacement"].fit_percent > 95.0
 
 
-def test_an_ambiguous_record_comes_with_an_experiment(tmp_path):
-    path = tmp_path / "idle.csv"
-    drawn = draw(None, 1, duration=300.0, rate=5.0)
-    for values in drawn.inputs.values():
-        values[:] = 0.5
-    for k, values in enumerate(drawn.outputs.values()):
-        values[:] = 1e-3 * np.random.default_rng(k).standard_normal(values.size)
-    write(drawn, path)
-    result = ppy.diagnose(path, effects=[], engine="old")
-    assert result.verdict == "ambiguous"
-    assert result.model is None
-    with pytest.raises(ppy.UserError, match="nothing to make an FMU of"):
-        result.fmu(tmp_path / "none.fmu")
-    assert result.plot(tmp_path / "idle.png").axes
-    assert "image/png" in result._repr_mimebundle_()
-    written = result.experiment.to_toml(tmp_path / "next.toml").read_text(encoding="utf-8")
-    assert written.startswith(f"# {result.experiment}")
-
-
 def test_what_cannot_be_used_is_refused_in_a_line(hidden, tmp_path):
     with pytest.raises(ppy.UserError, match="no component named 'ppy_actuatr'"):
         ppy.diagnose(hidden, "ppy_actuatr")

@@ -15,6 +15,8 @@ from nbclient import NotebookClient
 
 from tests.support.hosts import build_one_state_fmu
 
+pytestmark = pytest.mark.skip("a state that is shown has no effect of measurement yet")
+
 PNG = b"\x89PNG\r\n\x1a\n"
 LAG = '''
 """A lag."""

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from demonstrations.records import UNITS, Drawn, draw
+from demonstrations.records import UNITS, draw
 from fmus.ppy_actuator.effects import EFFECTS
-from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.records import Record, write_record
+from tests.support.measured import Measured
 
 FEW = [
     EFFECTS[name]
@@ -21,14 +21,10 @@ FEW = [
 SHORT = {"duration": 300.0, "rate": 5.0}  # a record of five minutes at 5 Hz
 
 
-def as_measured(drawn: Drawn) -> Dataset:
-    """A drawn record without its truth."""
-    return Dataset(drawn.time, drawn.inputs, drawn.outputs)
-
-
-def short_record(hidden: str | None = None, seed: int = 1, **options) -> Dataset:
+def short_record(hidden: str | None = None, seed: int = 1, **options) -> Measured:
     """A short record of the rig."""
-    return as_measured(draw(hidden, seed, **SHORT | options))
+    drawn = draw(hidden, seed, **SHORT | options)
+    return Measured(drawn.time, drawn.inputs, drawn.outputs)
 
 
 def rig_record(hidden: str | None = None, *signals: str, seed: int = 1, **options) -> Record:

@@ -14,7 +14,7 @@ from scipy.linalg import expm
 from scipy.signal import StateSpace, chirp, lfilter, sawtooth, square
 
 from fmus.kit.arrays import Array
-from orchestration.discrepancy.data.dataset import Dataset
+from tests.support.measured import Measured
 
 TRUE = {
     "R1": 0.47,
@@ -107,7 +107,7 @@ def record(
     restless: float = 0.0,
     jitter: float = 0.0,
     outputs: tuple[str, ...] = ("voltage", "displacement"),
-) -> Dataset:
+) -> Measured:
     """Measure the actuator driven with a current that is held between samples, or is as it is
     between them.
 
@@ -155,4 +155,4 @@ def record(
     inputs = {
         n: u + input_noise * np.ptp(u) * random.standard_normal(len(u)) for n, u in inputs.items()
     }
-    return Dataset(fine[at], inputs, measured)
+    return Measured(fine[at], inputs, measured)

@@ -9,10 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestration.api.records import read_record
-from orchestration.discrepancy.diagnosis import Diagnosis
-from orchestration.discrepancy.pipeline import DiagnosisOptions, diagnose_only
-from orchestration.fmu.model import find_model
 from studies.clean.records import KINDS, CleanRecord, conditions, draw
 from studies.hidden.curves import Curve, power
 from studies.plants.change import static
@@ -41,11 +37,3 @@ def motor(
     short = replace(drawn, time=drawn.time[:SAMPLES], **cut)
     short.write(path)
     return short
-
-
-def diagnosed(path: Path, model: str) -> Diagnosis:
-    """Diagnose a record with no catalogue."""
-    subject = find_model(model)
-    return diagnose_only(
-        [read_record(path, subject)], subject, None, DiagnosisOptions(effects=[])
-    ).diagnosis

@@ -56,13 +56,13 @@ def documented(system: bool = False) -> dict[str, tuple[str, str]]:
 
 def documented_of_laws() -> dict[str, tuple[str, str]]:
     """The same of what a model's laws lack."""
-    return _table(_section("Of laws").split("## Of the new engine")[0])
+    return _table(_section("Of laws"))
 
 
-def documented_of_new_engine() -> set[str]:
-    """Names of the fields of the new engine at the top of its JSON."""
-    names = re.findall(r"^\| `(\w+)", _section("Of the new engine"), re.M)
-    return set(names)
+def documented_fields() -> set[str]:
+    """Names of the fields at the top of the JSON of a model's diagnosis."""
+    page = (DOCS / "reference" / "diagnosis.md").read_text(encoding="utf-8")
+    return set(re.findall(r"^\| `(\w+)", page.split("## Codes of notes")[0], re.M))
 
 
 def _section(title: str) -> str:

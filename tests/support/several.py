@@ -4,12 +4,16 @@ current.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from fmus.kit import Component, Input, Output, Parameter, State
-from orchestration.discrepancy.data.dataset import Dataset
+from orchestration.records.runs import MeasuredRun
+from tests.support.measured import Measured
 
 STEP = 0.1  # s
+GAP = 32  # samples between two records
 TRUE = {"R0": 0.03, "R1": 0.02, "tau1": 4.0}
 
 
@@ -50,39 +54,40 @@ def voltage(current, start, ocv, R0, R1, tau1):
     return ocv - R0 * current - R1 * relaxed
 
 
-def measured(
-    seed: int, start: float, ocv: float = 3.3, noise: float = 1e-3, samples: int = 400, **other
-) -> Dataset:
+def measured(seed: int, start: float, noise: float = 1e-3, samples: int = 400) -> Measured:
     """One record, with white noise."""
     i = current(seed, samples)
-    clean = voltage(i, start, ocv, **TRUE | other)
+    clean = voltage(i, start, 3.3, **TRUE)
     drawn = noise * np.random.default_rng(seed).standard_normal(samples)
-    return Dataset(STEP * np.arange(samples), {"current": i}, {"voltage": clean + drawn})
+    return Measured(STEP * np.arange(samples), {"current": i}, {"voltage": clean + drawn})
 
 
 STARTS = {"a": -6.0, "b": 2.0, "c": 8.0, "d": -3.0, "e": 5.0, "f": 0.0}
 OCVS = {"a": 3.20, "b": 3.25, "c": 3.31, "d": 3.38, "e": 3.42, "f": 3.29}
 
 
-def several(labels: str = "abcdef", ocvs=None, **other) -> Dataset:
-    """Records joined to one, each with its own start, and its own open circuit voltage if any are
-    given.
-    """
-    records = {}
-    for k, label in enumerate(labels):
-        records[label] = measured(k, STARTS[label], (ocvs or {}).get(label, 3.3), **other)
-    return Dataset.joined(records)
+class Joined(NamedTuple):
+    """Records one after the other, with a gap of some samples between them."""
+
+    time: np.ndarray
+    inputs: dict[str, np.ndarray]
+    measured: dict[str, np.ndarray]
+    runs: tuple[MeasuredRun, ...]
 
 
-def with_gaps(*missing: tuple[int, int], samples: int = 900) -> Dataset:
-    """Return a record of one cell, some of whose samples are missing."""
-    kept = np.ones(samples, dtype=bool)
-    for first, last in missing:
-        kept[first:last] = False
-    return measured(3, 4.0, samples=samples).where(kept)
-
-
-def joined_pieces(data: Dataset) -> Dataset:
-    """Return the pieces between gaps in time, joined to runs of one record."""
-    pieces = data.pieces()
-    return Dataset.joined(pieces, dict.fromkeys(pieces, "it"))
+def several(labels: str = "abcdef") -> Joined:
+    """Records joined to one, each with its own start."""
+    parts = [measured(k, STARTS[label]) for k, label in enumerate(labels)]
+    count = len(parts[0].time)
+    pace = count + GAP
+    runs = tuple(
+        MeasuredRun(label, k * pace, k * pace + count, k * pace * STEP)
+        for k, label in enumerate(labels)
+    )
+    whole = runs[-1].last
+    inputs, outputs = np.zeros(whole), np.full(whole, np.nan)
+    for run, part in zip(runs, parts, strict=True):
+        inputs[run.first : run.last + GAP] = part.inputs["current"][-1]
+        inputs[run.samples] = part.inputs["current"]
+        outputs[run.samples] = part.outputs["voltage"]
+    return Joined(STEP * np.arange(whole), {"current": inputs}, {"voltage": outputs}, runs)

@@ -613,12 +613,12 @@ class RequiredVerdictOption(TypedDict, total=False):
 
 
 class ExplainOption(TypedDict, total=False):
-    """Two candidates of the new engine that are compared."""
+    """Two candidates that are compared."""
 
     explain: Annotated[
         Sequence[str],
         Option(
-            "Compare two candidates of the new engine, e.g. friction(velocity),nothing.",
+            "Compare two candidates, e.g. friction(velocity),nothing.",
             default=(),
             metavar="A,B",
             form=NAMES,

@@ -5,3 +5,5 @@ from . import wording as wording
 from .effect_file import effect_source as effect_source
 from .explanation import Explanation as Explanation
 from .explanation import explain as explain
+from .tried import TriedSet as TriedSet
+from .tried import tried_sets as tried_sets

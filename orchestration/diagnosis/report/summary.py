@@ -31,7 +31,6 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
     after = diagnosis.errors(diagnosis.final)
     experiment = diagnosis.experiment
     return {
-        "engine": "new",
         "verdict": diagnosis.verdict,
         "headline": f"{wording.headline(diagnosis)}. {wording.support(diagnosis)}".strip(),
         "next_step": wording.next_step(diagnosis),

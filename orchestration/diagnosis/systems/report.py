@@ -125,7 +125,6 @@ def summary(diagnosis: SystemDiagnosis) -> dict[str, Any]:
     Amounts are in the units of the FMUs; None is a figure that there is none of.
     """
     return {
-        "engine": "new",
         "system": diagnosis.system,
         "verdict": str(diagnosis.verdict),
         "suspects": [member.name for member in diagnosis.wrong],

@@ -8,11 +8,8 @@ from .prediction_error import PRIOR_STD as PRIOR_STD
 from .prediction_error import SCREEN as SCREEN
 from .prediction_error import FitResult as FitResult
 from .prediction_error import Method as Method
-from .prediction_error import choose_credible_fit as choose_credible_fit
-from .prediction_error import fit_free_run as fit_free_run
 from .prediction_error import fit_in_noise as fit_in_noise
 from .prediction_error import fit_prediction_error as fit_prediction_error
-from .prediction_error import nearest_free_run as nearest_free_run
 from .problem import ModelOverRuns as ModelOverRuns
 from .problem import Problem as Problem
 from .problem import Scale as Scale
@@ -22,6 +19,4 @@ from .problem import usual_effort as usual_effort
 from .simulation_error import error_at as error_at
 from .simulation_error import error_scales as error_scales
 from .simulation_error import pooled_error as pooled_error
-from .simulation_error import starting_points as starting_points
-from .simulation_error import weighted_slopes as weighted_slopes
 from .simulation_input import SimulationInput as SimulationInput

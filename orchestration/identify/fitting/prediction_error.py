@@ -7,7 +7,7 @@ taken as white: the output-error method. Physical parameters may have a Gaussian
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -18,9 +18,6 @@ from orchestration.identify.fitting.least_squares import Minimum, minimise
 from orchestration.identify.fitting.problem import Problem
 from orchestration.identify.fitting.simulation_error import (
     error_at,
-    error_scales,
-    fit_simulation_error,
-    pooled_error,
 )
 from orchestration.identify.noise import Noise, tails, white_noise
 from orchestration.identify.uncertainty import (
@@ -28,7 +25,6 @@ from orchestration.identify.uncertainty import (
     excess_variance,
     heteroscedastic,
     parameter_covariance,
-    sandwich_covariance,
     weighted_square,
 )
 
@@ -236,99 +232,6 @@ def _move_off_bounds(problem: Problem, start: Array) -> Array:
     if np.array_equal(inside, only_from_bounds):
         return inside
     return min((inside, only_from_bounds), key=lambda q: error_at(problem, q))
-
-
-def nearest_free_run(problem: Problem, start: Array, physical: Mask | None = None) -> Array:
-    """Return the point to which least squares fits the free run, without assessing the fit.
-
-    Parameters
-    ----------
-    problem : Problem
-    start : ndarray, shape (p,)
-        Point to begin at.
-    physical : ndarray of bool, shape (p,), optional
-        Parameters that have a prior, see :func:`fit_prediction_error`.
-
-    Returns
-    -------
-    ndarray, shape (p,)
-
-    Raises
-    ------
-    UserError
-        If the simulation fails where the search starts.
-    """
-    prior = _make_prior(problem, physical, PRIOR_STD)
-    rows = (prior.residual, prior.jacobian)
-    tolerance = SCREEN.tolerance / problem.samples
-    return fit_simulation_error(problem, [start], error_scales(problem), tolerance, rows).q
-
-
-def fit_free_run(
-    problem: Problem,
-    starts: Sequence[Array],
-    physical: Mask | None = None,
-    prior_std: float = PRIOR_STD,
-    method: Method = FULL,
-) -> FitResult:
-    """Fit the free run by plain least squares, and assess it in the noise of its residual.
-
-    Its intervals allow for the colour and the changing level of that noise.
-
-    Parameters
-    ----------
-    problem : Problem
-    starts : sequence of ndarray, shape (p,)
-        Points to begin at; see `simulation_error.starting_points`.
-    physical, prior_std, method
-        See :func:`fit_prediction_error`.
-
-    Returns
-    -------
-    FitResult
-
-    Raises
-    ------
-    UserError
-        If the simulation fails where the first search starts.
-    """
-    prior = _make_prior(problem, physical, prior_std)
-    scales = error_scales(problem)
-    rows = (prior.residual, prior.jacobian)
-    minimum = fit_simulation_error(
-        problem, starts, scales, method.tolerance / problem.samples, rows
-    )
-    fitted = _assess(problem, _end_pass(problem, minimum, prior), prior)
-    slopes = problem.evaluate(minimum.q)[1]
-    with np.errstate(
-        over="ignore", invalid="ignore"
-    ):  # a parameter that diverges is not determined
-        information = sum(j.T @ j / scales[output] ** 2 for output, j in slopes.items())
-    weighted = (j / scales[output] for output, j in slopes.items())
-    noise = [
-        replace(model, deviation=model.deviation / scales[output])
-        for output, model in fitted.noise.items()
-    ]
-    bread = parameter_covariance(np.asarray(information), prior.precision)
-    return replace(fitted, covariance=sandwich_covariance(bread, weighted, noise))
-
-
-def choose_credible_fit(problem: Problem, likeliest: FitResult, free_run: FitResult) -> FitResult:
-    """Return the likelier of two fits, unless its simulation is farther from the record.
-
-    A noise model may make a record likely with a simulation that follows it badly: it then explains
-    as noise a part that the simulation should explain.
-
-    Parameters
-    ----------
-    problem : Problem
-    likeliest, free_run : FitResult
-        Of :func:`fit_prediction_error` and :func:`fit_free_run`.
-    """
-    scales = error_scales(problem)
-    weights = likeliest.weights
-    near = TOLERATED_EXCESS * pooled_error(free_run.residual, scales, weights)
-    return likeliest if pooled_error(likeliest.residual, scales, weights) <= near else free_run
 
 
 def _is_positive(observed: Array, expected: Array) -> bool:

@@ -7,7 +7,6 @@ from .ljung_box import WHITENESS_SAMPLES as WHITENESS_SAMPLES
 from .ljung_box import Whiteness as Whiteness
 from .ljung_box import whiteness as whiteness
 from .model import Noise as Noise
-from .model import Whitening as Whitening
 from .model import estimate_noise as estimate_noise
 from .model import noise_samples as noise_samples
 from .model import noise_std as noise_std

@@ -179,52 +179,6 @@ class Noise:
         return np.asarray(result)
 
 
-@dataclass(frozen=True)
-class Whitening:
-    """A filter for the residuals of all outputs, and a weight for every innovation.
-
-    Attributes
-    ----------
-    noise : Mapping of str to Noise
-        By output.
-    present : Mapping of str to ndarray of bool, shape (n,)
-        True where an output was measured.
-    weights : Mapping of str to ndarray, shape (m,)
-    """
-
-    noise: Mapping[str, Noise]
-    present: Mapping[str, Mask]
-    weights: Mapping[str, Array]
-
-    @classmethod
-    def of(
-        cls,
-        noise: Mapping[str, Noise],
-        residual: Mapping[str, Array],
-        present: Mapping[str, Mask],
-    ) -> Whitening:
-        """Make the filter, with weights for the innovations of a residual."""
-        return cls(
-            noise,
-            present,
-            {
-                output: model.weights(model.whiten(residual[output], present[output]))
-                for output, model in noise.items()
-            },
-        )
-
-    def __call__(self, values: Mapping[str, Array]) -> Array:
-        """Stack residuals (m,), or Jacobians (m, p), of all outputs."""
-        rows = []
-        for output, noise in self.noise.items():
-            white = noise.whiten(values[output], self.present[output])
-            if noise.freedom < inf:
-                weight = np.sqrt(self.weights[output])
-                white = white * (weight if white.ndim == 1 else weight[:, np.newaxis])
-            rows.append(white)
-        return np.concatenate(rows)
-
-
 def white_noise(residual: Mapping[str, Array]) -> dict[str, Noise]:
     """Return white Gaussian noise of the size of residuals, (m,) by output."""
     return {

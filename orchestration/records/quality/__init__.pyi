@@ -7,4 +7,3 @@ from .fault import FAULTS as FAULTS
 from .fault import Channels as Channels
 from .fault import Fault as Fault
 from .resampling import as_measured as as_measured
-from .resampling import without_oversampling as without_oversampling

@@ -4,6 +4,4 @@ from .division import run_labels as run_labels
 from .joining import MeasuredRun as MeasuredRun
 from .joining import base_name as base_name
 from .joining import join_records as join_records
-from .joining import names_in as names_in
 from .joining import sampled_alike as sampled_alike
-from .joining import shown_name as shown_name

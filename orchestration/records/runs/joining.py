@@ -7,7 +7,7 @@ models and pictures use the joined record; only a simulation is made run by run.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,21 +60,6 @@ class MeasuredRun:
 def base_name(name: str) -> str:
     """Return the name of a parameter without the label of a run."""
     return name.partition(_MARK)[0]
-
-
-def shown_name(name: str) -> str:
-    """Return a name for display: ``ocv (run 3)`` for ``ocv@3``."""
-    base, _, label = name.partition(_MARK)
-    return f"{base} (run {label})" if label else base
-
-
-def names_in(runs: Sequence[MeasuredRun], names: Iterable[str], own: Iterable[str]) -> list[str]:
-    """Return names of parameters for several runs; those in `own` occur once for each run."""
-    per_run = set(own)
-    result = []
-    for name in names:
-        result += [run.own(name) for run in runs] if name in per_run else [name]
-    return result
 
 
 def sampled_alike(time: Array, runs: Sequence[MeasuredRun]) -> bool:

@@ -1,13 +1,17 @@
-"""Claims: laws that are asked say what was hidden, and write it as code, picture and page."""
+"""Claims: a result says what its diagnosis says, and laws that are asked what they lack."""
 
 from __future__ import annotations
 
 import json
+import tomllib
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+import ppy_rig as ppy
 from fmus.kit import UserError
-from orchestration.api.term_results import TermDiagnosisResult
+from orchestration.api.results import DiagnosisResult
 from orchestration.diagnosis.law_map import map_laws
 from tests.support.oscillator import (
     CUBE,
@@ -15,20 +19,23 @@ from tests.support.oscillator import (
     diagnosis_with,
     diagnosis_without_terms,
     oscillator_record,
+    telling_apart,
+    with_group,
 )
+from tests.support.oscillator_model import Oscillator
 from tests.support.reference import documented_of_laws, fields
 
 
 @pytest.fixture(scope="module")
 def dry():
     diagnosis = diagnosis_with(oscillator_record(1, dry=1.5), (DRY,), (CUBE,))
-    return TermDiagnosisResult(diagnosis, ("ppy", "laws"), law_map=map_laws(diagnosis))
+    return DiagnosisResult(diagnosis, ("ppy", "laws"), law_map=map_laws(diagnosis))
 
 
 @pytest.fixture(scope="module")
 def right():
     diagnosis = diagnosis_without_terms(oscillator_record(2))
-    return TermDiagnosisResult(diagnosis, ("ppy", "laws"), law_map=map_laws(diagnosis))
+    return DiagnosisResult(diagnosis, ("ppy", "laws"), law_map=map_laws(diagnosis))
 
 
 def test_the_map_is_told_in_every_form(dry):
@@ -41,7 +48,7 @@ def test_the_map_is_told_in_every_form(dry):
 
 
 def test_a_diagnosis_has_no_map_unless_laws_are_asked(dry):
-    plain = TermDiagnosisResult(dry.details)
+    plain = DiagnosisResult(dry.details)
     assert plain.law_map == []
     assert "law_map" not in plain.to_dict()
     assert "what each law lacks" not in str(plain)
@@ -59,3 +66,65 @@ def test_a_class_goes_to_a_file_of_python(dry, tmp_path):
     with pytest.raises(UserError, match=r"ends in \.py"):
         dry.effect(tmp_path / "law.txt")
     assert "class FrictionOfVelocity" in dry.effect(tmp_path / "law.py").read_text(encoding="utf-8")
+
+
+def test_the_result_in_python_has_the_attributes_of_any_diagnosis():
+    dry = diagnosis_with(oscillator_record(1, dry=1.5), (DRY,), (CUBE,))
+    result = DiagnosisResult(dry)
+    assert result.causes == ["friction(velocity)"]
+    assert result.alternatives == []
+    assert result.probabilities["friction(velocity)"] > 0.9
+    assert result.gain.after["position"] < result.gain.before["position"]
+    assert "cause friction(velocity): oscillator, oscillator_1.csv" in repr(result)
+
+
+def test_a_later_record_gives_its_changes_and_its_own_diagnosis():
+    record, later = (oscillator_record(seed, damping=0.8 * seed, samples=400) for seed in (1, 2))
+    only = {"effects": [], "laws": False}
+    result = ppy.diagnose(record, Oscillator, compare=later, **only)
+    assert {one.name for one in result.changes if one.changed} == {"damping"}
+    assert result.later.verdict == "recalibrate"
+    assert result.later.records == [later]
+    figures = result.to_dict()
+    assert figures["comparison"][0]["parameter"] == "damping"
+    assert figures["later"] == result.later.to_dict()
+    assert "What changed: damping, times 2" in str(result)
+
+
+def test_the_record_itself_is_no_later_one():
+    record = oscillator_record(1, samples=50)
+    same = replace(record, source=Path("same.csv"))
+    with pytest.raises(UserError, match=r"same\.csv.*: this is the same record as"):
+        ppy.diagnose(record, Oscillator, compare=same)
+    with pytest.raises(UserError, match=r"same\.csv: this is the same record"):
+        ppy.diagnose(record, Oscillator, holdout=same)
+
+
+def test_the_experiment_that_tells_causes_apart_is_written(tmp_path):
+    dry = diagnosis_with(oscillator_record(1, dry=1.5), (DRY,), (CUBE,))
+    assert DiagnosisResult(dry).experiment is None
+    experiment = telling_apart("friction(velocity)", "friction(elongation)")
+    group = with_group(dry, "ambiguous", 0.6, 0.35)
+    result = DiagnosisResult(replace(group, experiment=experiment))
+    path = result.experiment.to_toml(tmp_path / "next.toml")
+    written = tomllib.loads(path.read_text(encoding="utf-8"))
+    assert (written["component"], written["inputs"]["force"]["levels"][0]) == (
+        "oscillator",
+        "-6.0 N",
+    )
+    assert "60 % if it is friction(elongation)" in "".join(result.experiment.overview())
+
+
+def test_the_evidence_is_of_every_set_that_was_fitted():
+    dry = diagnosis_with(oscillator_record(1, dry=1.5), (DRY,), (CUBE,))
+    evidence = DiagnosisResult(dry).evidence
+    table = evidence.to_frame()
+    assert list(table.columns) == ["fitted", "left_out", "score", "error"]
+    assert table.index[0].startswith("friction over velocity")
+    assert table["score"].is_monotonic_decreasing
+    assert "friction over velocity" in str(evidence)
+    assert evidence.draw().axes[0].get_xlabel() == "score [nat]"
+    none = DiagnosisResult(diagnosis_without_terms(oscillator_record(2))).evidence
+    assert "no set of terms was fitted" in str(none)
+    with pytest.raises(UserError, match="nothing to draw"):
+        none.draw()

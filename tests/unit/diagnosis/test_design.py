@@ -29,12 +29,12 @@ from orchestration.diagnosis.conclude import Conclusion
 from orchestration.diagnosis.design import Design, design_experiment
 from orchestration.diagnosis.fitting import Fit, Point, Problem, StartPrior
 from orchestration.diagnosis.terms import Memory
-from orchestration.discrepancy.data.dataset import Dataset
 from orchestration.experiment.design import menu
 from orchestration.fmu.model import declared_model
 from orchestration.records import Record as MeasuredRecord
 from tests.support.ambiguous import DULL, HIDDEN, measured
 from tests.support.ambiguous import TIME as DULL_TIME
+from tests.support.measured import Measured
 
 NOISE = 0.8
 LAG = 0.1  # s
@@ -208,7 +208,7 @@ def test_what_a_dull_record_leaves_ambiguous_the_experiment_names() -> None:
     assert (both.verdict, both.causes[0].name) == ("cause", "diffusion")
 
 
-def as_record(data: Dataset, name: str) -> MeasuredRecord:
-    signals = {**data.inputs, **data.measured}
+def as_record(data: Measured, name: str) -> MeasuredRecord:
+    signals = {**data.inputs, **data.outputs}
     units = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
     return MeasuredRecord(data.time, signals, {n: units[n] for n in signals}, Path(name))

@@ -208,7 +208,7 @@ def test_an_unstable_plant_is_predicted_within_its_noise():
 def without_search(monkeypatch):
     """Fit the model as it is, and nothing else."""
     monkeypatch.setattr(
-        engine, "search", lambda subject, *_: Found(subject, subject.judge(subject.base))
+        engine, "search", lambda subject, *_, **__: Found(subject, subject.judge(subject.base))
     )
 
 

@@ -37,7 +37,7 @@ def dry(tmp_path: Path):
 
 
 def test_the_page_of_a_cause(dry):
-    html = make_page(dry, "ppy diagnose rubbing.csv --engine new").html()
+    html = make_page(dry, "ppy diagnose rubbing.csv --no-laws").html()
     for text in (
         "&gt; 99 % friction over velocity",
         'class="chip cause"',
@@ -49,7 +49,7 @@ def test_the_page_of_a_cause(dry):
         "velocity [m/s]",
         "friction_of_velocity",
         "SHA-256 of rubbing.csv",
-        "ppy diagnose rubbing.csv --engine new",
+        "ppy diagnose rubbing.csv --no-laws",
     ):
         assert text in html
     assert html.count('class="chart"') == 2
@@ -92,7 +92,6 @@ def test_the_page_of_a_model_that_is_right_shows_no_terms(dry):
     assert html.count('class="chart"') == 1
     assert "with the cause" not in html
     assert "What the terms add" not in html
-    assert "--engine new" in html
 
 
 def test_the_page_of_a_misread_file_shows_the_corrected_record(dry):

@@ -71,7 +71,7 @@ def test_a_record_without_noise_keeps_its_samples():
 def test_a_clipped_output_is_fitted_by_what_is_left(monkeypatch):
     """The damping was hidden; two fifths of the samples are cut off."""
     monkeypatch.setattr(
-        engine, "search", lambda subject, *_: Found(subject, subject.judge(subject.base))
+        engine, "search", lambda subject, *_, **__: Found(subject, subject.judge(subject.base))
     )
     record = oscillator_record(1, damping=1.2)
     whole = record.signals["position"]

@@ -8,12 +8,8 @@ import pytest
 
 from fmus.kit import Component, Output, Parameter, Size
 from fmus.kit.effects import make_effect
-from fmus.kit.units import write_prefixed
 from orchestration.identify.effect_sizes import (
     fitted_sizes,
-    format_estimated,
-    meanings,
-    with_interval,
 )
 from orchestration.identify.uncertainty import Estimate
 
@@ -81,20 +77,3 @@ def test_the_interval_goes_through_the_function_of_the_size():
 )
 def test_an_interval_with_an_open_end_or_of_no_length(interval, text):
     assert texts(c=interval)[0] == text
-
-
-def test_a_size_is_stated_where_something_of_it_was_fitted():
-    assert len(texts(c=(0.1, 0.25))) == 2  # and the product, with T as it is declared
-    assert texts() == []
-    assert meanings(sizes(c=(0.1, 0.25)), "c")[0].startswith("levels off at")
-    assert meanings(sizes(T=(16.0, 20.0)), "T") == []  # its value says it
-
-
-def test_a_parameter_has_its_interval_beside_it():
-    resistance = Plain.declared["R"]
-    text = format_estimated(Estimate(13e-3, 1.0, (12.4e-3, 13.6e-3), "ohm"), resistance)
-    assert text == "13.0 mΩ (95 %: 12.4 … 13.6 mΩ)"
-    around_one = format_estimated(Estimate(1.02, 1.0, (0.99, 1.05), "ohm"), resistance)
-    assert around_one == "1.02 Ω (95 %: 0.990 … 1.05 Ω)"
-    falling = with_interval(0.5, (-math.inf, 0.6), lambda v, digits: write_prefixed(v, "V", digits))
-    assert falling == "500 mV (95 %: below 600 mV)"

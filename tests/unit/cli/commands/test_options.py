@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from typing import get_args
 
 import pytest
 
@@ -11,7 +12,7 @@ from orchestration.api.declaration import options_of
 from orchestration.api.forms import BAND
 from orchestration.cli.commands import options
 from orchestration.cli.commands.options import VERDICTS, ServeCommand
-from orchestration.discrepancy import Verdict
+from orchestration.diagnosis.engine import Verdict
 from orchestration.rig.server import ServerSettings
 from tests.support.command import refused
 from tests.support.commands import COMMANDS
@@ -25,7 +26,7 @@ def test_every_option_of_every_command_has_help():
 
 
 def test_the_verdicts_that_can_be_required_are_those_that_there_are():
-    assert set(VERDICTS) == set(Verdict)
+    assert set(VERDICTS) == set(get_args(Verdict))
 
 
 DECLARED = [cls for name, cls in vars(options).items() if name.endswith("Command")]

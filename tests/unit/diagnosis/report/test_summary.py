@@ -8,7 +8,7 @@ from dataclasses import replace
 from orchestration.diagnosis.report import wording
 from orchestration.diagnosis.report.summary import summary
 from tests.support.oscillator import telling_apart, with_group
-from tests.support.reference import documented_of_new_engine
+from tests.support.reference import documented_fields
 
 
 def test_guesses_are_no_causes(dry):
@@ -23,7 +23,6 @@ def test_guesses_are_no_causes(dry):
 
 def test_the_json_has_the_keys_of_the_contract(dry):
     figures = json.loads(json.dumps(summary(dry), allow_nan=False))
-    assert figures["engine"] == "new"
     assert figures["verdict"] == "cause"
     (cause,) = figures["causes"]
     assert (cause["effect"], cause["law"], cause["signal"]) == (
@@ -43,7 +42,7 @@ def test_the_json_has_the_keys_of_the_contract(dry):
 def test_every_field_is_documented(dry):
     experiment = telling_apart("friction(velocity)", "friction(elongation)")
     figures = summary(replace(dry, experiment=experiment))
-    assert {*figures, "comparison", "later"} == documented_of_new_engine()
+    assert {*figures, "comparison", "later"} == documented_fields()
     assert figures["experiment"]["reached"]["friction(elongation)"] == 0.6
     assert "experiment" not in summary(dry)
 

@@ -94,7 +94,7 @@ def test_a_problem_has_what_is_said_of_a_parameter_for_every_run(data):
         data.measured,
         NAMES,
         {"ocv": 3.1, "ocv@b": 3.2},
-        runs=data.several,
+        runs=data.runs,
     )
     assert {n: problem.start[n] for n in NAMES if n.startswith("ocv")} == {
         "ocv@a": 3.1,

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline
-from scipy.signal import butter, sosfiltfilt
 
-from orchestration.records.quality import Channels, as_measured, without_oversampling
+from orchestration.records.quality import Channels, as_measured
 from tests.support.wired_motor import wired
 
 
@@ -62,37 +60,5 @@ def test_one_output_that_is_not_resampled_is_enough():
     assert as_measured(data) == (data, [])
 
 
-def filtered_decay(corner):
-    """A decay in noise, of which SciPy's filter leaves what is slower than a corner."""
-    time = 0.01 * np.arange(6000.0)
-    noise = 0.02 * np.random.default_rng(1).standard_normal(6000)
-    y = 2.0 * np.exp(-time / 12.0) + noise
-    if corner:
-        y = sosfiltfilt(butter(4, corner, output="sos"), y)
-    return Channels(time, {}, {"y": y})
-
-
-def test_of_what_was_filtered_as_many_samples_count_as_tell_it():
-    """Oracle: the sampling theorem, with the corner of the filter as the highest frequency."""
-    kept, (note,) = without_oversampling(filtered_decay(0.01))
-    assert note.code == "oversampled"
-    samples_of_a_period = 2.0 / 0.01 / note.facts["times"]
-    assert 8.0 < samples_of_a_period < 40.0
-    restored = CubicSpline(kept.time, kept.outputs["y"])(filtered_decay(0.01).time[:-100])
-    assert restored == pytest.approx(filtered_decay(0.01).outputs["y"][:-100], abs=1e-3)
-
-
 def test_a_record_with_noise_keeps_its_samples():
-    for data in (filtered_decay(0.0), wired().channels):
-        assert as_measured(data)[1] == without_oversampling(data)[1] == []
-
-
-def test_an_input_that_was_held_does_what_it_did():
-    time = np.arange(4000.0)
-    u = np.sin(0.004 * time)
-    kept, (note,) = without_oversampling(Channels(time, {"u": u}, {"y": np.cos(0.004 * time)}))
-    times = note.facts["times"]
-    whole = len(kept.time) - 1
-    assert kept.inputs["u"][:whole] == pytest.approx(u[: whole * times].reshape(-1, times).mean(1))
-    smooth = Channels(time, {"u": u}, {"y": np.cos(0.004 * time)}, frozenset(["u"]))
-    assert without_oversampling(smooth)[0].inputs["u"] == pytest.approx(u[::times])
+    assert as_measured(wired().channels)[1] == []

@@ -9,9 +9,7 @@ from hypothesis import strategies as st
 from orchestration.records.runs.joining import (
     MeasuredRun,
     base_name,
-    names_in,
     sampled_alike,
-    shown_name,
 )
 
 
@@ -38,16 +36,8 @@ def test_a_value_is_that_of_its_run_whatever_the_label(name, labels, value):
     (first, *others) = [run.values({name: 0.0, runs[0].own(name): value}) for run in runs]
     assert np.array_equal(first[name], value, equal_nan=True)
     assert all(plain == {name: 0.0} for plain in others)
-    names = names_in(runs, ["shared", name], [name])
-    assert names == ["shared", *(f"{name}@{label}" for label in labels)] or name == "shared"
-    assert {base_name(n) for n in names} == {"shared", name}
+    assert {base_name(run.own(name)) for run in runs} == {name}
 
 
 def test_a_record_by_itself_needs_no_name():
-    alone = MeasuredRun("", 0, 5)
-    assert (alone.own("R0"), names_in([alone], ["R0"], ["R0"]), shown_name("R0")) == (
-        "R0",
-        ["R0"],
-        "R0",
-    )
-    assert shown_name("ocv@3") == "ocv (run 3)"
+    assert MeasuredRun("", 0, 5).own("R0") == "R0"

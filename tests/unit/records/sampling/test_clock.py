@@ -10,18 +10,13 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+import orchestration as ppy
 from fmus.kit import UserError
-from fmus.kit.sensors import sensor_drift, sensor_lag, transport_delay
-from fmus.ppy_actuator.effects import EFFECTS
-from fmus.ppy_actuator.model import PpyActuator
-from orchestration.discrepancy.diagnosis import diagnose
 from orchestration.identify.noise.autoregression import fit_autoregression
 from orchestration.records import read_record
 from orchestration.records.sampling.clock import JITTER, evenly_sampled, sample_period
 from tests.support.intersample_records import TRUE, record
 from tests.support.record_rows import read, refusal, varied_rows, write_rows
-
-SENSORS = [make(PpyActuator, "voltage") for make in (sensor_lag, sensor_drift, transport_delay)]
 
 
 @pytest.mark.parametrize("rate", [1.0, 10.0, 50.0])
@@ -69,32 +64,19 @@ def test_an_autoregression_bears_as_much_jitter_as_is_called_even(pole):
 @pytest.mark.parametrize("kind", ["chirp", "multilevel"])
 def test_a_clean_record_with_jitter_is_diagnosed_like_any(kind):
     deviations = []
+    options = {"duration": 60.0, "rate": 50.0, "force": "multilevel", "jitter": 5e-3}
     for seed in range(40, 45):
-        data = record(
-            kind,
-            kind == "multilevel",
-            seed,
-            duration=60.0,
-            rate=50.0,
-            force="multilevel",
-            jitter=5e-3,
-        )
+        data = record(kind, kind == "multilevel", seed, **options)
         assert np.ptp(np.diff(data.time)) > 0.015
-        diagnosis = diagnose(
-            PpyActuator,
-            data,
-            [*SENSORS, EFFECTS["double_layer"]],
-            held=PpyActuator.layout.start_parameters,
-        )
-        assert diagnosis.causes == []
-        assert diagnosis.verdict == "recalibrate"
-        assert diagnosis.validation.first == 2000  # its end is held out, and not every third sample
-        assert diagnosis.intersample["current"].linear is (kind == "chirp")
+        columns = {"time": data.time, **data.inputs, **data.outputs}
+        said = ppy.diagnose(columns, effects=["double_layer"], laws=False)
+        assert said.causes == []
+        assert said.verdict == "recalibrate"
+        assert said.details.subject.problem.records[0].smooth[0] is (kind == "chirp")
         for name in ("R1", "R2", "C", "alpha"):
-            low, high = diagnosis.estimates[name].interval
-            deviations.append(
-                (diagnosis.estimates[name].value - TRUE[name]) / ((high - low) / 3.92)
-            )
+            low, high = np.log(said.parameters[name].interval)
+            error = np.log(said.parameters[name].value / TRUE[name])
+            deviations.append(error / ((high - low) / 3.92))
     assert np.mean(np.abs(deviations) < 1.96) >= 0.85
     assert np.abs(deviations).max() < 4.0
 

@@ -1,1 +1,0 @@
-from .experiment import design_experiment as design_experiment
