@@ -6,6 +6,7 @@ import shlex
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 _DRAWN = 12  # sets of terms
+_LABEL = 44  # characters beside a bar
 
 
 @dataclass(frozen=True)
@@ -186,7 +188,8 @@ class Evidence(Displayable):
         height = 0.6 + 0.22 * len(rows)
         figure, (axis,) = pictures.panels(1, "evidence for sets of terms", "score [nat]", height)
         axis.barh(range(len(rows)), [row.score for row in rows], color=pictures.MODEL)
-        axis.set_yticks(range(len(rows)), [row.parts for row in rows])
+        labels = [shorten(row.parts, _LABEL, placeholder=" …") for row in rows]
+        axis.set_yticks(range(len(rows)), labels)
         return figure
 
 
