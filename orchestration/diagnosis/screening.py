@@ -518,12 +518,16 @@ def _is_one(view: Seen, signal: Array, output: Array) -> bool:
 
 
 def _of_sensors(along: Courses, shapes: _Shapes) -> Iterator[Candidate]:
-    """Yield faults of the sensors of measured outputs: offset, gain, drift, lag and delay."""
+    """Yield faults of the sensors of measured outputs: offset, gain, drift, lag and delay.
+
+    A state that is shown has no law of a sensor by which a model could be extended.
+    """
     model = along.model
+    by_sensors = {output.name for output in model.cls.layout.measured_outputs}
     for j in np.flatnonzero(along.measured).tolist():
         output = model.outputs[j].name
         values = along.values[output]
-        if not np.isfinite(values).all():
+        if output not in by_sensors or not np.isfinite(values).all():
             continue
         views = seen(distinct([(output, values)]), along.times, [Memory.FADING])
         size = float(along.fitted.problem.spread[j])
@@ -545,9 +549,6 @@ def _of_sensors(along: Courses, shapes: _Shapes) -> Iterator[Candidate]:
 
 def _delays(along: Courses, output: str, size: float) -> Iterator[Candidate]:
     """Yield delays of an output."""
-    # a state that is shown has no effect of measurement that a model could be extended by
-    if output not in {one.name for one in along.model.cls.layout.measured_outputs}:
-        return
     model, values = along.model, along.values[output]
     ends = np.cumsum([len(time) for time in along.times])[:-1]
     parts = list(zip(np.split(values, ends), along.times, strict=True))
