@@ -416,18 +416,18 @@ def heater() -> Screen:
     return noisy(Heater)
 
 
-def noisy(cls: type[Component]) -> Screen:
-    """Return the screen of a component with an input and an output that is measured with noise."""
+def noisy(cls: type[Component], outputs: int = 1) -> Screen:
+    """Return the screen of a component with an input and outputs that are measured with noise."""
     time = 0.05 * np.arange(120)
     inflow = (1.0 + np.sin(1.7 * time) + 0.5 * np.sign(np.sin(0.9 * time)))[:, None].copy()
-    record = Record(time, inflow, np.zeros((120, 1)), (True,))
+    record = Record(time, inflow, np.zeros((120, outputs)), (True,))
     model = LawModel(cls)
     starts = (StartPrior(np.array([0.5, 0.0]), np.array([0.1, 0.1])),)
-    problem = Problem(model, (record,), np.ones(1), starts)
+    problem = Problem(model, (record,), np.ones(outputs), starts)
     point = nominal_point(problem)
     course = model.run(record, problem.setting(point, ()), point.starts[0])
     assert course is not None
-    noise = 0.1 * np.random.default_rng(2).standard_normal((120, 1))
+    noise = 0.1 * np.random.default_rng(2).standard_normal((120, outputs))
     record = replace(record, outputs=course.outputs + noise)
     problem = replace(problem, records=(record,))
     fitted = Fit(problem, (), point, (noise,), 0.0, np.zeros((3, 3)))
@@ -440,6 +440,34 @@ def test_laws_of_one_signal_are_no_signals() -> None:
     signals = {c.term.signal for c in tank().candidates}
     assert "mixed" in signals
     assert "bent" not in signals
+
+
+class Shown(Component):
+    """Two states of which one is shown, and the other read by an instrument."""
+
+    name = "shown"
+    inflow = Input("1", nominal=1.0)
+    level = State("1", rate="change", nominal=1.0, output=True)
+    total = State("1", rate="counting", nominal=1.0)
+
+    def change(self):
+        """Relaxation."""
+        return self.inflow - self.level
+
+    def counting(self):
+        """Slower."""
+        return self.level - self.total
+
+    @Output("1", nominal=1.0)
+    def read(self):
+        """As measured."""
+        return 2.0 * self.total
+
+
+def test_faults_of_sensors_are_those_of_instruments() -> None:
+    """A state that is shown has no law by which a model with such a fault could be made."""
+    faults = {c.term.law for c in noisy(Shown, 2).candidates if isinstance(c.term, SensorTerm)}
+    assert faults == {"read"}
 
 
 def test_a_rate_that_relaxes_its_state_may_be_over_itself() -> None:
