@@ -650,7 +650,7 @@ def _law_model(model: Model, options: Options) -> LawModel:
         If it has none, or not an effect that is wanted.
     """
     if model.cls is None:
-        raise UserError(f"{model.without_equations}, and has no laws to search")
+        raise UserError(f"{model.without_equations}, so that there are no laws to search")
     return LawModel(model.cls, options.effects_of(model.cls))
 
 
