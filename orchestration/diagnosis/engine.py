@@ -285,7 +285,7 @@ def diagnose(
         *_free_response(found.subject),
         *_predictions(model, found.subject),
         *_denoised(found.subject),
-        *_curved(found.subject),
+        *_in_cubics(found.subject),
         *_unrelated(found),
     ]
     if not deadline.was_met:
@@ -556,7 +556,7 @@ def _free_response(subject: Subject) -> list[Note]:
     return [("free_response", record, text) for record in records]
 
 
-def _curved(subject: Subject) -> list[Note]:
+def _in_cubics(subject: Subject) -> list[Note]:
     """Return the note on inputs that go in curves between samples."""
     record = subject.problem.records[0]
     if not record.curved:
