@@ -1,8 +1,7 @@
-"""The simulation-error fit: least squares of the free run's errors (output-error method).
+"""Errors of a free run, pooled over outputs by the size of their noise (output-error method).
 
 Nothing is assumed of the noise but its size, so that no noise model can explain a part that the
-simulation should explain (Ljung: System Identification, section 7.2). The search begins at several
-points, because the sum has several minima where time constants are far from the true ones.
+simulation should explain (Ljung: System Identification, section 7.2).
 """
 
 from __future__ import annotations

@@ -82,11 +82,6 @@ FAULTS = {
         "all outputs are straight lines over {times} samples each: the record was resampled, and"
         " only the {samples} samples between them are used",
     ),
-    "oversampled": _Description(
-        "oversampled",
-        "no column has anything as fast as its samples, nor any noise: the record was filtered or"
-        " sampled far too finely, and only {samples} samples, one of {times}, are used",
-    ),
     "moves_ahead": _Description(
         "ahead",
         "moves before inputs step, which nothing does that follows them: it was filtered forwards"

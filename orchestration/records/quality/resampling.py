@@ -1,10 +1,7 @@
-"""Records that have more samples than what was measured needs.
+"""Records that were resampled by straight lines between the samples that were measured.
 
-What was resampled by straight lines between samples was not measured there: it counts as evidence
-many times over, and makes an input that was held go smoothly, which looks like a delay. What was
-filtered, forwards and backwards or otherwise, has nothing beyond some frequency, no noise either:
-by the sampling theorem a few samples of every period there tell all of it (Åström & Wittenmark,
-section 7.2), and the others are no evidence.
+What was not measured counts as evidence many times over, and makes an input that was held go
+smoothly, which looks like a delay.
 """
 
 from __future__ import annotations
