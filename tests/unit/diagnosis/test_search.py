@@ -82,7 +82,10 @@ def test_every_shape_of_the_winner_is_tried(found: Found) -> None:
 
 
 def test_a_term_has_other_owners_with_their_sizes(found: Found) -> None:
-    """Those laws in which the screen had the same signal, seen in the same way."""
+    """Those laws in which the screen had the same signal, seen in the same way.
+
+    An effect on an input is in no law.
+    """
     rounds = NAMES._Rounds(Found(found.subject, found.base), print)
     heat = Term("heat", "v", Shape.SQUARE, size=7.0)
     rounds._terms = [
@@ -91,6 +94,7 @@ def test_a_term_has_other_owners_with_their_sizes(found: Found) -> None:
         replace(heat, law="load", factor="load"),
         replace(heat, law="slow", memory=Memory.LAG, constants=(1.0,)),
         replace(heat, law="other", signal="x"),
+        NamedTerm("", "v", Shape.LINEAR, effect="input_lag", family="input_lag"),
     ]
     curve = Term("friction", "v", Shape.CUBE, size=2.0)
     assert rounds._in_other_laws(curve) == [replace(curve, law="heat", size=7.0)]
