@@ -167,9 +167,7 @@ def test_a_model_that_cannot_run_is_refused_in_one_line():
     with pytest.raises(UserError, match=r"counter: 4000 sample instants .* 1000 are allowed"):
         diagnose([rare], declared_model_of(Counter))
     without = replace(MODEL, cls=None, notes=("motor.fmu: its equations are unknown",))
-    with pytest.raises(
-        UserError, match=r"motor.fmu: its equations are unknown, so that"
-    ):
+    with pytest.raises(UserError, match=r"motor.fmu: its equations are unknown, so that"):
         diagnose([record], without)
 
 
