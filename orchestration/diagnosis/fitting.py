@@ -96,6 +96,19 @@ class Evaluated:
     rows: tuple[tuple[Array, Indices], ...] = ()
     is_near: bool = False
 
+    @cached_property
+    def foreseen(self) -> float:
+        """The cost at the end of a whole step, as if errors went in straight lines."""
+        try:
+            step = np.linalg.solve(self.curvature, self.gradient)
+        except np.linalg.LinAlgError:
+            return -np.inf
+        return float(self.cost - 0.5 * self.gradient @ step)
+
+    def may_fall(self, cost: float, flat: float) -> bool:
+        """Return whether it is foreseen to fall below a cost by more than a share of it."""
+        return self.foreseen < cost - flat * max(1.0, cost)
+
 
 @dataclass(frozen=True, eq=False)
 class StartPrior:
@@ -620,7 +633,8 @@ def _downhill(
 
     Slopes take most of the time. As long as they foresee the falls they are used on, by the chord
     method (Kelley: Iterative Methods for Linear and Nonlinear Equations, section 5.4.2); an end is
-    flat by those of its own place.
+    flat by those of its own place. A step that is foreseen to gain nothing, by half the squared
+    Newton decrement (Boyd, Vandenberghe: Convex Optimization, section 9.5.1), is the last.
 
     Parameters
     ----------
@@ -640,8 +654,12 @@ def _downhill(
     place, here = begun
     damping, small = 1e-2, 0
     for _ in range(most):
+        is_end = not here.may_fall(here.cost, flat)
+        if is_end and here.is_near:
+            here = evaluate(place) or replace(here, is_near=False)
+            continue
         lower, foreseen = None, 0.0
-        for _ in range(_HALVINGS):
+        for _ in range(1 if is_end else _HALVINGS):
             damped = here.curvature + np.diag(damping * np.diag(here.curvature))
             try:
                 step = np.asarray(np.linalg.solve(damped, here.gradient))
@@ -666,7 +684,7 @@ def _downhill(
             lower = evaluate(trial) or lower
         place, here, damping = trial, lower, max(damping / 6.0, 1e-9)
         small = small + 1 if is_small else 0
-        if small >= 2:
+        if is_end or small >= 2:
             break
     return place, here
 
@@ -682,7 +700,8 @@ def fit(
     """Fit from the nearest of several points; that which is lowest after a few steps goes on.
 
     A point at nominal parameters is tried even if others are nearer: parameters that went far to do
-    the work of a term are near without it, and hide it.
+    the work of a term are near without it, and hide it. A point from which no lower end is foreseen
+    than where another has come is left out.
 
     Parameters
     ----------
@@ -709,11 +728,16 @@ def fit(
         nominal = sorted(nominal, key=search.cost)[:_STARTS]
     nearest = [p for p in nearest if p not in nominal]
     steps = [_TRIAL] * len(nearest) + [_FARTHER * _TRIAL] * len(nominal)
-    begun = zip(map(search.begin, [*nearest, *nominal]), steps, strict=True)
-    tried = [search.descend(at, count, flat) for at, count in begun if at is not None]
-    if not tried:
+    best = None
+    for point, count in zip([*nearest, *nominal], steps, strict=True):
+        begun = search.begin(point)
+        if begun is None or not (best is None or begun[1].may_fall(best[1].cost, flat)):
+            continue
+        there = search.descend(begun, count, flat)
+        best = there if best is None or there[1].cost < best[1].cost else best
+    if best is None:
         return None
-    point, here = search.descend(min(tried, key=lambda at: at[1].cost), most, flat)
+    point, here = search.descend(best, most, flat)
     if here.is_near:
         here = search.evaluate(point) or here
     return Fit(problem, search.terms, point, here.errors, here.cost, here.curvature)

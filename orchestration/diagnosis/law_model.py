@@ -391,10 +391,13 @@ class LawModel:
 
         An effect may add to an input, which calls none.
         """
-        if law not in self.laws:
-            return self.depends_on(law)
-        called = {other for other in self.laws if self.perturbed.reads_itself(law, other)}
-        return self.depends_on(law) | called
+        return self.depends_on(law) | self._called.get(law, set())
+
+    @cached_property
+    def _called(self) -> dict[str, set[str]]:
+        """The laws that each law calls."""
+        reads = self.perturbed.reads_itself
+        return {law: {other for other in self.laws if reads(law, other)} for law in self.laws}
 
     @cached_property
     def followed(self) -> list[str]:

@@ -465,11 +465,10 @@ class _Rounds:
                 continue
             self._terms += [c.term for c in screen.candidates if not isinstance(c.term, SensorTerm)]
             room = _MOST_TERMS - len(fitted.terms)
-            is_far = count == 1 and self._thorough and _is_far(fitted)
+            every_sensor = count == 1 and self._thorough
             ways = quotas[count], room, fitted.terms
-            asked = list(
-                _by_quota(screen, *ways, is_far=is_far and count == 1, every_sensor=self._thorough)
-            )
+            is_far = every_sensor and _is_far(fitted)
+            asked = list(_by_quota(screen, *ways, is_far=is_far, every_sensor=every_sensor))
             along = "the record" if count == 1 else f"{count} pieces of the record"
             self._progress(f"{len(screen.candidates)} terms along {along}, {len(asked)} sets")
             asked.sort(key=len)

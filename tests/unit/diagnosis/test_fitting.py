@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 from fmus.kit.arrays import Array
 from orchestration.diagnosis import Shape, Term
 from orchestration.diagnosis.fitting import (
+    Evaluated,
     Point,
     Problem,
     StartPrior,
@@ -252,7 +253,31 @@ def test_the_lowest_of_several_starts_goes_on() -> None:
     best = min(
         (fit(problem, (OFFSET,), [p], weights, 0) for p in (far, good)), key=lambda f: f.cost
     )
-    assert fit(problem, (OFFSET,), [far, good], weights, 0).cost == best.cost
+    both = fit(problem, (OFFSET,), [far, good], weights, 0)
+    assert both is not None
+    assert both.cost == pytest.approx(best.cost, rel=1e-4)
+
+
+def test_nobody_goes_from_a_start_that_foresees_no_lower_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A trajectory linear in what is fitted has its end foreseen exactly, from anywhere."""
+    problem = drawn(0.01, 1.2)
+    problem = replace(problem, hold=frozenset(p.name for p in problem.model.parameters))
+    begun: list[float] = []
+    descend = _Search.descend
+
+    def watched(self: _Search, at: tuple[Point, Evaluated], most: int, flat: float) -> object:
+        begun.append(at[1].foreseen)
+        return descend(self, at, most, flat)
+
+    monkeypatch.setattr(_Search, "descend", watched)
+    good = nominal_point(problem, (OFFSET,))
+    far = [replace(good, values=np.array([value])) for value in (5.0, 9.0)]
+    fitted = fit(problem, (OFFSET,), [*far, good], [np.array([30.0])] * 2)
+    assert fitted is not None
+    assert len(begun) == 2, "one start, and the last descent"
+    assert begun[0] == pytest.approx(fitted.cost, rel=1e-6)
 
 
 def test_nominal_parameters_are_tried_though_other_starts_are_nearer(
@@ -262,6 +287,7 @@ def test_nominal_parameters_are_tried_though_other_starts_are_nearer(
     problem = drawn(0.01)
     best = fit_base(problem)
     assert best is not None
+    monkeypatch.setattr(Evaluated, "may_fall", lambda *args: True)  # all lead to the same end
     near = [replace(best.point, q=best.point.q + 0.01 * k) for k in range(4)]
     tried: list[tuple[bool, int]] = []
     descend = _Search.descend
