@@ -658,7 +658,7 @@ def _downhill(
         if is_end and here.is_near:
             here = evaluate(place) or replace(here, is_near=False)
             continue
-        lower, foreseen = None, 0.0
+        lower, foreseen, overshot = None, 0.0, False
         for _ in range(1 if is_end else _HALVINGS):
             damped = here.curvature + np.diag(damping * np.diag(here.curvature))
             try:
@@ -675,14 +675,16 @@ def _downhill(
             if here.is_near:
                 here = evaluate(place) or replace(here, is_near=False)
                 continue
-            damping = max(damping, 1e-6) * 6.0
+            damping, overshot = max(damping, 1e-6) * 6.0, True
         if lower is None:
             break
         fall = here.cost - lower.cost
         is_small = fall < flat * max(1.0, lower.cost)
-        if lower.is_near and (is_small or abs(fall - foreseen) > _FORESEEN * foreseen):
+        is_curved = overshot or abs(fall - foreseen) > _FORESEEN * foreseen
+        if lower.is_near and (is_small or is_curved):
             lower = evaluate(trial) or lower
-        place, here, damping = trial, lower, max(damping / 6.0, 1e-9)
+        place, here = trial, lower
+        damping = damping if overshot else max(damping / 6.0, 1e-9)
         small = small + 1 if is_small else 0
         if is_end or small >= 2:
             break

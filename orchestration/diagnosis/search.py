@@ -52,7 +52,7 @@ from orchestration.diagnosis.screening import (
 from orchestration.diagnosis.subject import Subject, read_again
 from orchestration.diagnosis.terms import NamedTerm, SensorTerm, Term, effects_in
 
-_PIECES = (1, 8, 40)  # of a record, of the courses along which terms are proposed
+_PIECES = (8, 40)  # of a record, along which terms are proposed if the whole hides some
 _QUOTAS = {1: {1: 7, 2: 6, 3: 3}, 8: {1: 6, 2: 5, 3: 2}, 40: {1: 6, 2: 5, 3: 2}}
 _OF_READING = {1: {1: 3, 2: 2}}  # the same of a file that is read in another way
 _QUICK = {1: {1: 7}}  # the same of a search that is not thorough
@@ -224,13 +224,15 @@ def search(
     model = subject.problem.model
     if not thorough:
         return _along_the_whole(rounds)
-    pieces = _PIECES if model.states and not model.begins_as_declared else (1,)
-    rounds.propose(subject.base, pieces, _QUOTAS)
+    rounds.propose(subject.base, (1,), _QUOTAS)
     other = _between_samples(rounds.found)
+    if other is None and model.states and not model.begins_as_declared and rounds.leave_more():
+        rounds.propose(subject.base, _PIECES, _QUOTAS)
+        other = _between_samples(rounds.found)
     if other is not None:
         progress("inputs go otherwise between samples")
         return search(other, *ways)
-    for one in rounds.found.best(_BEST)[:_BEST]:
+    for one in filter(leaves_more, rounds.found.best(_BEST)[:_BEST]):
         if len(one.terms) < _MOST_TERMS:
             rounds.propose(one.fit, (1,), {1: _SECOND})
     rounds.subsets()
@@ -480,6 +482,10 @@ class _Rounds:
                         if len(chosen) == size
                     ]
                 )
+
+    def leave_more(self) -> bool:
+        """Return whether the best so far leaves more than noise."""
+        return all(map(leaves_more, self.found.best(1)[:1]))
 
     def _screen(self, fitted: Fit, count: int) -> Screen | None:
         """Return the responses along the free run, or along pieces whose starts are estimated.
