@@ -24,7 +24,12 @@ from .functions import absolute, exp, maximum, minimum, smooth_table, sqrt, tanh
 _ONCE = 1e9
 ABRUPT = 0.004  # of the scale, within which a step is made, as in free_run.c
 ROUNDED = 0.02  # of the scale, within which a root is straight, as in free_run.c
-_MEMORIES = ("none", "lag", "fading", "two_lags", "rate_limit", "play", "dahl", "heat")
+_FROM_REST = {
+    "heat": "lag of the square of {}",
+    "integral": "integral of {} since the start",
+    "throughput": "integral of the modulus of {} since the start",
+}
+_MEMORIES = ("none", "lag", "fading", "two_lags", "rate_limit", "play", "dahl", *_FROM_REST)
 _WIDEST = 1e6  # of a width or a constant, in its value, and the reciprocal of the smallest
 
 
@@ -42,7 +47,7 @@ class LawTerm:
         Name of the parameter that switches it; those of other variables begin with it.
     amount_unit, signal_unit : str
         Of the coefficient (of a curve, of its values), and of the signal as the shape has it: of
-        heat its square.
+        heat its square, of an integral its product with a second.
     power : float
         Power of the signal in the coefficient's unit.
     size, scale, middle : float
@@ -259,30 +264,33 @@ def _memory(term: LawTerm) -> _Memory:
         return _Memory({}, lambda self: 0.0)
     if term.memory == "none":
         return _Memory({}, lambda self: base_value(self, term.signal))
-    if term.memory == "heat":
-        return _heat(term)
+    if term.memory in _FROM_REST:
+        return _from_rest(term)
     return _sampled(term) if term.memory in ("play", "dahl") else _continuous(term)
 
 
-def _heat(term: LawTerm) -> _Memory:
-    """Return a memory of the square of a signal, which begins at rest."""
-    time, heat = f"{term.stem}_time", f"{term.stem}_heat"
+def _from_rest(term: LawTerm) -> _Memory:
+    """Return a memory that begins at zero: of the square of a signal, or an integral."""
+    time, state = f"{term.stem}_time", f"{term.stem}_{term.memory}"
 
     def rate(self: Any) -> Any:
         now = base_value(self, term.signal)
-        return (now * now - getattr(self, heat)) / getattr(self, time)
+        if term.memory == "heat":
+            return (now * now - getattr(self, state)) / getattr(self, time)
+        return absolute(now) if term.memory == "throughput" else now
 
     members = {
-        time: _positive(1.0, "s", f"time constant of {term.stem}"),
-        heat: State(
+        state: State(
             term.signal_unit,
-            rate=f"{heat}_rate",
+            rate=f"{state}_rate",
             nominal=term.scale,
-            doc=f"lag of the square of {term.signal}",
+            doc=_FROM_REST[term.memory].format(term.signal),
         ),
-        f"{heat}_rate": rate,
+        f"{state}_rate": rate,
     }
-    return _Memory(members, lambda self: getattr(self, heat))
+    if term.memory == "heat":
+        members[time] = _positive(1.0, "s", f"time constant of {term.stem}")
+    return _Memory(members, lambda self: getattr(self, state))
 
 
 def _continuous(term: LawTerm) -> _Memory:

@@ -34,8 +34,8 @@ class Weights:
         nats weigh nothing beside a gain of hundreds, in which no model of a few laws is exact.
     shape, curve : float
         Prior of a shape that is neither linear nor a square, and of a curve.
-    constant, fading : float
-        Prior of each constant of a memory, and of one that sees changes only.
+    constant, fading, count : float
+        Prior of each constant of a memory, of one that sees changes only, and of one that counts.
     factor : float
         Prior of a change in proportion to a law.
     law_as_signal, foreign, time : float
@@ -91,6 +91,7 @@ class Weights:
     curve: float = 1.0
     constant: float = 2.0
     fading: float = 1.0
+    count: float = 2.0
     factor: float = 1.0
     law_as_signal: float = 2.0
     foreign: float = 1.5
@@ -143,9 +144,7 @@ def words(model: LawModel, term: Term, depends: bool) -> float:
         # where the output is a law that may lack a term, a fault of its sensor is a plain one
         is_plain = term.law in model.targets
         return _words_of_shape(term.shape) + (0.0 if is_plain else WEIGHTS.misread)
-    total = _words_of_shape(term.shape) + WEIGHTS.constant * term.memory.constants
-    if term.memory is Memory.FADING:
-        total += WEIGHTS.fading
+    total = _words_of_shape(term.shape) + _words_of_memory(term.memory)
     # what a model receives of an input, over that input, is a misread column in other words
     if term.law in model.received and depends:
         total += WEIGHTS.misread
@@ -162,6 +161,13 @@ def words(model: LawModel, term: Term, depends: bool) -> float:
     if term.signal in model.laws and term.signal not in plain:
         total += WEIGHTS.law_as_signal
     return total
+
+
+def _words_of_memory(memory: Memory) -> float:
+    total = WEIGHTS.constant * memory.constants
+    if memory is Memory.FADING:
+        total += WEIGHTS.fading
+    return total + WEIGHTS.count if memory.counts else total
 
 
 def _words_of_shape(shape: Shape) -> float:

@@ -33,7 +33,7 @@
 #endif
 
 enum shape { CONSTANT, LINEAR, MODULUS, SQUARE, ODD_SQUARE, CUBE, ROOT, DRY, DEAD_ZONE, ABOVE, BELOW, STEP, CURVE };
-enum memory { NONE, LAG, FADING, TWO_LAGS, RATE_LIMIT, PLAY, DAHL, HEAT };
+enum memory { NONE, LAG, FADING, TWO_LAGS, RATE_LIMIT, PLAY, DAHL, HEAT, INTEGRAL, THROUGHPUT };
 
 #define KNOTS 13
 #define ROUNDED 0.02   /* of the scale, within which a root is straight */
@@ -186,8 +186,10 @@ static void shape_at(const term *q, int j, double z, double w, double *value, do
 
 static int coefficients(const term *q) { return q->shape == CURVE ? q->knots : 1; }
 static int has_width(const term *q) { return q->shape >= DRY && q->shape <= STEP; }
+static int counts(const term *q) { return q->memory == INTEGRAL || q->memory == THROUGHPUT; }
 static int of_memory(const term *q) {
-    return q->memory == NONE ? 0 : q->memory == TWO_LAGS || q->memory == RATE_LIMIT ? 2 : 1;
+    if (q->memory == NONE || counts(q)) return 0;
+    return q->memory == TWO_LAGS || q->memory == RATE_LIMIT ? 2 : 1;
 }
 
 /* add a row of derivatives by parameters to those by what is free */
@@ -260,11 +262,15 @@ static void add_terms(const double *X, const double *S, const double *u, double 
         if (q->memory != NONE) {
             double Z = X[z];
             const double *sz = sensitive ? S + z * ns : 0;
-            double tau = k->constant[at_memory];
             if (q->memory == PLAY || q->memory == DAHL) {
                 if (dX) dX[z] = 0.0;
                 if (dS) memset(dS + z * ns, 0, ns * sizeof(double));
+            } else if (counts(q)) {
+                double side = q->memory == THROUGHPUT && s < 0.0 ? -1.0 : 1.0;
+                if (dX) dX[z] = side * s;
+                if (dS) for (int j = 0; j < ns; j++) dS[z * ns + j] = ds ? side * ds[j] : 0.0;
             } else if (dX) {
+                double tau = k->constant[at_memory];
                 double into = q->memory == HEAT ? s * s : s, by_into = q->memory == HEAT ? 2.0 * s : 1.0;
                 double gap = into - Z, by_gap = 1.0 / tau, by_first = -gap / tau, by_second = 0.0, rate;
                 if (q->memory == TWO_LAGS && gap < 0.0) {
@@ -544,9 +550,9 @@ static int simulate(work *k, double *X, double *S) {
     memcpy(X, r->start, NX * sizeof(double));
     for (int i = 0; i < r->starts; i++) S[r->state[i] * ns + ns - r->starts + i] = 1.0;
     see_laws(X, r->inputs, r->time[0], 1, k);
-    for (int i = 0; i < r->terms; i++)  /* memories begin in equilibrium; bristles and heat at rest */
+    for (int i = 0; i < r->terms; i++)  /* memories begin in equilibrium; bristles, heat and counts at rest */
         if (k->store[i] >= 0) {
-            int rests = r->term[i].memory == DAHL || r->term[i].memory == HEAT;
+            int rests = r->term[i].memory == DAHL || r->term[i].memory == HEAT || counts(r->term + i);
             const double *ds;
             double s = signal(r->term[i].signal, X, S, r->inputs, r->time[0], k, k->ds, &ds);
             X[k->store[i]] = rests ? 0.0 : s;

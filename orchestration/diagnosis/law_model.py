@@ -371,11 +371,12 @@ class LawModel:
         """Signals that a term may be a function of.
 
         Neither the law of an output nor the rate of a state, which follows from the others, nor a
-        law that is a function of one of them.
+        law that is a function of one of them. A state that is an output is still a state.
         """
+        states = {s.name for s in self.states}
         left_out = {o.name for o in self.cls.layout.outputs} | set(self.followed)
         left_out |= {law for law in self.laws if len(self.perturbed.computed_from(law)) < 2}
-        return frozenset(self.signals) - left_out
+        return frozenset(self.signals) - (left_out - states)
 
     @cached_property
     def plain_laws(self) -> frozenset[str]:

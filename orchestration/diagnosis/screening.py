@@ -24,7 +24,7 @@ from orchestration.diagnosis.fitting import effective_samples, weights_of
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.responses import Drives, Projection, Response, respond
 from orchestration.diagnosis.runs import Linearisation
-from orchestration.diagnosis.signals import Seen, distinct, seen
+from orchestration.diagnosis.signals import Seen, alike_signals, distinct, seen
 from orchestration.diagnosis.terms import (
     KNOTS,
     DelayTerm,
@@ -51,10 +51,14 @@ _REMEMBERED = {
     Memory.PLAY: (Shape.LINEAR,),
     Memory.DAHL: (Shape.LINEAR,),
     Memory.HEAT: (),  # it changes a law in percent
+    Memory.INTEGRAL: (Shape.LINEAR, Shape.SQUARE, Shape.CURVE),
+    Memory.THROUGHPUT: (Shape.LINEAR, Shape.ROOT, Shape.DRY),
 }
 _FACTORS = {
     Memory.NONE: (Shape.LINEAR, Shape.SQUARE, Shape.DRY, Shape.CURVE),
     Memory.HEAT: (Shape.LINEAR,),
+    Memory.INTEGRAL: (Shape.LINEAR, Shape.SQUARE, Shape.CURVE),
+    Memory.THROUGHPUT: (Shape.LINEAR, Shape.ROOT, Shape.DRY),
 }
 _OF_ITSELF = (Shape.MODULUS, Shape.ODD_SQUARE, Shape.CUBE, Shape.DRY)  # of a rate, as a signal
 _DRIFTS = (Shape.LINEAR, Shape.ROOT, Shape.SQUARE)  # of a sensor, over the time
@@ -422,11 +426,37 @@ def alike(model: LawModel, parts: Sequence[Linearisation]) -> list[list[str]]:
     return classes
 
 
-def _signals(along: Courses) -> list[tuple[str, Array]]:
-    """Return the distinct signals of a model along its courses."""
-    arguments = along.model.arguments
-    named = [(name, values) for name, values in along.values.items() if name in arguments]
-    return distinct([(name, values) for name, values in named if np.isfinite(values).all()])
+class _Views:
+    """Signals of a model along its courses and through memories, as each law sees them."""
+
+    def __init__(self, along: Courses):
+        model = self._model = along.model
+        named = [(name, values) for name, values in along.values.items() if name in model.arguments]
+        self._times = along.times
+        self._alike = alike_signals([one for one in named if np.isfinite(one[1]).all()])
+        self._counted = {v.name for v in (*model.inputs, *model.states)} - model.integrals
+        self._known: dict[tuple[str, ...], list[Seen]] = {}
+
+    def of(self, laws: Sequence[str]) -> list[Seen]:
+        """Return the views of distinct signals.
+
+        Of signals that are one along these courses, the one that the plainest law reads.
+        """
+        reads = sorted(map(self._model.reads, laws), key=len)
+        signals = []
+        for same in self._alike:
+            own = (one for read in reads for one in same if one[0] in read)
+            signals.append(next(own, same[0]))
+        key = tuple(name for name, _ in signals)
+        if key not in self._known:
+            views = seen(signals, self._times, list(_REMEMBERED))
+            self._known[key] = [view for view in views if self._is_view(view)]
+        return self._known[key]
+
+    def _is_view(self, view: Seen) -> bool:
+        if view.memory.counts:
+            return view.signal in self._counted
+        return view.memory is not Memory.FADING or view.signal not in self._model.integrals
 
 
 def _owner(model: LawModel, classes: Sequence[str], signal: str) -> tuple[str, bool]:
@@ -484,14 +514,10 @@ def _candidates(
     """Yield every term that may be missing."""
     model = along.model
     outputs = {o.name for o in model.outputs}
-    signals = _signals(along)
-    views = [
-        view
-        for view in seen(signals, along.times, list(_REMEMBERED))
-        if view.memory is not Memory.FADING or view.signal not in model.integrals
-    ]
+    views_of = _Views(along)
     value_of = along.values
     for same in classes:
+        views = views_of.of(same)
         size = max(float(np.sqrt(np.mean(value_of[law] ** 2))) for law in same) or 1.0
         whole = next((law for law in same if law in model.rates), same[0])
         amount = np.full(len(along.laws), size)
@@ -508,7 +534,7 @@ def _candidates(
                 if not (of_sensor and term.shape is Shape.LINEAR):
                     yield shapes.candidate(term, view, amount, depends)
         yield from _in_percent(shapes, same, views, value_of)
-        yield from _by_inputs(shapes, same, size, views, dict(signals), value_of)
+        yield from _by_inputs(shapes, same, size, views, value_of)
 
 
 def _is_one(view: Seen, signal: Array, output: Array) -> bool:
@@ -581,13 +607,13 @@ def _in_percent(
     """Yield terms in proportion to each law of those that act alike."""
     model = shapes.model
     for law in same:
-        if len(same) > 1 and (law in model.rates or np.ptp(value_of[law]) == 0.0):
+        if len(same) > 1 and np.ptp(value_of[law]) == 0.0:
             continue
         own = model.depends_on(law)
         for view in views:
             factors = _FACTORS.get(view.memory, ())
             is_own = view.memory is Memory.NONE and own == {view.signal}
-            if is_own or view.signal == law:
+            if is_own or (view.signal == law and view.memory is Memory.NONE):
                 continue
             for term in _terms(law, view, factors, 1.0, factor=law):
                 yield shapes.candidate(term, view, value_of[law], view.signal in own)
@@ -598,7 +624,6 @@ def _by_inputs(
     same: Sequence[str],
     size: float,
     views: Sequence[Seen],
-    values: Mapping[str, Array],
     value_of: Mapping[str, Array],
 ) -> Iterator[Candidate]:
     """Yield terms in proportion to an input: command times state, heat by flow over charge.
@@ -607,8 +632,9 @@ def _by_inputs(
     """
     model = shapes.model
     others = {v.name for v in (*model.inputs, *model.states)}
-    for factor in (v.name for v in model.inputs if v.name in values):
-        amount = values[factor]
+    distinct_signals = {view.signal for view in views}
+    for factor in (v.name for v in model.inputs if v.name in distinct_signals):
+        amount = value_of[factor]
         if any(_cosine(value_of[law], amount) > _SAME for law in same):
             continue
         unit = size / float(np.sqrt(np.mean(amount**2)))
@@ -694,7 +720,7 @@ def other_shapes(term: Term, ends: tuple[float, float] | None = None) -> Iterato
     low, high = (term.places[0], term.places[-1]) if term.places else ends or _RANGE
     if len(term.places) < _MORE_KNOTS:
         finer = tuple(np.linspace(low, high, _MORE_KNOTS))
-        yield replace(term, shape=Shape.CURVE, width=_BEND, places=finer)
+        yield replace(term, shape=Shape.CURVE, width=1.0, places=finer)
     is_product = term.factor not in ("", term.law)
     for shape in Shape:
         if shape is term.shape or shape in (Shape.CONSTANT, Shape.MODULUS, Shape.STEP):
@@ -702,8 +728,8 @@ def other_shapes(term: Term, ends: tuple[float, float] | None = None) -> Iterato
         if is_product and shape is Shape.LINEAR:
             continue
         places = tuple(np.linspace(low, high, _KNOTS)) if shape is Shape.CURVE else ()
-        width = _DRY if shape is Shape.DRY else _BEND
-        yield replace(term, shape=shape, width=width, places=places)
+        bend = _BEND if shape.has_width else 1.0
+        yield replace(term, shape=shape, width=_DRY if shape is Shape.DRY else bend, places=places)
 
 
 def other_memories(term: Term) -> Iterator[Term]:

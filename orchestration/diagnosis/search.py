@@ -539,7 +539,7 @@ class _Rounds:
         new = []
         for terms, points in asked:
             key = frozenset(terms)
-            if key in self._tried or len(key) < len(terms):
+            if key in self._tried or len({t.source for t in terms}) < len(terms):
                 continue
             self._tried.add(key)
             new.append((terms, [*points, *self._nested(terms)]))

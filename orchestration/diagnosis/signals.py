@@ -63,21 +63,29 @@ def scale_of_signal(values: Array) -> tuple[float, float]:
 
 
 def distinct(signals: Sequence[tuple[str, Array]]) -> list[tuple[str, Array]]:
-    """Leave out signals that stand still, and those that are one with an earlier one.
+    """Leave out signals that stand still, and those that are one with an earlier one."""
+    return [same[0] for same in alike_signals(signals)]
+
+
+def alike_signals(signals: Sequence[tuple[str, Array]]) -> list[list[tuple[str, Array]]]:
+    """Join signals that are one with an earlier one, and leave out those that stand still.
 
     Parameters
     ----------
     signals : sequence of (str, ndarray)
         By name, the plainest first.
     """
-    kept: list[tuple[str, Array]] = []
+    classes: list[list[tuple[str, Array]]] = []
     for name, values in signals:
         if np.std(values) < 1e-9 * (np.abs(values).max() + 1e-300):
             continue
-        if any(abs(np.corrcoef(values, other)[0, 1]) > _ALIKE for _, other in kept):
-            continue
-        kept.append((name, values))
-    return kept
+        for same in classes:
+            if abs(np.corrcoef(values, same[0][1])[0, 1]) > _ALIKE:
+                same.append((name, values))
+                break
+        else:
+            classes.append([(name, values)])
+    return classes
 
 
 def seen(
@@ -98,6 +106,9 @@ def seen(
     length = max(float(t[-1] - t[0]) for t in times)
     constants = np.geomspace(max(3.0 * step, length / 1000.0), length / 4.0, _TIMES)
     result = [_seen(name, Memory.NONE, (), values) for name, values in signals]
+    whole = (length,)
+    tried: dict[Memory, Sequence[float]] = {Memory.PLAY: _WAYS, Memory.DAHL: _WAYS}
+    tried |= {kind: whole for kind in kinds if kind.counts}
     most = len(signals) * (1 + len(kinds) * _TIMES)
     known = np.empty((most, sum(len(time) for time in times)))
     for row, (_, values) in zip(known, signals, strict=False):
@@ -106,7 +117,7 @@ def seen(
         for name, values in signals:
             if name == "time":
                 continue
-            for constant in _WAYS if kind in (Memory.PLAY, Memory.DAHL) else constants:
+            for constant in tried.get(kind, constants):
                 remembered = _remembered(kind, values, times, float(constant))
                 kept = values**2 if kind is Memory.HEAT else values
                 if remembered.std() < 1e-3 * kept.std():
@@ -116,7 +127,8 @@ def seen(
                 if np.abs(known[: len(result)] @ z).max() > limit * len(z):
                     continue
                 known[len(result)] = z
-                result.append(_seen(name, kind, (float(constant),), remembered, values))
+                own = (float(constant),)[: kind.constants]
+                result.append(_seen(name, kind, own, remembered, values))
     return result
 
 
@@ -125,9 +137,11 @@ def remembered_by(
 ) -> Array | None:
     """Return what a memory with its time constants (s) keeps of a signal (n,).
 
-    None of a memory that has no single time constant.
+    None of a memory that is no linear one of the signal, its square or its modulus.
     """
-    return _remembered(kind, values, times, float(constants[0])) if kind in _OF_RECORDS else None
+    if kind not in _OF_RECORDS:
+        return None
+    return _remembered(kind, values, times, float(constants[0]) if kind.constants else 0.0)
 
 
 def are_alike(remembered: Array, values: Array) -> bool:
@@ -212,10 +226,23 @@ def _heat(values: Array, time: Array, constant: float, begins: Indices) -> Array
     return lagged(values**2, time, constant, begins) - rest
 
 
+def _integral(values: Array, time: Array, constant: float, begins: Indices) -> Array:
+    first = np.repeat(begins, np.diff(begins, append=len(time)))
+    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time)
+    total = np.append(0.0, np.cumsum(steps))
+    return np.asarray(total - total[first])
+
+
+def _throughput(values: Array, time: Array, constant: float, begins: Indices) -> Array:
+    return _integral(np.abs(values), time, constant, begins)
+
+
 _OF_RECORDS: dict[Memory, Callable[[Array, Array, float, Indices], Array]] = {
     Memory.LAG: lagged,
     Memory.FADING: _faded,
     Memory.HEAT: _heat,
+    Memory.INTEGRAL: _integral,
+    Memory.THROUGHPUT: _throughput,
 }
 _OF_RECORD: dict[Memory, Callable[[Array, float], Array]] = {
     Memory.PLAY: _play,

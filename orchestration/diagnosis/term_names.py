@@ -52,6 +52,8 @@ _OVER = {
     Memory.PLAY: "{} with play",
     Memory.DAHL: "{} with pre-sliding",
     Memory.HEAT: "the lagging square of {}",
+    Memory.INTEGRAL: "the integral of {}",
+    Memory.THROUGHPUT: "the throughput of {}",
 }
 
 
@@ -146,8 +148,13 @@ def unit_of(cls: type[Component], name: str) -> str:
 
 
 def seen_unit(cls: type[Component], term: Term) -> str:
-    """Return the SI unit of the signal of a term as its shape has it: of heat its square."""
+    """Return the SI unit of the signal of a term as its shape has it.
+
+    Of heat it is the square, of an integral the product with a second.
+    """
     unit = unit_of(cls, term.signal)
+    if term.memory.counts:
+        return "s" if unit == "1" else f"{in_brackets(unit)}*s"
     return unit if unit == "1" or term.memory is not Memory.HEAT else f"{in_brackets(unit)}^2"
 
 

@@ -45,7 +45,8 @@ class Memory(IntEnum):
     A lag follows its signal, fading is the signal less its lag. Two lags are the signal less a lag
     that differs by direction, a rate limit is the signal less one that follows no faster than a
     rate. Play follows at a distance (Prandtl); a Dahl element gives before it slides. Heat is the
-    lag of the square, from rest.
+    lag of the square, from rest. An integral and a throughput, the integral of the modulus, count
+    from the start of a record.
     """
 
     NONE = 0
@@ -56,11 +57,20 @@ class Memory(IntEnum):
     PLAY = 5
     DAHL = 6
     HEAT = 7
+    INTEGRAL = 8
+    THROUGHPUT = 9
+
+    @property
+    def counts(self) -> bool:
+        """Whether it is an integral since the start, which forgets nothing."""
+        return self in (Memory.INTEGRAL, Memory.THROUGHPUT)
 
     @property
     def constants(self) -> int:
         """Constants that are searched with it, in their logarithm."""
-        return {Memory.NONE: 0, Memory.TWO_LAGS: 2, Memory.RATE_LIMIT: 2}.get(self, 1)
+        if self is Memory.NONE or self.counts:
+            return 0
+        return 2 if self in (Memory.TWO_LAGS, Memory.RATE_LIMIT) else 1
 
 
 class TermStructure(ctypes.Structure):

@@ -309,6 +309,9 @@ class _Class:
         if kind is Memory.HEAT:
             yield f"        return ({now} * {now} - {memory}) / {time}"
             return
+        if kind.counts:
+            yield f"        return {now if kind is Memory.INTEGRAL else f'absolute({now})'}"
+            return
         plain = f"({now} - {memory}) / {time}"
         if kind not in (Memory.TWO_LAGS, Memory.RATE_LIMIT):
             yield f"        return {plain}"

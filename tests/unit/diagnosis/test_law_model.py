@@ -167,12 +167,23 @@ def heat(x: float, z: float) -> float:
     return (x**2 - z) / T
 
 
+def integral(x: float, z: float) -> float:
+    return x
+
+
+def throughput(x: float, z: float) -> float:
+    return abs(x)
+
+
+FROM_REST = (Memory.HEAT, Memory.INTEGRAL, Memory.THROUGHPUT)
 RATES = {
     Memory.LAG: lag,
     Memory.FADING: lag,
     Memory.TWO_LAGS: two_lags,
     Memory.RATE_LIMIT: rate_limit,
     Memory.HEAT: heat,
+    Memory.INTEGRAL: integral,
+    Memory.THROUGHPUT: throughput,
 }
 
 
@@ -181,13 +192,13 @@ def test_a_run_with_a_memory_of_a_rate_solves_the_equations(memory: Memory) -> N
     record = pushed(100)
 
     def of(x: Array, u: float, t: float) -> list[float]:
-        stays = memory in (Memory.LAG, Memory.HEAT)
+        stays = memory in (Memory.LAG, *FROM_REST)
         seen = x[2] if stays else x[0] - x[2]
         addition = SIZE * shaped(Shape.CUBE, (seen - MIDDLE) / SCALE)
         return [*rates(x, u, addition), RATES[memory](x[0], x[2])]
 
-    course = run(record, setting_of(term_of(Shape.CUBE, memory), substeps=8))
-    begin = 0.0 if memory is Memory.HEAT else START[0]  # at rest, or in equilibrium
+    course = run(record, setting_of(term_of(Shape.CUBE, memory), substeps=16))
+    begin = 0.0 if memory in FROM_REST else START[0]  # at rest, or in equilibrium
     expected = integrated(record, of, np.append(START, begin))
     assert course.states == pytest.approx(expected, abs=2e-6)
 
@@ -231,7 +242,7 @@ def test_play_and_dahl_act_on_the_law(memory: Memory) -> None:
     assert course.states[:, :2] == pytest.approx(expected, abs=1e-5)
 
 
-@pytest.mark.parametrize("memory", [m for m in Memory if m not in (Memory.NONE, Memory.HEAT)])
+@pytest.mark.parametrize("memory", [m for m in Memory if m not in (Memory.NONE, *FROM_REST)])
 def test_memories_begin_in_equilibrium(memory: Memory) -> None:
     """A mass at rest under a spring's force stays there, whatever the memory."""
     start = np.array([0.1, 0.0])

@@ -25,7 +25,13 @@ from orchestration.diagnosis.fitting import (
 )
 from orchestration.diagnosis.local_values import LocalValues
 from orchestration.diagnosis.runs import Setting
-from orchestration.diagnosis.screening import Screen, alike, other_shapes, with_shorter_lags
+from orchestration.diagnosis.screening import (
+    Candidate,
+    Screen,
+    alike,
+    other_shapes,
+    with_shorter_lags,
+)
 from orchestration.diagnosis.terms import DelayTerm, Memory, SensorTerm
 from tests.support.diagnosed_mass import (
     FREE,
@@ -416,13 +422,15 @@ def heater() -> Screen:
     return noisy(Heater)
 
 
-def noisy(cls: type[Component], outputs: int = 1) -> Screen:
+def noisy(
+    cls: type[Component], outputs: int = 1, start: tuple[float, float] = (0.5, 0.0)
+) -> Screen:
     """Return the screen of a component with an input and outputs that are measured with noise."""
     time = 0.05 * np.arange(120)
     inflow = (1.0 + np.sin(1.7 * time) + 0.5 * np.sign(np.sin(0.9 * time)))[:, None].copy()
     record = Record(time, inflow, np.zeros((120, outputs)), (True,))
     model = LawModel(cls)
-    starts = (StartPrior(np.array([0.5, 0.0]), np.array([0.1, 0.1])),)
+    starts = (StartPrior(np.array(start), np.array([0.1, 0.1])),)
     problem = Problem(model, (record,), np.ones(outputs), starts)
     point = nominal_point(problem)
     course = model.run(record, problem.setting(point, ()), point.starts[0])
@@ -468,6 +476,60 @@ def test_faults_of_sensors_are_those_of_instruments() -> None:
     """A state that is shown has no law by which a model with such a fault could be made."""
     faults = {c.term.law for c in noisy(Shown, 2).candidates if isinstance(c.term, SensorTerm)}
     assert faults == {"read"}
+
+
+def test_a_state_that_is_shown_is_a_signal_and_the_law_of_an_output_is_none() -> None:
+    signals = {c.term.signal for c in noisy(Shown, 2).candidates}
+    assert "level" in signals
+    assert "read" not in {c.term.signal for c in noisy(Shown, 2).candidates if not _is_of_sensor(c)}
+
+
+def _is_of_sensor(candidate: Candidate) -> bool:
+    return isinstance(candidate.term, SensorTerm)
+
+
+class Twins(Component):
+    """Two states that are one but for a factor."""
+
+    name = "twins"
+    inflow = Input("1", nominal=1.0)
+    first = State("1", rate="of_first", nominal=1.0)
+    second = State("1", rate="of_second", nominal=1.0)
+
+    def of_first(self):
+        """Relaxation."""
+        return self.inflow - self.first
+
+    def of_second(self):
+        """Relaxation."""
+        return 2.0 * self.inflow - self.second
+
+    @Output("1", nominal=1.0)
+    def seen(self):
+        """As measured."""
+        return self.first * self.second
+
+
+def test_of_signals_that_are_one_a_law_has_the_one_that_it_reads() -> None:
+    terms = [c.term for c in noisy(Twins, start=(0.5, 1.0)).candidates]
+    for law, own, other in (("of_first", "first", "second"), ("of_second", "second", "first")):
+        signals = {term.signal for term in terms if term.law == law}
+        assert own in signals
+        assert other not in signals
+
+
+def test_a_law_may_be_in_percent_over_its_own_heat_but_not_over_itself() -> None:
+    own = {c.term.memory for c in tank().candidates if c.term.signal == c.term.factor == "mixed"}
+    assert Memory.HEAT in own
+    assert Memory.NONE not in own
+
+
+def test_inputs_and_states_are_counted_and_laws_are_not() -> None:
+    """But for the input that a state counts already."""
+    counted = {c.term.signal for c in heater().candidates if c.term.memory.counts}
+    assert {"current", "charge"} <= counted <= {"current", "charge", "rise"}
+    net = {c.term.signal for c in tank().candidates if c.term.memory is Memory.INTEGRAL}
+    assert "inflow" not in net
 
 
 def test_a_rate_that_relaxes_its_state_may_be_over_itself() -> None:

@@ -7,7 +7,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fmus.kit.arrays import Array
-from orchestration.diagnosis.signals import distinct, lagged, scale_of_signal, seen
+from orchestration.diagnosis.signals import (
+    distinct,
+    lagged,
+    remembered_by,
+    scale_of_signal,
+    seen,
+)
 from orchestration.diagnosis.terms import Memory
 
 TIME = np.linspace(0.0, 20.0, 401)
@@ -148,6 +154,27 @@ def test_a_signal_of_one_sign_is_one_sided() -> None:
     assert positive.one_sided
     assert not both.one_sided
     assert both.scaled * both.scale + both.middle == pytest.approx(WAVE)
+
+
+def test_counts_are_integrals_since_the_start_of_each_record() -> None:
+    """Of 3 sin(t) they are 3 (1 - cos(t)), and of its modulus 6 a half wave."""
+    time = np.linspace(0.0, 3.0 * np.pi, 3001)
+    wave = 3.0 * np.sin(time)
+    views = seen([("a", np.tile(wave, 2))], [time, time], [Memory.INTEGRAL, Memory.THROUGHPUT])
+    (net,) = (view for view in views if view.memory is Memory.INTEGRAL)
+    (whole,) = (view for view in views if view.memory is Memory.THROUGHPUT)
+    assert net.constants == whole.constants == ()
+    assert net.values == pytest.approx(np.tile(3.0 - 3.0 * np.cos(time), 2), abs=1e-4)
+    assert whole.values[[1000, 2000, 3000]] == pytest.approx([6.0, 12.0, 18.0], abs=1e-4)
+    assert whole.values[3001:] == pytest.approx(whole.values[:3001], abs=1e-12)
+    used = (Memory.INTEGRAL, np.tile(wave, 2), [time, time], np.zeros(0))
+    assert remembered_by(*used) == pytest.approx(net.values, abs=0.0)
+
+
+def test_a_throughput_that_is_the_time_is_left_out() -> None:
+    even = np.where(np.arange(401) % 2, 1.0, -1.0)
+    views = seen([("a", even), ("time", TIME)], [TIME], [Memory.THROUGHPUT])
+    assert all(view.memory is Memory.NONE for view in views)
 
 
 def test_heat_lags_the_square_from_rest() -> None:

@@ -44,6 +44,7 @@ def test_names_are_made_of_law_and_signal():
         (replace(LAG, memory=Memory.PLAY), ["N/(m/s)", "m/s"]),
         (replace(LAG, memory=Memory.TWO_LAGS, constants=(1.0, 2.0)), ["N/(m/s)", "s", "1"]),
         (replace(LAG, memory=Memory.RATE_LIMIT, constants=(1.0, 2.0)), ["N/(m/s)", "s", "m/s/s"]),
+        (Term("friction", "force", Shape.SQUARE, Memory.THROUGHPUT), ["N/(N*s)^2"]),
         (Term("friction", "elongation", Shape.LINEAR, factor="friction"), ["1/m"]),
         (Term("friction", "velocity", Shape.CURVE, places=(-1.0, 0.0, 1.0)), ["N", "N", "N"]),
     ],

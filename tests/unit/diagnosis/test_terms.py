@@ -39,7 +39,8 @@ def test_a_curve_with_more_knots_has_no_more_freedom_than_a_smooth_one() -> None
 
 
 def test_constants_of_memories() -> None:
-    expected = {Memory.NONE: 0, Memory.TWO_LAGS: 2, Memory.RATE_LIMIT: 2}
+    expected = {Memory.NONE: 0, Memory.INTEGRAL: 0, Memory.THROUGHPUT: 0}
+    expected |= {Memory.TWO_LAGS: 2, Memory.RATE_LIMIT: 2}
     assert {m: m.constants for m in Memory} == {m: expected.get(m, 1) for m in Memory}
 
 
