@@ -29,6 +29,8 @@ _FROM_REST = {
     "integral": "integral of {} since the start",
     "throughput": "integral of the modulus of {} since the start",
 }
+STEEPEST = 30.0  # exponent, beyond which an exponential is constant, as in free_run.c
+_WITH_WIDTH = ("dry", "dead_zone", "above", "below", "exponential", "levelling", "step")
 _MEMORIES = ("none", "lag", "fading", "two_lags", "rate_limit", "play", "dahl", *_FROM_REST)
 _WIDEST = 1e6  # of a width or a constant, in its value, and the reciprocal of the smallest
 
@@ -208,7 +210,7 @@ def _shape_parameters(term: LawTerm) -> dict[str, Any]:
         return declared
     doc = f"part of {term.law} over {term.signal or 'nothing'} (a)"
     declared[stem] = coefficient(term.amount_unit, nominal, doc)
-    if term.shape in ("dry", "dead_zone", "above", "below", "step"):
+    if term.shape in _WITH_WIDTH:
         doc = f"{term.signal} at which {stem} bends (w)"
         declared[f"{stem}_width"] = _positive(term.scale, term.signal_unit, doc)
     return declared
@@ -225,6 +227,8 @@ _SHAPES: dict[str, Callable[[Any, Any, Any], Any]] = {
     "dry": lambda x, w, s: tanh(x / w),
     "dead_zone": lambda x, w, s: x - maximum(minimum(x, w), -w),
     "above": lambda x, w, s: maximum(x - w, 0.0 * w),
+    "exponential": lambda x, w, s: exp(minimum(x / w, STEEPEST)) - 1.0,
+    "levelling": lambda x, w, s: 1.0 - exp(minimum(-x / w, STEEPEST)),
     "step": lambda x, w, s: 0.5 + 0.5 * tanh((x - w) / (ABRUPT * s)),
     "below": lambda x, w, s: minimum(x + w, 0.0 * w),
 }

@@ -32,12 +32,13 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
-enum shape { CONSTANT, LINEAR, MODULUS, SQUARE, ODD_SQUARE, CUBE, ROOT, DRY, DEAD_ZONE, ABOVE, BELOW, STEP, CURVE };
+enum shape { CONSTANT, LINEAR, MODULUS, SQUARE, ODD_SQUARE, CUBE, ROOT, DRY, DEAD_ZONE, ABOVE, BELOW, EXPONENTIAL, LEVELLING, STEP, CURVE };
 enum memory { NONE, LAG, FADING, TWO_LAGS, RATE_LIMIT, PLAY, DAHL, HEAT, INTEGRAL, THROUGHPUT };
 
 #define KNOTS 13
 #define ROUNDED 0.02   /* of the scale, within which a root is straight */
 #define ABRUPT 0.004   /* of the scale, within which a step is made */
+#define STEEPEST 30.0  /* exponent, beyond which an exponential is constant */
 #define LATER 1e-4     /* of a step, by which an update is later for its slope */
 #define LARGEST 1e12   /* of a state or an output, beyond which a run has left its range */
 
@@ -160,6 +161,16 @@ static void shape_at(const term *q, int j, double z, double w, double *value, do
         *by_z = z < -w;
         *by_w = z < -w ? w : 0.0;
         break;
+    case EXPONENTIAL:
+    case LEVELLING: {
+        double side = q->shape == EXPONENTIAL ? 1.0 : -1.0, power = side * z / w;
+        int inside = power < STEEPEST;
+        e = exp(inside ? power : STEEPEST);
+        *value = side * (e - 1.0);
+        *by_z = inside ? e / w : 0.0;
+        *by_w = -z * *by_z;
+        break;
+    }
     case STEP:
         e = tanh((z - w) / ABRUPT);
         *value = 0.5 + 0.5 * e;

@@ -71,7 +71,12 @@ _WIDTHS = {
     Shape.ABOVE: (0.5,),
     Shape.BELOW: (0.5,),
 }
-_DRY, _BEND = 0.3, 0.6  # widths from which other shapes of a term are fitted, in scales
+_OTHER_WIDTHS = {  # from which other shapes of a term are fitted, in scales
+    Shape.DRY: 0.3,
+    Shape.DEAD_ZONE: 0.6,
+    Shape.ABOVE: 0.6,
+    Shape.BELOW: 0.6,
+}
 _RANGE = -2.0, 2.0  # of a signal whose curve has no knots yet, in scales
 _KNOTS, _MORE_KNOTS = 9, KNOTS  # of a curve; of one that bends more than the first can
 _RATIO = 4.0  # of two lags, from which a search starts
@@ -435,6 +440,8 @@ class _Views:
         self._times = along.times
         self._alike = alike_signals([one for one in named if np.isfinite(one[1]).all()])
         self._counted = {v.name for v in (*model.inputs, *model.states)} - model.integrals
+        if len(along.pieces) > len(along.fitted.problem.records):
+            self._counted = set()  # what has passed is known from the start of a record on
         self._known: dict[tuple[str, ...], list[Seen]] = {}
 
     def of(self, laws: Sequence[str]) -> list[Seen]:
@@ -728,8 +735,7 @@ def other_shapes(term: Term, ends: tuple[float, float] | None = None) -> Iterato
         if is_product and shape is Shape.LINEAR:
             continue
         places = tuple(np.linspace(low, high, _KNOTS)) if shape is Shape.CURVE else ()
-        bend = _BEND if shape.has_width else 1.0
-        yield replace(term, shape=shape, width=_DRY if shape is Shape.DRY else bend, places=places)
+        yield replace(term, shape=shape, width=_OTHER_WIDTHS.get(shape, 1.0), places=places)
 
 
 def other_memories(term: Term) -> Iterator[Term]:

@@ -40,6 +40,8 @@ FORMS = {
     Shape.DEAD_ZONE: Form("a (x - clip(x, -w, w))", 1.0),
     Shape.ABOVE: Form("a max(x - w, 0)", 1.0),
     Shape.BELOW: Form("a min(x + w, 0)", 1.0),
+    Shape.EXPONENTIAL: Form("a (exp(x/w) - 1)", 0.0),
+    Shape.LEVELLING: Form("a (1 - exp(-x/w))", 0.0),
     Shape.STEP: Form("a step(x - w)", 0.0),
     Shape.CURVE: Form("a curve", 0.0),
 }

@@ -30,8 +30,10 @@ class Shape(IntEnum):
     DEAD_ZONE = 8
     ABOVE = 9
     BELOW = 10
-    STEP = 11
-    CURVE = 12
+    EXPONENTIAL = 11
+    LEVELLING = 12
+    STEP = 13
+    CURVE = 14
 
     @property
     def has_width(self) -> bool:

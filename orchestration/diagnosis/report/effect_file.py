@@ -16,7 +16,7 @@ import numpy as np
 
 from fmus.kit import Component, UserError
 from fmus.kit.declare import ParameterDeclaration
-from fmus.kit.law_terms import ABRUPT, ROUNDED
+from fmus.kit.law_terms import ABRUPT, ROUNDED, STEEPEST
 from fmus.kit.layout import law_of
 from fmus.kit.titles import capitalised
 from orchestration.diagnosis.extension import extended_component, law_term
@@ -40,6 +40,8 @@ FORMULAS = {
     Shape.DEAD_ZONE: "(x - clip(x, -{w}, {w}))",
     Shape.ABOVE: "maximum(x - {w}, 0.0)",
     Shape.BELOW: "minimum(x + {w}, 0.0)",
+    Shape.EXPONENTIAL: f"(exp(minimum(x / {{w}}, {STEEPEST})) - 1.0)",
+    Shape.LEVELLING: f"(1.0 - exp(minimum(-x / {{w}}, {STEEPEST})))",
     Shape.STEP: f"(0.5 + 0.5 * tanh((x - {{w}}) / ({ABRUPT} * {{s}})))",
     Shape.CURVE: "smooth_table(knot, range(1, {end}), {table}_VALUES)",  # no knot is at zero
 }

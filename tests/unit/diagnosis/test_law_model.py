@@ -48,6 +48,8 @@ SHAPES: dict[Shape, Callable[[float], float]] = {
     Shape.DEAD_ZONE: lambda z: np.sign(z) * max(abs(z) - WIDTH, 0.0),
     Shape.ABOVE: lambda z: max(z - WIDTH, 0.0),
     Shape.BELOW: lambda z: min(z + WIDTH, 0.0),
+    Shape.EXPONENTIAL: lambda z: np.expm1(z / WIDTH),
+    Shape.LEVELLING: lambda z: -np.expm1(-z / WIDTH),
     Shape.STEP: lambda z: 0.5 + 0.5 * np.tanh((z - WIDTH) / 0.004),
 }
 LENGTH = 3.0  # s, scale of a step over time

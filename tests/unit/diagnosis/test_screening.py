@@ -532,6 +532,25 @@ def test_inputs_and_states_are_counted_and_laws_are_not() -> None:
     assert "inflow" not in net
 
 
+def test_what_has_passed_is_no_signal_of_a_piece_that_begins_later() -> None:
+    along = heater()._along
+    (whole,), (course,) = along.pieces, along.courses
+    halves = whole.part(0, 60), whole.part(60, 120)
+    along = courses_of(along.fitted, halves, (course.states[0], course.states[60]))
+    assert along is not None
+    memories = {c.term.memory for c in Screen(along).candidates}
+    assert Memory.LAG in memories
+    assert not any(memory.counts for memory in memories)
+
+
+def test_a_balance_may_be_in_proportion_to_a_function_of_a_signal() -> None:
+    """As the acceleration is where the mass depends on the place."""
+    screen, _ = screened()
+    factors = {(c.term.law, c.term.factor, c.term.signal) for c in screen.candidates}
+    assert ("acceleration", "acceleration", "x") in factors
+    assert ("acceleration", "acceleration", "acceleration") not in factors
+
+
 def test_a_rate_that_relaxes_its_state_may_be_over_itself() -> None:
     """By direction, by size, or limited; a counter of an input relaxes nothing."""
     own = {c.term.shape for c in tank().candidates if c.term.cause == ("change", "change")}
