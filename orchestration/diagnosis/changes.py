@@ -13,6 +13,7 @@ from fmus.kit.arrays import single_threaded
 from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.engine import Diagnosis, diagnose
 from orchestration.diagnosis.extension import extended_component
+from orchestration.diagnosis.fitting import by_least_squares, vague
 from orchestration.diagnosis.joint import (
     Difference,
     Joint,
@@ -23,7 +24,6 @@ from orchestration.diagnosis.joint import (
 )
 from orchestration.diagnosis.local_values import LocalValues
 from orchestration.diagnosis.options import Deadline, Options
-from orchestration.diagnosis.pieces import pieces_of
 from orchestration.diagnosis.search import Found
 from orchestration.diagnosis.subject import Subject, predicted, subject_of
 from orchestration.diagnosis.term_names import (
@@ -140,15 +140,20 @@ def _joined(before: Diagnosis, later: Diagnosis, options: Options) -> Subject | 
     model = before.subject.problem.model
     records = []
     for diagnosis, first in ((before, 0), (later, len(before.records))):
-        own, _ = pieces_of(diagnosis.records, model, options.given)
+        own = diagnosis.pieces
         if diagnosis.reading is not None:
-            own = [diagnosis.reading.apply(model, record) for record in own]
-        records += [replace(record, group=first + record.group) for record in own]
+            own = tuple(diagnosis.reading.apply(model, record) for record in own)
+        several = len(diagnosis.records) > 1  # of one, pieces may be of two specimens
+        records += [replace(r, group=first + r.group * several) for r in own]
     groups = tuple(record_labels([*before.records, *later.records]))
     local = LocalValues(groups, options.own_of_each(model))
     hold = options.held([p.name for p in model.parameters])
     smooth = any(before.subject.problem.records[0].smooth)
     subject = subject_of(model, records, (), hold, options.given, smooth, local=local)
+    if subject is not None and options.recalibrates:
+        base = by_least_squares(subject.base)
+        problem = vague(subject.problem)
+        subject = replace(subject, problem=problem, base=replace(base, problem=problem))
     if subject is None or before.observer is None:
         return subject
     return predicted(subject) or subject

@@ -78,6 +78,8 @@ class Diagnosis:
     ----------
     model : Model
     records, holdouts : tuple of MeasuredRecord
+    pieces : tuple of Record
+        The records as they were used: cut at gaps of their time, and where states jump.
     found : Found
         All fits, with their subject.
     conclusion : Conclusion
@@ -90,6 +92,7 @@ class Diagnosis:
     model: Model
     records: tuple[MeasuredRecord, ...]
     holdouts: tuple[MeasuredRecord, ...]
+    pieces: tuple[Record, ...]
     found: Found
     conclusion: Conclusion
     notes: tuple[Note, ...] = ()
@@ -296,6 +299,7 @@ def diagnose(
         model,
         tuple(records),
         tuple(holdouts),
+        tuple(data.records),
         found,
         conclusion,
         tuple(notes),

@@ -52,6 +52,8 @@ _NEAREST = 3  # points of a reading at which the model is run
 _BESIDE = 2  # shifts that are tried, within which two are the same place
 _LONGEST = 0.7  # of a step of the screen, in prior deviations
 _MOST = 600  # samples of a screen
+# Of a signal that is smoother, or comes between samples, any model predicts the next sample.
+_OF_RUNS = (ReadingKind.RATE, ReadingKind.INTEGRAL, ReadingKind.PACE)
 _FOLLOWS = 0.5  # of the spread, up to which a model follows a record
 _AHEAD = 3.0  # of an output, from which on a reading is fitted whatever others leave
 _HOPELESS = 1.0  # misfit above that of the file as it was read, of a reading of as many steps
@@ -164,6 +166,8 @@ def misreadings(subject: Subject, base: Judged) -> list[Subject]:
         readings = [r for r in readings if not (r.is_sized and r.moves_inputs(model))]
         # of one output it is the delay of its sensor
         readings = [r for r in readings if r.kind is not ReadingKind.LATE or len(r.columns) > 1]
+    if subject.observer is not None:
+        readings = [r for r in readings if r.kind not in _OF_RUNS]
     as_read = _logarithms(screen.subject.problem, subject.base.point)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         first = [t for t in pool.map(screen.best, readings) if t is not None]

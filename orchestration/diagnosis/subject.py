@@ -46,6 +46,7 @@ _WELL = 20.0 / 0.05**2  # weight of the beginning: twenty samples within a twent
 _MOST = 2400  # samples of a record, among which terms are searched; more are thinned
 _ALL = 5 * _MOST  # by which a conclusion is drawn: ten minutes at 20 Hz
 _LONGEST = 2  # times as many of all records that cannot be thinned: their beginnings decide
+_RUN_ALONE = 10  # times as many of one that is held out: nothing is fitted to it
 _SHORTEST = _MOST // 2  # of one of many, to which it is cut at most
 _JUMP = 0.01  # standard deviations, from which on an input jumps that stands still at most samples
 _DECAY = 1.0  # e-folds over a record, by which each mode decays of a model that forgets errors
@@ -716,7 +717,7 @@ def _divided(
     whole = [_shortened(problem, r, q, most, longest) for r in records]
     if held_out:
         fitted = whole
-        others = [_shortened(problem, r, q, enough, longest) for r in held_out]
+        others = [_shortened(problem, r, q, enough, _RUN_ALONE * longest) for r in held_out]
         left_out = [LeftOut(r, _beginning(r), None) for r in others]
     else:
         parts = [_parts(record, i) for i, record in enumerate(whole)]

@@ -178,7 +178,7 @@ PLANTS = {
         "R2(Q^2)",
         "leakage",
         (0.05, 0.25),
-        _pairs("supply_current capacitor_current drawn_current", "charge"),
+        _pairs("supply_current capacitor_current", "charge"),
     ),
     "coupling": _actuator(
         "alpha(F)",

@@ -130,7 +130,6 @@ def operators(monkeypatch):
         pytest.param(["linearise", "work_loop"], marks=pytest.mark.slow),
         pytest.param(["laws", "record.csv"], marks=pytest.mark.slow),
         pytest.param(["diagnose", "record.csv"], marks=pytest.mark.slow),
-        pytest.param(["diagnose", "record.csv", "--engine", "new"], marks=pytest.mark.slow),
     ],
     ids=" ".join,
 )

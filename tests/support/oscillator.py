@@ -85,13 +85,13 @@ def diagnosis_with(record: Record, *sets: Sequence[Term]) -> Diagnosis:
         judged = None if fitted is None else subject.judge(fitted)
         if judged is not None:
             found = found.with_fits([judged])
-    return Diagnosis(declared_model_of(Oscillator), (record,), (), found, conclude(found))
+    return Diagnosis(declared_model_of(Oscillator), (record,), (), (), found, conclude(found))
 
 
 def diagnosis_without_terms(record: Record) -> Diagnosis:
     """Return the diagnosis of an oscillator by its model as it is alone."""
     found = unsearched(record)
-    return Diagnosis(declared_model_of(Oscillator), (record,), (), found, conclude(found))
+    return Diagnosis(declared_model_of(Oscillator), (record,), (), (), found, conclude(found))
 
 
 def unsearched(record: Record, *, interpolate: bool = False) -> Found:
@@ -122,7 +122,7 @@ def diagnosis_read_as(record: Record, reading: Reading) -> Diagnosis:
     judged = subject.judge(base)
     assert judged is not None
     found = found.with_fits([judged], [subject])
-    return Diagnosis(declared_model_of(Oscillator), (record,), (), found, conclude(found))
+    return Diagnosis(declared_model_of(Oscillator), (record,), (), (), found, conclude(found))
 
 
 def with_group(diagnosis: Diagnosis, verdict: str, *probabilities: float) -> Diagnosis:
