@@ -40,9 +40,10 @@ _VECTORS = '#pragma clang attribute push(__attribute__((target("avx2"))), apply_
 _NOTHING = np.empty(0)
 # Largest product of a step and a rate constant: 2.8 is where the method becomes unstable.
 _STEP = 0.7
-_STEADY = 2.0 * _STEP  # the same, up to which a parameter may go that no output shows
-_MOST_STEPS = 60  # between two samples
-_MANY = 20  # from which on that is looked after
+_LONG_STEP = 1.4  # the same of modes that decay within a small part of the time between samples
+_STEADY = 2.4  # the same, up to which a parameter may go that no output shows
+_MOST_STEPS = 100  # between two samples
+_MANY = 20  # from which on these are looked after
 # The same for the states of effects: faster ones no record tells from others that follow at once.
 _MOST_OF_EFFECTS = 12
 _PARAMETERS = 3  # argument of the functions of `PerturbedLaws`
@@ -596,16 +597,29 @@ class StackedModel:
 
 
 def steps_of(rates: Array, record: Record) -> int:
-    """Return the steps between two samples for derivatives of rates; see `Linearisation`."""
-    wanted = np.ceil(np.diff(record.time).max() * _fastest(rates) / _STEP)
-    return int(np.clip(wanted, 1, _MOST_STEPS))
+    """Return the steps between two samples for derivatives of rates; see `Linearisation`.
+
+    A mode that decays before it turns needs no more than a stable step, where it is gone long
+    before the next sample: what the others see of it is its integral, which is exact.
+    """
+    modes = np.diff(record.time).max() * _eigenvalues(rates)
+    size = np.abs(modes)
+    wanted = size / _STEP
+    is_gone = (-modes.real > np.abs(modes.imag)) & (wanted > _MANY)
+    wanted[is_gone] = np.maximum(size[is_gone] / _LONG_STEP, _MANY)
+    return int(np.clip(np.ceil(wanted.max(initial=0.0)), 1, _MOST_STEPS))
 
 
 def _fastest(rates: Array) -> float:
     """Return the modulus of the largest eigenvalue, 1/s; see `Linearisation`."""
+    return float(np.abs(_eigenvalues(rates)).max(initial=0.0))
+
+
+def _eigenvalues(rates: Array) -> Array:
+    """Return the eigenvalues of the derivatives by states, 1/s; see `Linearisation`."""
     matrices = rates[:, :, rates.shape[2] - rates.shape[1] :]
     finite = matrices[np.isfinite(matrices).all(axis=(1, 2))]
-    return float(np.abs(np.linalg.eigvals(finite)).max(initial=0.0))
+    return np.asarray(np.linalg.eigvals(finite)).ravel()
 
 
 def with_vectors(source: str) -> str:

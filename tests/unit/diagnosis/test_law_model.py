@@ -424,12 +424,28 @@ def test_a_stiff_model_asks_for_substeps() -> None:
     fastest = np.abs(np.linalg.eigvals([[0.0, 1.0], [-K / 0.1, -40.0 / 0.1]])).max()
     count = mass().substeps(record, setting, still)
     assert count == np.ceil(0.02 * fastest / 0.7)
-    assert mass().substeps(record, stiff(1e5), still) == 60
+    assert mass().substeps(record, stiff(1e5), still) == 100
     assert mass().run(record, setting, START) is None, "a single step is unstable"
     course = mass().run(record, Setting(setting.parameters, FREE, substeps=count), START)
     assert course is not None
     expected = exact(record, (0.1, K, 40.0), START, record.inputs[:, 0])
     assert course.outputs[:, 0] == pytest.approx(expected[:, 0], abs=1e-4)
+
+
+def test_a_mode_that_is_gone_before_the_next_sample_has_long_steps() -> None:
+    record = pushed(200)
+    still = Course(np.zeros((200, 1)), np.empty(0), np.zeros((200, 2)))
+    setting = stiff(200.0)
+    fastest = np.abs(np.linalg.eigvals([[0.0, 1.0], [-K / 0.1, -200.0 / 0.1]])).max()
+    count = mass().substeps(record, setting, still)
+    assert count == np.ceil(0.02 * fastest / 1.4)
+    course = mass().run(record, replace(setting, substeps=count), START)
+    assert course is not None
+    expected = exact(record, (0.1, K, 200.0), START, record.inputs[:, 0])
+    assert course.outputs[:, 0] == pytest.approx(expected[:, 0], abs=1e-4)
+    parameters = nominal()
+    parameters[FREE] = 0.1, 0.1 * 3000.0**2, D
+    assert mass().substeps(record, Setting(parameters, FREE), still) == 86, "it turns"
 
 
 def test_a_run_that_leaves_its_range_is_none() -> None:
