@@ -23,6 +23,7 @@ UNITS = {
 }
 _NOISE = {"N": 5e-3, "V": 4e-3, "m": 3e-6}
 _CHANGEABLE = ("K", "b_vc", "m", "R1", "C", "alpha", "k1")
+_CREEP = (7e-4, 2e-3)  # m/s, within which dry friction changes its sign
 _SPREAD = 0.25  # of the logarithm of a parameter that is not nominal
 
 
@@ -73,6 +74,7 @@ def draw(seed: int, dry_friction: tuple[float, float] = (0.0, 0.0)) -> BenchReco
         phase=random.uniform(0.0, 1.0 / 30.0),
         jitter=random.choice([0.0, 0.0, 0.0, 3e-4]),
         dry_friction=random.uniform(*dry_friction),
+        creep=float(np.exp(random.uniform(*np.log(_CREEP)))),
     )
     reference = _levels(random, time, np.r_[0.5, random.uniform(0.5, 4.0, 5)], (0.5, 2.0))
     current = _levels(random, time, np.r_[0.0, random.uniform(-1.2, 1.2, 5)], (0.5, 3.0))

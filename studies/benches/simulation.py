@@ -2,9 +2,10 @@
 
 It shares no code with the components. Coil, slide, films and filter are one set of differential
 equations (Runge-Kutta of fourth order, fixed steps that end on every sample of controller and
-record); dry friction is a set-valued force that is taken implicitly after each step (Moreau's
-time stepping, see Acary and Brogliato, *Numerical methods for nonsmooth dynamical systems*, 2008,
-chapter 10), so that the slide sticks where it should.
+record). Dry friction changes its sign within a velocity, as that of a greased slide, which creeps
+where a dry one sticks. Steps are short for it. Taken after each step instead (Moreau's time
+stepping), it lets the slide creep by a velocity of the step, and moves it by half a step's braking
+farther than it is fast: a moving mass of 30 g is then fitted as 19 g.
 """
 
 from __future__ import annotations
@@ -52,6 +53,7 @@ _SIGNALS = (
     "coil_voltage",
 )
 _STEP = 2e-4  # s, at most; the coil's own time is 0.33 ms
+_CREEPING_STEP = 5e-5  # s, the same with dry friction, which is as fast as 0.04 ms
 
 
 @dataclass(frozen=True)
@@ -68,12 +70,15 @@ class Bench:
         Standard deviation of the times of the others, seconds.
     dry_friction : float
         Newtons.
+    creep : float
+        Velocity within which dry friction changes its sign, m/s.
     """
 
     values: dict[str, float] = field(default_factory=lambda: dict(NOMINAL))
     phase: float = 0.0
     jitter: float = 0.0
     dry_friction: float = 0.0
+    creep: float = 1e-3
 
     def run(
         self, time: Array, reference: Array, current: Array, noise: float, seed: int
@@ -137,9 +142,9 @@ class Bench:
     def _advance(
         self, state: list[float], duration: float, volts: float, current: float
     ) -> list[float]:
-        count = max(1, math.ceil(duration / _STEP - 1e-9))
+        step = _CREEPING_STEP if self.dry_friction else _STEP
+        count = max(1, math.ceil(duration / step - 1e-9))
         h = duration / count
-        braked = self.dry_friction * h / self.values["m"]
         for _ in range(count):
             k1 = self._rates(state, volts, current)
             k2 = self._rates(_moved(state, 0.5 * h, k1), volts, current)
@@ -149,17 +154,17 @@ class Bench:
                 (a + 2.0 * b + 2.0 * c + d) / 6.0 for a, b, c, d in zip(k1, k2, k3, k4, strict=True)
             ]
             state = _moved(state, h, mean)
-            state[2] = math.copysign(max(abs(state[2]) - braked, 0.0), state[2])
         return state
 
     def _rates(self, state: list[float], volts: float, current: float) -> list[float]:
         p = self.values
         i, _, v, filtered, q, kelvin, _ = state
         tension = self._tension(state)
+        friction = p["b_vc"] * v + self.dry_friction * math.tanh(v / self.creep)
         return [
             (volts - p["R"] * i - p["K"] * v) / p["L"],
             v,
-            (p["K"] * i - p["b_vc"] * v - tension) / p["m"],
+            (p["K"] * i - friction - tension) / p["m"],
             _CORNER * (tension - filtered),
             (p["R2"] * current - q / p["C"]) / (p["R1"] + p["R2"]),
             (tension - p["k2"] * kelvin) / p["b2"],

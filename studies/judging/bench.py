@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks.tables import Table, Topic
 from orchestration.diagnosis.systems import SystemDiagnosis, diagnose_system
-from orchestration.system import library, ssp
+from orchestration.system import library
 from studies.benches import BenchRecord, draw
 from studies.judging.study import Chosen, Part, Row, Study, among, processor_time
 
@@ -61,10 +61,8 @@ def judge(case: BenchCase) -> Row:
     record = case.draw()
     with tempfile.TemporaryDirectory() as folder:
         path = record.write(Path(folder) / "record.csv")
-        system = Path(folder) / "dma_bench.ssp"
-        ssp.write(library.system("dma_bench"), system)
         begun = processor_time()
-        diagnosis = diagnose_system(path, system)
+        diagnosis = diagnose_system(path, library.system("dma_bench"))
         seconds = processor_time() - begun
     return (
         asdict(case)
@@ -177,7 +175,7 @@ Records of 10 to 25 s at 100 Hz of a voice coil that holds an actuator, by a sim
 no code with the models under test. The 30 Hz controller begins at any phase of the record's clock;
 every second bench has parameters that are not nominal, in every second the noise of the load cell
 goes through the controller, and the clock of every fourth jitters by 0.3 ms. Each is diagnosed by
-`ppy diagnose RECORD --system dma_bench.ssp`.
+`ppy diagnose RECORD --system dma_bench`.
 
 {stamp}
 
