@@ -4,7 +4,6 @@ from . import options as options
 from .builds import fmu_paths as fmu_paths
 from .diagnosis import diagnose as diagnose
 from .diagnosis import laws as laws
-from .diagnosis import refuse_useless_options as refuse_useless_options
 from .diagnosis import refuse_without_laws as refuse_without_laws
 from .frequency import frequency_response as frequency_response
 from .identification import compare as compare
@@ -27,3 +26,4 @@ from .simulation import simulate as simulate
 from .simulation import values_of as values_of
 from .sweeping import sweep as sweep
 from .sweeping import sweep_file as sweep_file
+from .system_results import SystemResult as SystemResult

@@ -153,11 +153,16 @@ class Option(NamedTuple):
             raise UserError(f"{as_written(self.name, value)}: from {self.least:,} {to}")
         return self.form.given(value, f"{self.name} =")
 
+    def is_default(self, value: Any) -> bool:
+        """Return whether a value is the default, or none at all."""
+        if isinstance(self.default, tuple) and isinstance(value, Sequence):
+            return self.default == tuple(value)
+        # a table would be compared cell by cell
+        return value is None or (type(value) is type(self.default) and bool(value == self.default))
+
     def words(self, value: Any) -> list[str]:
         """Return the words of the command line for a value; none for the default."""
-        if value is None or value == self.default:
-            return []
-        if isinstance(self.default, tuple) and self.default == tuple(value):
+        if self.is_default(value):
             return []
         if isinstance(value, bool):
             return [self.flags[0] if value or len(self.flags) == 1 else self.flags[1]]

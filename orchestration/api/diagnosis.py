@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any, Unpack, cast, overload
 
 from fmus.kit import UserError, registry
 from fmus.kit.extras import require
 from orchestration.api.command import equivalent_command
-from orchestration.api.declaration import takes
+from orchestration.api.declaration import options_of, takes, words_of
 from orchestration.api.forms import optional_seconds
 from orchestration.api.options import (
     DiagnoseKeywords,
@@ -16,24 +17,46 @@ from orchestration.api.options import (
     LawsKeywords,
     LawsOptions,
 )
-from orchestration.api.records import Records, held_out, matching_record
+from orchestration.api.records import Data, Records, held_out, matching_record, one_record
 from orchestration.api.results import DiagnosisResult
 from orchestration.api.simulation import as_declared, values_of
+from orchestration.api.system_results import SystemResult
 from orchestration.diagnosis import Options as DiagnosisOptions
 from orchestration.diagnosis import diagnose as diagnose_by_terms
 from orchestration.diagnosis import law_map
 from orchestration.diagnosis.changes import find_changes
 from orchestration.diagnosis.foreign import FmuDiagnosis, diagnose_fmu
+from orchestration.diagnosis.systems import SystemOptions, diagnose_system
+from orchestration.experiment.system_model import find_system
 from orchestration.fmu import Model
 from orchestration.fmu.signal import numeric
 from orchestration.records import refuse_same
-from orchestration.reporting import option
+from orchestration.reporting import flag, option
+from orchestration.system import System
+
+_OF_SYSTEMS = ("mapping", "settings", "hold", "time", "progress")
+
+
+@overload
+def diagnose(
+    record: Records, model: Model | str | Path | None = None, **options: Unpack[DiagnoseKeywords]
+) -> DiagnosisResult: ...
+
+
+@overload
+def diagnose(
+    record: Data, *, system: System | str | Path, **options: Unpack[DiagnoseKeywords]
+) -> SystemResult: ...
 
 
 @takes(DiagnoseKeywords)
 def diagnose(
-    record: Records, model: Model | str | Path | None = None, **options: Unpack[DiagnoseKeywords]
-) -> DiagnosisResult:
+    record: Records,
+    model: Model | str | Path | None = None,
+    *,
+    system: System | str | Path | None = None,
+    **options: Unpack[DiagnoseKeywords],
+) -> DiagnosisResult | SystemResult:
     """Find the causes of a model's error on a record, extend the model, and validate the extension.
 
     Several records have the same parameters, and each has its own start states.
@@ -46,15 +69,22 @@ def diagnose(
     model : Model, str or Path, optional
         A component, ``path/to/file.py:Class``, any FMU, or a result of `find_model`; by default
         the first of ``ppy list``.
+    system : System, str or Path, optional
+        In place of a model: a system, its name, or its ``.ssp`` file, of which the members are
+        judged on one record. Names of columns, settings and `hold` are ``member.variable``; further
+        options but `time` and `progress` are of one model.
 
     Returns
     -------
     DiagnosisResult
+        Of a model.
+    SystemResult
+        Of a system.
 
     Raises
     ------
     UserError
-        If a record or the model cannot be used, or an effect or a parameter is unknown.
+        If a record, the model or the system cannot be used, or an effect or a parameter is unknown.
 
     Examples
     --------
@@ -67,8 +97,10 @@ def diagnose(
     >>> low, high = result.parameters["R1"].interval
     """
     require("threadpoolctl")
+    if system is not None:
+        return _of_system(record, model, system, options)
     subject = as_declared(model)
-    refuse_useless_options(subject, options)
+    refuse_without_laws(subject, options)
     measured, unseen = held_out(
         record, options["holdout"], subject, options["mapping"], options["runs"]
     )
@@ -99,6 +131,39 @@ def diagnose(
     return DiagnosisResult(diagnosis, command, changed)
 
 
+def _of_system(
+    record: Records,
+    model: Model | str | Path | None,
+    system: System | str | Path,
+    options: DiagnoseKeywords,
+) -> SystemResult:
+    """Diagnose the members of a system on one record."""
+    declared = options_of(DiagnoseKeywords)
+    values = cast("Mapping[str, object]", options)
+    given = [name for name, one in declared.items() if not one.is_default(values[name])]
+    unfit = ["model"] if model is not None else []
+    unfit += [name for name in given if name not in _OF_SYSTEMS]
+    if unfit:
+        raise UserError(
+            f"{option(unfit[0])} is about one model; a system tells which of its members to name"
+        )
+    source = one_record(record)
+    found = system if isinstance(system, System) else find_system(str(system))
+    chosen = SystemOptions(
+        options["mapping"] or {},
+        options["settings"] or {},
+        options["hold"],
+        optional_seconds(options["time"]),
+    )
+    judged = diagnose_system(source, found, chosen, options["progress"])
+    word = str(system) if isinstance(system, str | Path) else found.name
+    words = words_of(DiagnoseOptions, values)
+    return SystemResult(
+        judged,
+        ["ppy", "diagnose", str(judged.record.source), flag("system"), word, *words],
+    )
+
+
 def _chosen(
     subject: Model, options: DiagnoseKeywords | LawsKeywords, **more: Any
 ) -> DiagnosisOptions:
@@ -115,31 +180,24 @@ def _chosen(
     )
 
 
-def refuse_useless_options(subject: Model, options: DiagnoseKeywords) -> None:
-    """Raise an error for options of `diagnose` that have no effect on a model.
+def refuse_without_laws(subject: Model, options: DiagnoseKeywords | LawsKeywords) -> None:
+    """Raise an error if the laws of a model are not known, and options of a search need them.
 
     Raises
     ------
     UserError
-        With the option and the reason.
+        With what to do instead.
     """
-    if subject.cls is None and options["compare"] is not None:
-        raise UserError(f"compare: {subject.without_equations}; diagnose each record by itself")
-
-
-def refuse_without_laws(subject: Model) -> None:
-    """Raise an error if the laws of a model are not known.
-
-    Raises
-    ------
-    UserError
-        With the option of `diagnose` to use instead.
-    """
-    if subject.cls is None:
+    if subject.cls is not None:
+        return
+    given = cast("Mapping[str, object]", options)
+    if "compare" not in given:
         raise UserError(
             f"{subject.without_equations}, which has no laws to search; diagnose corrects its"
             f" inputs and outputs, and with {option('effects', [])} does nothing else"
         )
+    if given["compare"] is not None:
+        raise UserError(f"compare: {subject.without_equations}; diagnose each record by itself")
 
 
 @takes(LawsKeywords)
@@ -180,7 +238,7 @@ def laws(
     """
     require("threadpoolctl")
     subject = as_declared(model)
-    refuse_without_laws(subject)
+    refuse_without_laws(subject, options)
     measured, unseen = held_out(
         record, options["holdout"], subject, options["mapping"], options["runs"]
     )

@@ -66,6 +66,20 @@ def _source(data: str | Path | Arrays) -> Path | Arrays:
     return Path(data) if isinstance(data, str | Path) else data
 
 
+def one_record(records: Records) -> Record | Path | Arrays:
+    """Return the only record, as it was given.
+
+    Raises
+    ------
+    UserError
+        If there are several.
+    """
+    first, *others = _listed(records)
+    if others:
+        raise UserError(f"a system is diagnosed on one record, and there are {1 + len(others)}")
+    return first if isinstance(first, Record) else _source(first)
+
+
 def matching_runs(
     records: Records,
     model: Model,

@@ -12,12 +12,11 @@ from fmus.kit import UserError, registry
 from fmus.kit.build import available_platforms
 from orchestration.api import (
     DiagnosisResult,
+    SystemResult,
     diagnose,
     fmu_paths,
-    forms,
     held_out,
     laws,
-    refuse_useless_options,
     refuse_without_laws,
 )
 from orchestration.api.declaration import only, options_of
@@ -27,15 +26,20 @@ from orchestration.api.options import (
     MappingOption,
     SettingsOption,
 )
-from orchestration.cli.commands.options import DiagnoseCommand, LawsCommand, SystemOption
+from orchestration.cli.commands.options import (
+    DiagnoseCommand,
+    LawsCommand,
+    ReportOption,
+    SystemOption,
+)
 from orchestration.cli.models import build_model, model_file, note_neutral
 from orchestration.cli.options import IsolateOption, JsonOption, platform_list
 from orchestration.cli.outputs import JSON, PAGE, Outputs, same_file, write_json
-from orchestration.diagnosis import systems
 from orchestration.fmu import Model
 from orchestration.fmu.model import declared_model
 from orchestration.records import Record
 from orchestration.reporting.console import note, out, progress, tell_repairs, wrote
+from orchestration.system.ssp import ENDINGS
 
 _ENDINGS = {
     "--json": JSON,
@@ -44,7 +48,10 @@ _ENDINGS = {
     "--effect-out": (".py",),
     "--ssp": (".ssp",),
 }
-_SYSTEM_OPTIONS = (MappingOption, SettingsOption, JsonOption, SystemOption, IsolateOption)
+_SYSTEM_OPTIONS = options_of(
+    MappingOption, SettingsOption, JsonOption, ReportOption, SystemOption, IsolateOption
+)
+_OF_SYSTEMS = {"records", "time", "hold", *_SYSTEM_OPTIONS}
 Writer = Callable[[Path, Callable[[str], None]], list[Path]]
 
 
@@ -67,7 +74,7 @@ def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
     """
     chosen = only(DiagnoseKeywords, options)
     _check_explained(options)
-    judged = open_judged(options, partial(refuse_useless_options, options=chosen))
+    judged = open_judged(options, partial(refuse_without_laws, options=chosen))
     chosen["holdout"] = judged.holdouts or None
     with progress() as tell:
         chosen["progress"] = tell
@@ -120,8 +127,8 @@ def run_laws(options: LawsCommand, command: str) -> DiagnosisResult:
         If a record or the model cannot be used, an effect is unknown, or something could not be
         written.
     """
-    judged = open_judged(options, refuse_without_laws)
     chosen = only(LawsKeywords, options)
+    judged = open_judged(options, partial(refuse_without_laws, options=chosen))
     chosen["holdout"] = judged.holdouts or None
     with progress() as tell:
         chosen["progress"] = tell
@@ -149,40 +156,40 @@ def run_laws(options: LawsCommand, command: str) -> DiagnosisResult:
     return result
 
 
-def run_system(options: DiagnoseCommand, system: Path) -> None:
-    """Run ``ppy diagnose --system``.
+def run_system(options: DiagnoseCommand, system: str, command: str) -> SystemResult:
+    """Run ``ppy diagnose --system``; the report repeats the command.
 
     Raises
     ------
     UserError
         If the record or the system cannot be used, or an option is given that is of one model only.
     """
-    of_a_system = {"records", "time", *options_of(*_SYSTEM_OPTIONS)}
     values = cast("Mapping[str, object]", options)
+    given = options_of(DiagnoseCommand).values()
     unfit = [
         option.flags[0]
-        for option in options_of(DiagnoseCommand).values()
-        if option.name not in of_a_system and values[option.name] != option.default
+        for option in given
+        if option.name not in _OF_SYSTEMS and not option.is_default(values[option.name])
     ]
-    record, *others = options["records"]
-    if others:
-        unfit.append("a second record")
     if unfit:
         raise UserError(
             f"{unfit[0]} is about one model; --system tells which member to name with --model"
         )
-    path = options["json"]
-    Outputs(
-        {"the record": record, "the system": system}, {"--json": path}, {"--json": JSON}
-    ).check()
-    settings = [f"{name}={value}" for name, value in (options["settings"] or {}).items()]
-    mapping = [f"{column}={signal}" for column, signal in (options["mapping"] or {}).items()]
-    seconds = forms.optional_seconds(options["time"])
+    record, *others = options["records"]
+    if others:
+        raise UserError("a second record is about one model; --system takes one")
+    written = {"--json": options["json"], "--report": options["report"]}
+    file = {"the system": Path(system)} if Path(system).suffix.lower() in ENDINGS else {}
+    Outputs({"the record": record, **file}, written, _ENDINGS).check()
+    chosen = only(DiagnoseKeywords, options)
     with progress() as tell:
-        judged = systems.diagnose_system(record, system, mapping, settings, tell, seconds)
-    tell_repairs(judged.record.repairs)
-    out.print(systems.overview(judged))
-    write_json(path, systems.summary(judged))
+        chosen["progress"] = tell
+        result = diagnose(record, system=system, **chosen)
+    tell_repairs(result.record.repairs)
+    out.print(*result.overview(), sep="\n")
+    write_json(options["json"], result.to_dict())
+    write_all([(_report(result, command), options["report"])])
+    return result
 
 
 def open_judged(options: DiagnoseCommand | LawsCommand, check: Callable[[Model], None]) -> Judged:
@@ -287,7 +294,7 @@ def _show(result: DiagnosisResult, path: Path | None) -> None:
     write_json(path, result.to_dict())
 
 
-def _report(result: DiagnosisResult, command: str) -> Writer:
+def _report(result: DiagnosisResult | SystemResult, command: str) -> Writer:
     """Return a function that writes the report of a result."""
 
     def report(path: Path, tell: Callable[[str], None]) -> list[Path]:

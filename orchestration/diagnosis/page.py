@@ -79,12 +79,10 @@ def diagnosis_page(
         f"Diagnosis of <code>{escaped(diagnosis.model.name)}</code> on"
         f" <code>{escaped(files)}</code>"
     )
-    support = format_quantities(wording.support(diagnosis))
     step = format_quantities(capitalised(wording.next_step(diagnosis)))
-    chip = elements.chip(diagnosis.verdict, diagnosis.verdict)
     page = Page(
         capitalised(wording.headline(diagnosis)),
-        Markup(f"{chip} {support} <b>Next:</b> {step}"),
+        Markup(f"{verdict_text(diagnosis)} <b>Next:</b> {step}"),
         Markup(about),
     )
     if diagnosis.causes:
@@ -92,6 +90,33 @@ def diagnosis_page(
     if changed is not None:
         _add_changes(page, changed)
     _add_experiment(page, diagnosis)
+    _add_courses(page, diagnosis)
+    if law_map is not None and law_map.entries:
+        _add_law_map(page, law_map)
+    _add_figures(page, diagnosis)
+    page.reproduction(sources, command or _command(diagnosis, later))
+    return page
+
+
+def part_page(label: str, diagnosis: Diagnosis) -> Page:
+    """Make the page of a part of a system, whose page it is on; it is no model by itself."""
+    title = f"{capitalised(label)}: {wording.headline(diagnosis)}"
+    page = Page(title, verdict_text(diagnosis))
+    if diagnosis.causes:
+        _add_causes(page, diagnosis)
+    _add_courses(page, diagnosis)
+    _add_figures(page, diagnosis)
+    return page
+
+
+def verdict_text(diagnosis: Diagnosis) -> Markup:
+    """Return the verdict with what supports it."""
+    chip = elements.chip(diagnosis.verdict, diagnosis.verdict)
+    return Markup(f"{chip} {format_quantities(wording.support(diagnosis))}")
+
+
+def _add_courses(page: Page, diagnosis: Diagnosis) -> None:
+    """Add charts of the outputs, and of what the terms add."""
     page.heading("The model beside the record")
     for course in curves.output_courses(diagnosis):
         _add_course(page, diagnosis, course)
@@ -100,8 +125,10 @@ def diagnosis_page(
         page.heading("What the terms add")
         for curve in terms.values():
             _add_curve(page, diagnosis, curve)
-    if law_map is not None and law_map.entries:
-        _add_law_map(page, law_map)
+
+
+def _add_figures(page: Page, diagnosis: Diagnosis) -> None:
+    """Add what is left, the parameters, and the sets that were fitted."""
     page.heading("What is left")
     head = [capitalised(title) for title in terminal.REMAINDER_HEAD]
     page.table(head, terminal.remainder_rows(diagnosis))
@@ -112,8 +139,6 @@ def diagnosis_page(
     _add_parameters(page, diagnosis)
     page.heading("How it was found")
     _add_sets(page, diagnosis)
-    page.reproduction(sources, command or _command(diagnosis, later))
-    return page
 
 
 def _add_causes(page: Page, diagnosis: Diagnosis) -> None:

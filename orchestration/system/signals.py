@@ -12,7 +12,7 @@ from pathlib import Path
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from orchestration.records import Record, read_record
+from orchestration.records import Arrays, Record, read_record
 from orchestration.records.tables import split_header_cell
 from orchestration.system.checking import interface
 from orchestration.system.model import Port, System
@@ -55,13 +55,14 @@ def _nets(system: System) -> dict[Port, str]:
 
 
 def read_system_record(
-    path: Path, system: System, mapping: Mapping[str, str]
+    source: Path | Arrays | Record, system: System, mapping: Mapping[str, str]
 ) -> tuple[Record, dict[Port, Array]]:
     """Read a record of a system.
 
     Parameters
     ----------
-    path : Path
+    source : Path, DataFrame, Mapping of str to array_like, or Record
+        One that was read already has signals of the system by their names.
     system : System
     mapping : Mapping of str to str
         Column to signal, see `orchestration.records.parse_mapping`.
@@ -75,17 +76,21 @@ def read_system_record(
     Raises
     ------
     UserError
-        If the file is refused, or two columns are one signal.
+        If the file is refused, two columns are one signal, or a signal is none of the system.
     """
     known = signal_names(system)
-    record = read_record(
-        path, {name: _unit(system, port) for name, port in known.items()}, mapping=mapping
-    )
+    record = source
+    if not isinstance(record, Record):
+        units = {name: _unit(system, port) for name, port in known.items()}
+        record = read_record(record, units, mapping=mapping)
     measured: dict[Port, Array] = {}
     for name, values in record.signals.items():
+        if name not in known:
+            raise UserError(f"{record.source}: {system.name} has no signal {name!r}")
         if known[name] in measured:
             raise UserError(
-                f"{path}: {name} is {known[name]}, and another column is too; leave out one of them"
+                f"{record.source}: {name} is {known[name]}, and another column is too; leave out"
+                " one of them"
             )
         measured[known[name]] = values
     return record, measured

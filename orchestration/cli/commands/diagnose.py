@@ -24,7 +24,7 @@ def diagnose(options: DiagnoseCommand) -> None:
 
         with standard_output_for(options["json"]):
             if options["system"] is not None:
-                work.run_system(options, options["system"])
+                work.run_system(options, options["system"], typed_command())
             else:
                 result = work.run_diagnosis(options, typed_command())
                 _require(options["require"], result.verdict)

@@ -590,8 +590,12 @@ class SystemOption(TypedDict, total=False):
     """The system whose members are judged in place of one model."""
 
     system: Annotated[
-        Path | None,
-        Option("Judge every member of a system alone, cut where it was measured.", metavar="S.ssp"),
+        str | None,
+        Option(
+            "Judge the members of a system, by its name or its file, on one record.",
+            metavar="NAME|S.ssp",
+            complete="system",
+        ),
     ]
 
 

@@ -1,6 +1,8 @@
 from .diagnosis import MemberDiagnosis as MemberDiagnosis
+from .diagnosis import MemberParameter as MemberParameter
 from .diagnosis import MemberVerdict as MemberVerdict
 from .diagnosis import SystemDiagnosis as SystemDiagnosis
+from .diagnosis import SystemOptions as SystemOptions
 from .diagnosis import diagnose_system as diagnose_system
 from .parts import InputOrigin as InputOrigin
 from .parts import InputSource as InputSource

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from fmus.kit import UserError
-from fmus.kit.storage import scratch
+from fmus.kit.errors import suggestion
 from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.engine import Diagnosis, diagnose, is_followed
 from orchestration.diagnosis.foreign import diagnose_fmu, reals
@@ -30,7 +30,8 @@ from orchestration.diagnosis.terms import Term
 from orchestration.fmu import Model
 from orchestration.fmu.model import catalogue, declared_model_of
 from orchestration.identify.uncertainty import Estimate
-from orchestration.records import Record, parse_mapping
+from orchestration.records import Arrays, Record
+from orchestration.reporting import option
 from orchestration.system import (
     Member,
     Port,
@@ -39,13 +40,35 @@ from orchestration.system import (
     columns_of,
     interface,
     read_system_record,
-    ssp,
 )
 
 _SHORTEST = 100  # samples
 # of a loop of several members: a run takes a step for every millisecond, and terms are many
 _LONGEST = 1000  # samples, or so many seconds as follow
 _SECONDS = 10.0
+
+
+@dataclass(frozen=True)
+class SystemOptions:
+    """Options of the diagnosis of a system.
+
+    Attributes
+    ----------
+    mapping : Mapping of str to str
+        Signal by column; signals have the names of `orchestration.system.signal_names`.
+    settings : Mapping of str to float or str
+        Values of parameters, and of inputs that stayed where they were, by ``member.variable``: in
+        the units of the member, or with a unit.
+    hold : sequence of str
+        Parameters that keep their values, by ``member.parameter``.
+    time : float or None
+        Processor time of the search in each part, s; by default without a limit.
+    """
+
+    mapping: Mapping[str, str] = field(default_factory=dict)
+    settings: Mapping[str, float | str] = field(default_factory=dict)
+    hold: Sequence[str] = ()
+    time: float | None = None
 
 
 class MemberVerdict(StrEnum):
@@ -251,6 +274,11 @@ class SystemDiagnosis:
     columns: dict[Port, tuple[str, str]] = field(default_factory=dict)
 
     @property
+    def parts(self) -> list[Judgement]:
+        """The parts that were judged, each once, in the order of their first members."""
+        return list(dict.fromkeys(member.judgement for member in self.members))
+
+    @property
     def wrong(self) -> list[MemberDiagnosis]:
         """Members whose laws are wrong, the first suspect first."""
         found = [m for m in self.members if m.verdict is MemberVerdict.WRONG]
@@ -264,45 +292,53 @@ class SystemDiagnosis:
 
 
 def diagnose_system(
-    record_path: Path,
-    ssp_path: Path,
-    mapping: Sequence[str] = (),
-    settings: Sequence[str] = (),
+    source: Path | Arrays | Record,
+    system: System,
+    options: SystemOptions | None = None,
     progress: Callable[[str], None] = lambda text: None,
-    time: float | None = None,
 ) -> SystemDiagnosis:
     """Diagnose which members of a system a record contradicts, and by which causes.
 
     Parameters
     ----------
-    record_path, ssp_path : Path
-    mapping : sequence of str
-        ``column=signal`` entries; signals have the names of `orchestration.system.signal_names`.
-    settings : sequence of str
-        ``member.variable=value[unit]``: parameters, and inputs that stayed at a value.
+    source : Path, DataFrame, Mapping of str to array_like, or Record
+        The record; one that was read has signals named as in the system.
+    system : System
+    options : SystemOptions, optional
     progress : callable
         Called with a text about each step of the work.
-    time : float, optional
-        Processor time of the search in each part, s; by default without a limit.
 
     Raises
     ------
     UserError
-        If the system or the record cannot be used.
+        If the system or the record cannot be used, or a name in the options is unknown.
     """
-    with scratch.folder("ssp") as folder:
-        system = ssp.read(ssp_path, folder)
-        check(system)
-        system, given = _configured(system, settings)
-        renamed = parse_mapping(mapping)
-        record, measured = read_system_record(record_path, system, renamed)
-        if record.time.size < _SHORTEST:
-            raise UserError(
-                f"{record_path}: {record.time.size} samples are too few; {_SHORTEST} are the least"
-            )
-        judged = judgements(Cuts(system, measured, given), record, progress, time)
-        members = [_member(member, judged) for member in system.members]
-        return SystemDiagnosis(system.name, record, members, columns_of(system, record, renamed))
+    options = options or SystemOptions()
+    check(system)
+    system, given = _configured(system, options.settings)
+    held = [_held(system, name) for name in options.hold]
+    record, measured = read_system_record(source, system, options.mapping)
+    if record.time.size < _SHORTEST:
+        raise UserError(
+            f"{record.source}: {record.time.size} samples are too few; {_SHORTEST} are the least"
+        )
+    cuts = Cuts(system, measured, given, held)
+    judged = judgements(cuts, record, progress, options.time)
+    members = [_member(member, judged) for member in system.members]
+    columns = columns_of(system, record, options.mapping)
+    return SystemDiagnosis(system.name, record, members, columns)
+
+
+def _held(system: System, name: str) -> Port:
+    """Return a parameter that keeps its value."""
+    port = system.port(name)
+    parameters = interface(system.member(port.member)).parameters
+    if port.variable not in parameters:
+        raise UserError(
+            f"{option('hold', [name])}: {port.member} has no parameter named"
+            f" {port.variable!r}{suggestion(port.variable, parameters)}"
+        )
+    return port
 
 
 def _member(member: Member, judged: Sequence[Judgement]) -> MemberDiagnosis:
@@ -311,13 +347,14 @@ def _member(member: Member, judged: Sequence[Judgement]) -> MemberDiagnosis:
     return MemberDiagnosis(member.name, member.fmu.name, model, judgement)
 
 
-def _configured(system: System, settings: Sequence[str]) -> tuple[System, dict[Port, float]]:
+def _configured(
+    system: System, settings: Mapping[str, float | str]
+) -> tuple[System, dict[Port, float]]:
     """Set parameters in a system; return the values of inputs that are given besides."""
     given: dict[Port, float] = {}
     members = {member.name: member for member in system.members}
-    for text in settings:
-        name, _, amount = text.partition("=")
-        port = system.port(name.strip())
+    for name, amount in settings.items():
+        port = system.port(name)
         member = members[port.member]
         model = interface(member)
         value = model.settings([f"{port.variable}={amount}"])[port.variable]
@@ -409,8 +446,9 @@ def _subject(part: Part, record: Record, time: float | None = None) -> _PartSubj
             port = Port(member.name, variable)
             if port not in part.inputs and not isinstance(value, str):
                 given[name(port)] = float(value)
-    hold = [] if model.cls is None else program_constants(model.cls, signals)
-    options = replace(options, given=given, hold=hold)
+    held = [name(port) for port in part.hold]
+    held += [] if model.cls is None else program_constants(model.cls, signals)
+    options = replace(options, given=given, hold=held)
     return _PartSubject(model, replace(record, signals=signals), options, whole)
 
 
@@ -460,7 +498,8 @@ def _judgement_of_fmu(
 ) -> Judgement:
     """Diagnose a member without equations by corrections at its ports, all its reals fitted."""
     fmu = subject.model
-    options = replace(subject.options, fit=reals(fmu.parameters))
+    fitted = [name for name in reals(fmu.parameters) if name not in subject.options.hold]
+    options = replace(subject.options, fit=fitted, hold=())
     record = replace(
         subject.record,
         units={name: {**fmu.inputs, **fmu.outputs}[name].unit for name in subject.record.signals},

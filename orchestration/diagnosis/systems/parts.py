@@ -66,6 +66,8 @@ class Part:
         Measured, in their units; NaN where nothing was.
     missing : tuple of tuple of str
         Inputs of which nothing is known, each with the signal to measure.
+    hold : tuple of Port
+        Parameters of the members that keep their values.
     """
 
     members: tuple[Member, ...]
@@ -73,6 +75,7 @@ class Part:
     inputs: dict[Port, InputSource]
     outputs: dict[Port, Array]
     missing: tuple[tuple[str, str], ...]
+    hold: tuple[Port, ...] = ()
 
     @property
     def names(self) -> list[str]:
@@ -113,12 +116,19 @@ class Cuts:
     measured : Mapping of Port to ndarray, shape (n,)
     given : Mapping of Port to float
         Values of inputs that are known to have stayed where they were.
+    hold : sequence of Port
+        Parameters that keep their values.
     """
 
     def __init__(
-        self, system: System, measured: Mapping[Port, Array], given: Mapping[Port, float]
+        self,
+        system: System,
+        measured: Mapping[Port, Array],
+        given: Mapping[Port, float],
+        hold: Sequence[Port] = (),
     ) -> None:
         self.system = system
+        self._hold = hold
         self._known = _known_ports(system, measured)
         self._given = given
         self._feeding = {c.target: c for c in system.connections}
@@ -207,7 +217,8 @@ class Cuts:
                 values = self._known.get(port)
                 if signal.type == "real" and values is not None and np.isfinite(values).any():
                     outputs[port] = values
-        return Part(tuple(members), inside, inputs, outputs, tuple(missing))
+        hold = tuple(port for port in self._hold if port.member in names)
+        return Part(tuple(members), inside, inputs, outputs, tuple(missing), hold)
 
     def _source(
         self, port: Port, member: Member, start: float, computed: Mapping[Port, Port]

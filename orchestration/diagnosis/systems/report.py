@@ -24,6 +24,7 @@ from orchestration.diagnosis.terms import Term
 from orchestration.identify import finite_or_none
 from orchestration.reporting import plain_table
 
+MEMBER_HEAD = ("member", "verdict", "judged", "why")
 _VERDICTS = {
     MemberVerdict.WRONG: "The laws of {members} are wrong.",
     MemberVerdict.RECALIBRATE: (
@@ -88,13 +89,19 @@ def source_text(source: InputSource) -> str:
 
 def overview(diagnosis: SystemDiagnosis) -> Group:
     """Return what ``ppy diagnose --system`` prints."""
-    members = plain_table(None, "member", "verdict", "judged", "why")
+    members = plain_table(None, *MEMBER_HEAD)
     outputs = plain_table("outputs", "output", "error", "noise widths", "pace")
+    for row in member_rows(diagnosis):
+        members.add_row(*row)
     for member in diagnosis.members:
-        members.add_row(member.name, str(member.verdict), _judged_text(member), reason(member))
         _add_outputs(outputs, member)
-    remarks = [Text(f"  {text}") for text in _remarks(diagnosis)]
-    return Group(Text(sentence(diagnosis), "bold"), members, *remarks, outputs)
+    told = [Text(f"  {text}") for text in remarks(diagnosis)]
+    return Group(Text(sentence(diagnosis), "bold"), members, *told, outputs)
+
+
+def member_rows(diagnosis: SystemDiagnosis) -> list[tuple[str, str, str, str]]:
+    """Return a row for each member; see `MEMBER_HEAD`."""
+    return [(m.name, str(m.verdict), _judged_text(m), reason(m)) for m in diagnosis.members]
 
 
 def _judged_text(member: MemberDiagnosis) -> str:
@@ -113,7 +120,7 @@ def _add_outputs(table: Table, member: MemberDiagnosis) -> None:
         table.add_row(f"{member.name}.{name}", error, widths, pace)
 
 
-def _remarks(diagnosis: SystemDiagnosis) -> list[str]:
+def remarks(diagnosis: SystemDiagnosis) -> list[str]:
     """Return remarks on the data of all parts, each once."""
     judged = (m.judgement.diagnosis for m in diagnosis.members)
     return list(dict.fromkeys(text for one in judged if one for _, _, text in one.notes))
@@ -129,7 +136,7 @@ def summary(diagnosis: SystemDiagnosis) -> dict[str, Any]:
         "verdict": str(diagnosis.verdict),
         "suspects": [member.name for member in diagnosis.wrong],
         "members": [_member_summary(member) for member in diagnosis.members],
-        "notes": _remarks(diagnosis),
+        "notes": remarks(diagnosis),
     }
 
 

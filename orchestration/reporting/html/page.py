@@ -15,6 +15,7 @@ from pathlib import Path
 from fmus.kit import UserError, files
 from fmus.kit.build import STYLE
 
+_HEADING = re.compile(r"(?<=<h)\d(?=>)|(?<=</h)\d(?=>)")  # its level
 _GROUND = "var(--jp-layout-color0, var(--vscode-editor-background, Canvas))"  # of notebooks, too
 _EDGE = "#7f8a96 3px, rgb(127 138 150 / 0.25) 3px, transparent"
 # A bar and a shadow mark an edge with hidden contents, without a script: their covers scroll with
@@ -72,9 +73,9 @@ _ELEMENTS = """
   white-space: nowrap; background: #e9eef2; color: #3c4a57 }
 .chip.consistent, .chip.named { background: #dcefe2; color: #155c2e }
 .chip.recalibrate { background: #dcebf6; color: #0b4f7a }
-.chip.cause, .chip.differs { background: #fbe0e3; color: #8f1f30 }
+.chip.cause, .chip.wrong, .chip.differs { background: #fbe0e3; color: #8f1f30 }
 .chip.ambiguous, .chip.nottoldapart { background: #fbedcf; color: #734d05 }
-.chip.unexplained { background: #e9e1f5; color: #4d2c82 }
+.chip.unexplained, .chip.cannotbejudged { background: #e9e1f5; color: #4d2c82 }
 p.verdict .chip { font-weight: 600; margin-right: 0.4rem } sup { line-height: 0 }
 code.id { font-size: 0.85em; color: #52616e; background: none; padding: 0 }
 table { width: 100% } td .two { display: block; white-space: normal; min-width: 7rem }
@@ -147,6 +148,11 @@ class Page:
     def subheading(self, text: str) -> None:
         """Append the heading of a part of a section."""
         self.parts.append(f"<h3>{escaped(text)}</h3>")
+
+    def include(self, page: Page) -> None:
+        """Append the elements of another page, with its headings a level lower."""
+        for part in page.parts:
+            self.parts.append(_HEADING.sub(lambda level: str(int(level[0]) + 1), part))
 
     def text(self, text: str) -> None:
         """Append a paragraph."""

@@ -26,7 +26,7 @@ from orchestration.diagnosis.systems.report import overview, reason, sentence, s
 from orchestration.diagnosis.terms import NamedTerm
 from orchestration.identify.uncertainty import Estimate
 from orchestration.records import Record, write_record
-from orchestration.system import Member, Port, System, connect
+from orchestration.system import Member, Port, System, connect, ssp
 from tests.support.reference import documented, fields
 from tests.support.system.lags import lags
 
@@ -210,7 +210,7 @@ def test_members_without_equations_are_corrected_at_their_ports(
 ) -> None:
     """Of two lags the second is read by a sensor with a square, or the first is slower."""
     lags(tmp_path, gain, a=tau)
-    found = diagnose_system(tmp_path / "record.csv", tmp_path / "system.ssp")
+    found = diagnose_system(tmp_path / "record.csv", ssp.read(tmp_path / "system.ssp", tmp_path))
     a, b = found.members
     assert (str(a.verdict), str(b.verdict)) == expected
     fitted = a.parameters["tau"].estimate
@@ -231,11 +231,12 @@ def test_members_without_equations_are_corrected_at_their_ports(
 def test_what_was_not_recorded_as_it_must_be_is_refused(tmp_path: Path) -> None:
     """A column twice, a record that is too short."""
     lags(tmp_path, 0.0)
+    system = ssp.read(tmp_path / "system.ssp", tmp_path)
     two = {"drive": np.zeros(200), "a.u": np.ones(200), "a.x": np.ones(200)}
     write_record(tmp_path / "two.csv", 0.05 * np.arange(200), two, dict.fromkeys(two, "1"))
     with pytest.raises(UserError, match=r"two.csv: .* is a.u, and another column is too"):
-        diagnose_system(tmp_path / "two.csv", tmp_path / "system.ssp")
+        diagnose_system(tmp_path / "two.csv", system)
     short = {name: values[:50] for name, values in two.items() if name != "drive"}
     write_record(tmp_path / "short.csv", 0.05 * np.arange(50), short, dict.fromkeys(short, "1"))
     with pytest.raises(UserError, match="50 samples are too few; 100 are the least"):
-        diagnose_system(tmp_path / "short.csv", tmp_path / "system.ssp")
+        diagnose_system(tmp_path / "short.csv", system)
