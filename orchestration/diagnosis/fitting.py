@@ -803,13 +803,14 @@ def by_least_squares(fitted: Fit) -> Fit:
 def _at_phases(problem: Problem, point: Point) -> Iterator[Point]:
     """Yield a point, and those with another phase of each clock in turn.
 
-    The cost has a kink where a tick passes a sample, and many minima over a phase.
+    The cost jumps where a tick passes a sample, and has many minima over a phase. Phases are those
+    between the parts of a period, many of which are at samples.
     """
     yield point
     for k in problem.phases:
-        for phase in range(1, _PHASES):
+        for phase in range(_PHASES):
             q = point.q.copy()
-            q[k] += phase / _PHASES
+            q[k] += (phase + 0.5) / _PHASES
             yield replace(point, q=q)
 
 
