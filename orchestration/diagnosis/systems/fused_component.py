@@ -269,6 +269,10 @@ def _lifted(member: str, cls: type[Component], effect: type[Effect]) -> type[Eff
             name = full_name(member, variable.name)
             body[name] = _renamed(member, variable, _start(effect, variable))
     term = effect.term
+    sizes = [
+        replace(size, parameters=tuple(full_name(member, name) for name in size.parameters))
+        for size in effect.sizes
+    ]
     made.append(
         make_effect(
             f"{effect.__name__}Of{member.title()}",
@@ -284,6 +288,7 @@ def _lifted(member: str, cls: type[Component], effect: type[Effect]) -> type[Eff
             ),
             neutral=full_name(member, effect.neutral),
             assumption=effect.assumption,
+            sizes=tuple(sizes),
             is_random=effect.is_random,
             output=full_name(member, effect.output) if effect.output else "",
         )

@@ -7,7 +7,7 @@ import shlex
 from fmus.kit.titles import capitalised
 from orchestration.diagnosis.page import part_page
 from orchestration.diagnosis.systems.diagnosis import SystemDiagnosis
-from orchestration.diagnosis.systems.report import MEMBER_HEAD, member_rows, remarks, sentence
+from orchestration.diagnosis.systems.report import MEMBER_HEAD, member_rows, sentence
 from orchestration.reporting import flag, make_page
 from orchestration.reporting.html import Markup, Page, elements, escaped, format_quantities
 
@@ -34,9 +34,6 @@ def system_page(diagnosis: SystemDiagnosis, command: str = "") -> Page:
     for name, verdict, judged, why in member_rows(diagnosis):
         rows.append((name, elements.chip(verdict, verdict), judged, format_quantities(why)))
     page.table([capitalised(title) for title in MEMBER_HEAD], rows)
-    told = remarks(diagnosis)
-    if told:
-        page.items(told)
     for part in diagnosis.parts:
         if part.diagnosis is not None:
             page.include(part_page(part.part.label, part.diagnosis))

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from fmus.kit import registry
 from orchestration.diagnosis.cause import Cause
+from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.report import wording
 from orchestration.diagnosis.systems.diagnosis import (
     MemberDiagnosis,
@@ -48,8 +49,8 @@ def reason(member: MemberDiagnosis) -> str:
         return member.judgement.reason
     if member.verdict is MemberVerdict.WRONG and not member.causes:
         return "something is missing, and nothing that was tried explains it"
-    causes = "; ".join(_cause_text(name, cause) for name, cause in member.causes)
     diagnosis = member.judgement.diagnosis
+    causes = "; ".join(_cause_text(diagnosis, name, cause) for name, cause in member.causes)
     sure = diagnosis is not None and diagnosis.is_named
     if member.verdict is MemberVerdict.WRONG:
         return causes if sure else f"no cause is sure; best guesses: {causes}"
@@ -61,10 +62,13 @@ def reason(member: MemberDiagnosis) -> str:
     return "nothing is left that noise cannot account for"
 
 
-def _cause_text(name: str, cause: Cause) -> str:
+def _cause_text(diagnosis: Diagnosis | None, name: str, cause: Cause) -> str:
+    """Return a cause by its name, with how large it is, or its shape."""
     lead = cause.parts[0]
-    shape = f", {shape_text(lead)}" if isinstance(lead, Term) else ""
-    return f"{wording.percent(cause.probability)} {name}{shape}"
+    texts = [] if diagnosis is None else [size.text for size in wording.sizes(diagnosis, cause)]
+    if not texts and isinstance(lead, Term):
+        texts = [shape_text(lead)]
+    return ", ".join([f"{wording.percent(cause.probability)} {name}", *texts])
 
 
 def _change_text(name: str, parameter: MemberParameter) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from fmus.kit import Component, Effect, Input, Output, Parameter, State, Term, stack
+from fmus.kit import Component, Effect, Input, Output, Parameter, Size, State, Term, stack
 from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError
 from fmus.kit.record import CompiledModel
@@ -68,6 +68,7 @@ class Give(Effect):
     title = "A spring that gives"
     neutral = "share"
     term = Term("force", "length", "-c k x", "force over length")
+    sizes = (Size("by {}", ("share",)),)
     share = Parameter(0.0, "1", min=-1.0, max=1.0, nominal=0.1, doc="share")
 
     def force(self):
@@ -115,6 +116,7 @@ def test_an_effect_of_a_member_acts_in_the_whole() -> None:
         "spring_share",
         "A spring that gives",
     )
+    assert [size.parameters for size in give.sizes] == [("spring_share",)]
     drive = 1.0 + np.sin(TIME)
     inputs = {"lag_drive": drive, "spring_bias": np.full(50, 0.2)}
     run = CompiledModel(stack(both.cls, give)).run(TIME, inputs, {"spring_share": 0.3})
