@@ -30,7 +30,7 @@ _FROM_REST = {
     "throughput": "integral of the modulus of {} since the start",
 }
 STEEPEST = 30.0  # exponent, beyond which an exponential is constant, as in free_run.c
-_WITH_WIDTH = ("dry", "dead_zone", "above", "below", "exponential", "levelling", "step")
+_WITH_WIDTH = ("dry", "dead_zone", "above", "below", "exponential", "levelling", "sinh", "step")
 _MEMORIES = ("none", "lag", "fading", "two_lags", "rate_limit", "play", "dahl", *_FROM_REST)
 _WIDEST = 1e6  # of a width or a constant, in its value, and the reciprocal of the smallest
 
@@ -229,6 +229,7 @@ _SHAPES: dict[str, Callable[[Any, Any, Any], Any]] = {
     "above": lambda x, w, s: maximum(x - w, 0.0 * w),
     "exponential": lambda x, w, s: exp(minimum(x / w, STEEPEST)) - 1.0,
     "levelling": lambda x, w, s: 1.0 - exp(minimum(-x / w, STEEPEST)),
+    "sinh": lambda x, w, s: 0.5 * (exp(minimum(x / w, STEEPEST)) - exp(minimum(-x / w, STEEPEST))),
     "step": lambda x, w, s: 0.5 + 0.5 * tanh((x - w) / (ABRUPT * s)),
     "below": lambda x, w, s: minimum(x + w, 0.0 * w),
 }

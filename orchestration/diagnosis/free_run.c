@@ -32,7 +32,7 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
-enum shape { CONSTANT, LINEAR, MODULUS, SQUARE, ODD_SQUARE, CUBE, ROOT, DRY, DEAD_ZONE, ABOVE, BELOW, EXPONENTIAL, LEVELLING, STEP, CURVE };
+enum shape { CONSTANT, LINEAR, MODULUS, SQUARE, ODD_SQUARE, CUBE, ROOT, DRY, DEAD_ZONE, ABOVE, BELOW, EXPONENTIAL, LEVELLING, SINH, STEP, CURVE };
 enum memory { NONE, LAG, FADING, TWO_LAGS, RATE_LIMIT, PLAY, DAHL, HEAT, INTEGRAL, THROUGHPUT };
 
 #define KNOTS 13
@@ -171,6 +171,12 @@ static void shape_at(const term *q, int j, double z, double w, double *value, do
         *by_w = -z * *by_z;
         break;
     }
+    case SINH:
+        e = m / w;
+        *by_z = e < STEEPEST ? cosh(e) / w : 0.0;
+        *value = sign * sinh(e < STEEPEST ? e : STEEPEST);
+        *by_w = -z * *by_z;
+        break;
     case STEP:
         e = tanh((z - w) / ABRUPT);
         *value = 0.5 + 0.5 * e;

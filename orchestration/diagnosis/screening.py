@@ -414,10 +414,7 @@ def alike(model: LawModel, parts: Sequence[Linearisation]) -> list[list[str]]:
     """
     classes: list[list[str]] = []
     actions: list[Array] = []
-    for law in model.targets:
-        i = model.laws.index(law)
-        action = np.concatenate([a[:, :, i].ravel() for part in parts for a in part.actions])
-        action = np.nan_to_num(action)
+    for law, action in zip(model.targets, _scaled_actions(model, parts).T, strict=True):
         size = np.linalg.norm(action)
         if not size:
             continue
@@ -429,6 +426,20 @@ def alike(model: LawModel, parts: Sequence[Linearisation]) -> list[list[str]]:
             classes.append([law])
             actions.append(action / size)
     return classes
+
+
+def _scaled_actions(model: LawModel, parts: Sequence[Linearisation]) -> Array:
+    """Return what additions to the targets do, (rows, targets), whatever the units.
+
+    To each rate and output over the largest that one of them does.
+    """
+    targets = [model.laws.index(law) for law in model.targets]
+    rows = []
+    for same in zip(*(part.actions for part in parts), strict=True):
+        action = np.nan_to_num(np.concatenate(same)[:, :, targets], posinf=0.0, neginf=0.0)
+        largest = np.abs(action).max(axis=(0, 2), keepdims=True, initial=0.0)
+        rows.append((action / np.where(largest > 0.0, largest, 1.0)).reshape(-1, len(targets)))
+    return np.concatenate(rows)
 
 
 class _Views:

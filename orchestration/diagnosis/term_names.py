@@ -42,6 +42,7 @@ FORMS = {
     Shape.BELOW: Form("a min(x + w, 0)", 1.0),
     Shape.EXPONENTIAL: Form("a (exp(x/w) - 1)", 0.0),
     Shape.LEVELLING: Form("a (1 - exp(-x/w))", 0.0),
+    Shape.SINH: Form("a sinh(x/w)", 0.0),
     Shape.STEP: Form("a step(x - w)", 0.0),
     Shape.CURVE: Form("a curve", 0.0),
 }

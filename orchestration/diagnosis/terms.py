@@ -32,8 +32,9 @@ class Shape(IntEnum):
     BELOW = 10
     EXPONENTIAL = 11
     LEVELLING = 12
-    STEP = 13
-    CURVE = 14
+    SINH = 13
+    STEP = 14
+    CURVE = 15
 
     @property
     def has_width(self) -> bool:

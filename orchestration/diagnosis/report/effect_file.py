@@ -42,6 +42,9 @@ FORMULAS = {
     Shape.BELOW: "minimum(x + {w}, 0.0)",
     Shape.EXPONENTIAL: f"(exp(minimum(x / {{w}}, {STEEPEST})) - 1.0)",
     Shape.LEVELLING: f"(1.0 - exp(minimum(-x / {{w}}, {STEEPEST})))",
+    Shape.SINH: (
+        f"0.5 * (exp(minimum(x / {{w}}, {STEEPEST})) - exp(minimum(-x / {{w}}, {STEEPEST})))"
+    ),
     Shape.STEP: f"(0.5 + 0.5 * tanh((x - {{w}}) / ({ABRUPT} * {{s}})))",
     Shape.CURVE: "smooth_table(knot, range(1, {end}), {table}_VALUES)",  # no knot is at zero
 }

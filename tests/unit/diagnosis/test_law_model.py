@@ -50,6 +50,7 @@ SHAPES: dict[Shape, Callable[[float], float]] = {
     Shape.BELOW: lambda z: min(z + WIDTH, 0.0),
     Shape.EXPONENTIAL: lambda z: np.expm1(z / WIDTH),
     Shape.LEVELLING: lambda z: -np.expm1(-z / WIDTH),
+    Shape.SINH: lambda z: np.sinh(z / WIDTH),
     Shape.STEP: lambda z: 0.5 + 0.5 * np.tanh((z - WIDTH) / 0.004),
 }
 LENGTH = 3.0  # s, scale of a step over time
@@ -149,7 +150,16 @@ def test_shape_functions_sum_to_the_shape(shape: Shape) -> None:
     x = np.linspace(-0.5, 0.5, 101)
     total = mass().shape_values(term, x) @ COEFFICIENTS[: term.coefficients]
     scaled = (x - term.middle) / term.scale
-    assert total == pytest.approx([shaped(shape, z) for z in scaled], abs=1e-12)
+    assert total == pytest.approx([shaped(shape, z) for z in scaled], rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("shape", [Shape.EXPONENTIAL, Shape.LEVELLING, Shape.SINH])
+def test_an_exponential_stays_finite_far_beyond_its_width(shape: Shape) -> None:
+    term = replace(term_of(shape), width=1e-3)
+    values = mass().shape_values(term, np.array([-9.0, -1.0, 1.0, 9.0]))[:, 0]
+    assert np.isfinite(values).all()
+    assert np.all(np.diff(values) >= 0.0)
+    assert np.abs(values).max() == pytest.approx(np.exp(30.0), rel=0.6)
 
 
 def lag(x: float, z: float) -> float:

@@ -337,6 +337,41 @@ def test_laws_that_act_alike_are_one_target() -> None:
     assert sorted(map(sorted, classes)) == [["filling", "leak"], ["flow"], ["following"]]
 
 
+class Winding(Component):
+    """A motor of which the speed is measured, and the current by a large unit."""
+
+    name = "winding"
+    voltage = Input("V", nominal=1.0)
+    speed = State("rad/s", rate="acceleration", nominal=1.0, output=True)
+    angle = State("rad", rate="turning", nominal=1.0)
+
+    def turning(self):
+        """By definition."""
+        return self.speed
+
+    def armature(self):
+        """Ohm."""
+        return self.voltage - self.speed
+
+    def brake(self):
+        """Viscous."""
+        return 0.1 * self.speed
+
+    def acceleration(self):
+        """Newton."""
+        return self.armature() - self.brake()
+
+    @Output("A", nominal=1.0)
+    def current(self):
+        """As measured."""
+        return 1e-3 * self.armature()
+
+
+def test_laws_are_told_apart_by_an_output_whatever_its_unit() -> None:
+    causes = {c.term.cause for c in noisy(Winding, 2).candidates if not c.term.factor}
+    assert {("armature", "speed"), ("brake", "speed")} <= causes
+
+
 def test_a_balance_and_its_parts_are_one_target_and_a_definition_none() -> None:
     setting = Setting(nominal(), FREE)
     record = pushed(30)
