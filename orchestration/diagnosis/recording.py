@@ -36,7 +36,7 @@ _BEND = 5.0  # distances of its neighbours, from which on a value is no bend of 
 _FEW = 0.05  # share of the samples, up to which some are outliers
 _TO_DEVIATION = 1.4826  # of the median of moduli, for normal noise
 _NOISY = 1e-6  # of a step or of a spread: less is rounding
-_HALF = 0.5  # of a step, up to which time stamps are of an even clock
+_JITTER = 0.3  # of a step, deviation of stamps of an even clock: within half a step they have 0.29
 _STIFFNESS = 10.0 ** np.arange(-3.0, 8.0)  # weights of squared third differences
 _THIRD = (1.0, -3.0, 3.0, -1.0)
 
@@ -49,7 +49,7 @@ def evenly(model: LawModel, record: Record) -> Record:
     count = np.arange(len(record.time))
     step, first = np.polyfit(count, record.time, 1)
     late = record.time - first - step * count
-    is_noise = _NOISY * step < np.abs(late).max() < _HALF * step
+    is_noise = _NOISY * step < late.std() < _JITTER * step
     if not is_noise or effective_samples(late) < _WHITE * len(late):
         return record
     even = np.ascontiguousarray(record.time[0] + step * count)

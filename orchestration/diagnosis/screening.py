@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -407,23 +407,24 @@ class Screen:
         return pool
 
 
-def alike(model: LawModel, parts: Sequence[Linearisation]) -> list[list[str]]:
+def alike(model: LawModel, parts: Sequence[Linearisation]) -> list[dict[str, float]]:
     """Return the targets in classes of those that act alike: whose columns are in proportion.
 
-    A law without any action is left out.
+    Each with how much it does, by which sizes in its unit become those in another's. A law without
+    any action is left out.
     """
-    classes: list[list[str]] = []
+    classes: list[dict[str, float]] = []
     actions: list[Array] = []
     for law, action in zip(model.targets, _scaled_actions(model, parts).T, strict=True):
-        size = np.linalg.norm(action)
+        size = float(np.linalg.norm(action))
         if not size:
             continue
         for known, direction in zip(classes, actions, strict=True):
             if abs(action @ direction) > _SAME * size:
-                known.append(law)
+                known[law] = size
                 break
         else:
-            classes.append([law])
+            classes.append({law: size})
             actions.append(action / size)
     return classes
 
@@ -527,32 +528,34 @@ class _Shapes:
 
 
 def _candidates(
-    along: Courses, classes: Sequence[Sequence[str]], shapes: _Shapes
+    along: Courses, classes: Sequence[Mapping[str, float]], shapes: _Shapes
 ) -> Iterator[Candidate]:
     """Yield every term that may be missing."""
     model = along.model
     outputs = {o.name for o in model.outputs}
     views_of = _Views(along)
     value_of = along.values
-    for same in classes:
+    for actions in classes:
+        same = list(actions)
         views = views_of.of(same)
-        size = max(float(np.sqrt(np.mean(value_of[law] ** 2))) for law in same) or 1.0
+        done = max(_rms(value_of[law]) * action for law, action in actions.items())
+        sizes = {law: done / action or 1.0 for law, action in actions.items()}
         whole = next((law for law in same if law in model.rates), same[0])
-        amount = np.full(len(along.laws), size)
+        amounts = {law: np.full(len(along.laws), size) for law, size in sizes.items()}
         if whole not in outputs:  # of an output it is one of its sensor
-            constant = Term(whole, "", Shape.CONSTANT, size=size)
-            yield Candidate(constant, np.ones((len(amount), 1)), amount, 0.0)
-        yield from _of_itself(shapes, whole, value_of[whole], amount)
+            constant = Term(whole, "", Shape.CONSTANT, size=sizes[whole])
+            yield Candidate(constant, np.ones((len(along.laws), 1)), amounts[whole], 0.0)
+        yield from _of_itself(shapes, whole, value_of[whole], amounts[whole])
         for view in views:
             if view.signal in same and view.memory is Memory.NONE:
                 continue  # a law that acts alike is no signal of another
             law, depends = _owner(model, same, view.signal)
             of_sensor = law in outputs and _is_one(view, value_of[view.signal], value_of[law])
-            for term in _terms(law, view, _REMEMBERED.get(view.memory, _PLAIN), size):
+            for term in _terms(law, view, _REMEMBERED.get(view.memory, _PLAIN), sizes[law]):
                 if not (of_sensor and term.shape is Shape.LINEAR):
-                    yield shapes.candidate(term, view, amount, depends)
+                    yield shapes.candidate(term, view, amounts[law], depends)
         yield from _in_percent(shapes, same, views, value_of)
-        yield from _by_inputs(shapes, same, size, views, value_of)
+        yield from _by_inputs(shapes, sizes, views, value_of)
 
 
 def _is_one(view: Seen, signal: Array, output: Array) -> bool:
@@ -611,7 +614,7 @@ def _of_itself(shapes: _Shapes, law: str, values: Array, amount: Array) -> Itera
     """
     model = shapes.model
     state = next((s.name for s in model.cls.layout.states if s.rate == law), None)
-    scale = float(np.sqrt(np.mean(values**2)))
+    scale = _rms(values)
     if state not in model.depends_on(law) or not scale:
         return
     view = Seen(law, Memory.NONE, (), values, scale, 0.0)
@@ -639,8 +642,7 @@ def _in_percent(
 
 def _by_inputs(
     shapes: _Shapes,
-    same: Sequence[str],
-    size: float,
+    sizes: Mapping[str, float],
     views: Sequence[Seen],
     value_of: Mapping[str, Array],
 ) -> Iterator[Candidate]:
@@ -649,14 +651,15 @@ def _by_inputs(
     Where a law is in proportion to the input, these are changes in percent of that law.
     """
     model = shapes.model
+    same = list(sizes)
     others = {v.name for v in (*model.inputs, *model.states)}
     distinct_signals = {view.signal for view in views}
     for factor in (v.name for v in model.inputs if v.name in distinct_signals):
         amount = value_of[factor]
         if any(_cosine(value_of[law], amount) > _SAME for law in same):
             continue
-        unit = size / float(np.sqrt(np.mean(amount**2)))
-        addition = unit * amount
+        units = {law: size / _rms(amount) for law, size in sizes.items()}
+        additions = {law: unit * amount for law, unit in units.items()}
         for view in views:
             if view.memory is Memory.NONE and view.signal in others - {factor}:
                 law, depends = _owner(model, same, view.signal)
@@ -664,8 +667,12 @@ def _by_inputs(
                 is_own = any(_cosine(value_of[one], view.values) > _SAME for one in same)
                 shapes_of = _PRODUCT[1:] if is_own else _PRODUCT  # in percent over the factor
                 has_both = depends and factor in model.reads(law)
-                for term in _terms(law, view, shapes_of, unit, factor=factor):
-                    yield shapes.candidate(term, view, addition, has_both)
+                for term in _terms(law, view, shapes_of, units[law], factor=factor):
+                    yield shapes.candidate(term, view, additions[law], has_both)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def _cosine(one: Array, other: Array) -> float:
@@ -675,7 +682,7 @@ def _cosine(one: Array, other: Array) -> float:
 
 
 def _changes(
-    along: Courses, classes: Sequence[Sequence[str]], shapes: _Shapes
+    along: Courses, classes: Sequence[Collection[str]], shapes: _Shapes
 ) -> Iterator[Candidate]:
     """Yield changes of laws in percent at an instant, and offsets from one on."""
     model = along.model

@@ -45,6 +45,13 @@ def test_a_noisy_clock_is_the_even_one_next_to_it() -> None:
     assert evenly(mass(), even) is even
 
 
+def test_time_stamps_may_be_later_than_the_next_sample_now_and_then() -> None:
+    even, _ = jittered()
+    late = 0.25 * np.random.default_rng(5).standard_normal(300)
+    read = evenly(mass(), replace(even, time=even.time + 0.05 * late))
+    assert np.diff(read.time) == pytest.approx(np.full(299, 0.05), rel=1e-3)
+
+
 def test_a_clock_that_is_not_even_stays() -> None:
     even, _ = jittered()
     drifting = replace(even, time=even.time + 0.1 * np.sin(even.time))
