@@ -64,6 +64,7 @@ _MOST_TERMS = 3
 _CLIP = 30.0  # coefficient from the screen at most
 _SHIFT = 2.0  # of a parameter from the screen at most, in searched coordinates
 _FAR = 0.4  # prior deviations from nominal, from which on a search starts at nominal too
+_CHANCE = 2.0  # standard errors of a correlation, up to which noise is white
 _WORTH = -5.0  # nats of evidence by the screen, below which a set is not fitted
 _STEPS, _FEWER_STEPS = 15, 12  # of a fit; of one that starts from a fit of nearly the same terms
 _LAST_STEPS = 25
@@ -279,6 +280,19 @@ def _along_the_whole(rounds: _Rounds) -> Found:
     return _on_all_samples(rounds.found)
 
 
+def is_white(judged: Judged) -> bool:
+    """Return whether errors are white noise where a model was fitted.
+
+    Its correlations have a standard error of ``1 / sqrt(n)`` (Bartlett: On the theoretical
+    specification and sampling properties of autocorrelated time-series, 1946).
+    """
+    for independent, errors in zip(judged.effective, judged.fit.errors, strict=True):
+        n = np.maximum(np.isfinite(errors).sum(axis=0), 1)
+        if (independent * (1.0 + 2.0 * _CHANCE / np.sqrt(n)) < n)[independent > 0.0].any():
+            return False
+    return True
+
+
 def leaves_more(judged: Judged) -> bool:
     """Return whether a model leaves more than noise of an output where nothing was chosen by."""
     spreads = np.ones(len(judged.fit.problem.spread))
@@ -420,8 +434,11 @@ def _read_otherwise(
     is_over: Callable[[], bool],
     is_candidate: Callable[[Term], bool],
 ) -> Found:
-    """Return what is found with fits of the file in other readings, with a few terms or none."""
-    if is_over():
+    """Return what is found with fits of the file in other readings, with a few terms or none.
+
+    None are tried of a file that a model near nominal explains as it was read, up to white noise.
+    """
+    if is_over() or (is_white(found.base) and not _is_far(found.base.fit)):
         return found
     progress("other readings of the file")
     for subject in misreadings(found.subject, found.base):

@@ -13,6 +13,7 @@ from orchestration.diagnosis.conclude import Conclusion, conclude
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.fitting import fit, fit_base, nominal_point, weights_of
 from orchestration.diagnosis.law_model import LawModel
+from orchestration.diagnosis.pieces import pieces_of
 from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.runs import Record as KernelRecord
 from orchestration.diagnosis.search import Found
@@ -69,6 +70,12 @@ def oscillator_record(
     return Record(time, signals, {"force": "N", "position": "m"}, Path(f"oscillator_{seed}.csv"))
 
 
+def _diagnosis(record: Record, found: Found) -> Diagnosis:
+    pieces, _ = pieces_of([record], found.subject.problem.model, {})
+    model = declared_model_of(Oscillator)
+    return Diagnosis(model, (record,), (), tuple(pieces), found, conclude(found))
+
+
 def diagnosis_with(record: Record, *sets: Sequence[Term]) -> Diagnosis:
     """Return the diagnosis of an oscillator in which these sets of terms alone are fitted.
 
@@ -85,13 +92,13 @@ def diagnosis_with(record: Record, *sets: Sequence[Term]) -> Diagnosis:
         judged = None if fitted is None else subject.judge(fitted)
         if judged is not None:
             found = found.with_fits([judged])
-    return Diagnosis(declared_model_of(Oscillator), (record,), (), (), found, conclude(found))
+    return _diagnosis(record, found)
 
 
 def diagnosis_without_terms(record: Record) -> Diagnosis:
     """Return the diagnosis of an oscillator by its model as it is alone."""
     found = unsearched(record)
-    return Diagnosis(declared_model_of(Oscillator), (record,), (), (), found, conclude(found))
+    return _diagnosis(record, found)
 
 
 def unsearched(record: Record, *, interpolate: bool = False) -> Found:
@@ -122,7 +129,7 @@ def diagnosis_read_as(record: Record, reading: Reading) -> Diagnosis:
     judged = subject.judge(base)
     assert judged is not None
     found = found.with_fits([judged], [subject])
-    return Diagnosis(declared_model_of(Oscillator), (record,), (), (), found, conclude(found))
+    return _diagnosis(record, found)
 
 
 def with_group(diagnosis: Diagnosis, verdict: str, *probabilities: float) -> Diagnosis:

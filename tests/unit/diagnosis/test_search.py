@@ -40,6 +40,17 @@ def test_the_missing_friction_is_the_best_fit(found: Found) -> None:
     assert best.score > 20.0
 
 
+def test_a_file_is_read_otherwise_where_the_model_leaves_more_than_white_noise(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[object] = []
+    monkeypatch.setattr(NAMES, "misreadings", lambda *given: asked.append(given) or [])
+    small_search(monkeypatch, nothing, 241)  # of other searches results are kept
+    assert not asked
+    small_search(monkeypatch, dry, 241)
+    assert asked
+
+
 def test_fits_are_compared_best_first(found: Found) -> None:
     scores = [ranked.score for ranked in found.compared()]
     assert scores == sorted(scores, reverse=True)
