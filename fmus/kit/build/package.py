@@ -26,7 +26,6 @@ RUNTIME_MODULES = (
     "__init__",
     "arms",
     "component",
-    "corrections",
     "curves",
     "declare",
     "effects",

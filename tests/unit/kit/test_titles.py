@@ -7,7 +7,6 @@ import pytest
 from fmus import COMPONENTS, component, effects
 from fmus.kit import Component, Effect, Input, Output, Parameter, stack
 from fmus.kit.arms import lag_effect
-from fmus.kit.corrections import SignalTerm, correction
 from fmus.kit.curves import curve
 from fmus.kit.inputs import dead_zone
 from fmus.kit.sensors import measurement_effects, sensor_lag
@@ -91,10 +90,6 @@ def test_a_law_may_be_called_title():
         (
             lag_effect(Heater, "wire_resistance", "wire_current", "warming", 10.0, "ohm"),
             "A part that rises as it warms in resistance of the wire",
-        ),
-        (
-            correction(Heater, "lead_drop", SignalTerm("wire_current"), "cubic", "V"),
-            "Lead drop that depends on wire current",
         ),
         (dead_zone(Heater, "wire_current"), "A dead zone in wire current"),
         (sensor_lag(Heater, "clamp_voltage"), "A lag of the clamp voltage sensor"),

@@ -4,7 +4,6 @@ import pytest
 
 from fmus.kit import UserError, stack
 from fmus.kit.build.package import RUNTIME_MODULES, name_in_package, python_package
-from fmus.kit.corrections import SignalTerm, SmoothTable, correction
 from fmus.kit.curves import EffectNames, curve
 from fmus.kit.sensors import sensor_lag
 from fmus.ppy_actuator.model import PpyActuator
@@ -34,13 +33,6 @@ def test_made_effects_are_made_again(tmp_path, monkeypatch):
     effects = (
         sensor_lag(PpyActuator, "voltage"),
         curve(PpyActuator, "film_voltage", "charge", "saturating", "V", names=names),
-        correction(
-            PpyActuator,
-            "charge_elongation",
-            SignalTerm("current", "lagged", 2.0, "A"),
-            SmoothTable([0.0, 1.0], [0.5, 2.0]),
-            "m",
-        ),
     )
     cls = stack(PpyActuator, *effects, defaults={"bend_amount": 0.25})
     for path, contents in python_package(cls).items():

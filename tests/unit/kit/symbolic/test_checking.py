@@ -21,8 +21,6 @@ from fmus.kit import (
     Parameter,
     State,
     UserError,
-    corrections,
-    curves,
     sin,
     stack,
 )
@@ -109,16 +107,6 @@ def test_examples_and_plants_fit_their_units_with_every_effect_there_is(place):
     cls = load_class(f"{ROOT / place}")
     for effect in (*catalogue(cls).values(), *families_for(cls), *measurement_effects(cls)):
         check_component(stack(cls, effect))
-
-
-@pytest.mark.parametrize("memory", corrections.MEMORIES)
-def test_corrections_of_every_shape_fit_the_units_of_their_law(memory):
-    level = corrections.SignalTerm(
-        "level", memory, 10.0 if memory in corrections.LAGS else 0.0, "m"
-    )
-    for shape in (*curves.SHAPES, corrections.SmoothTable((0.0, 1.0), (0.0, 1.0))):
-        effect = corrections.correction(Tank, "pipe_flow", level, shape, "m^3/s", beside=True)
-        check_component(stack(Tank, effect))
 
 
 @pytest.mark.parametrize("place", WITHOUT_NUMBERS)
