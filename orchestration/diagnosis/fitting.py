@@ -42,6 +42,9 @@ _FARTHER = 3  # times as many from nominal parameters
 SMALL = 1e-3  # coefficient from which a search starts, so that a term has slopes
 _FEWEST = 4.0  # effective samples that are counted at least
 _PLACES = 12  # of a parameter, of which the last is its end where runs are steady
+_DIGITS = 9  # of phases that are one
+_BEHIND = 1e-6  # a jump, in periods, at which a phase ends
+_BEYOND = 0.01  # the same, from where it is searched on the other side
 _FORESEEN = 0.5  # of a fall, within which slopes elsewhere foresaw it and are good for a next step
 
 
@@ -253,6 +256,41 @@ class Problem:
         """Searched coordinates of the nominal values."""
         pairs = zip(self.scales, self.nominal[self.free], strict=True)
         return np.array([s.position(v) for s, v in pairs])
+
+    @cached_property
+    def walls(self) -> list[Array]:
+        """Phases, for each of `phases`, at which a tick meets a jump of an input, ascending.
+
+        The cost jumps there. None of a clock that meets jumps at nearly all phases.
+        """
+        walls = []
+        for k in self.phases:
+            period = self.period_of[int(self.free[k])]
+            held = [record for record in self.records if not all(record.smooth)]
+            meets = [(r.time[r.jumps] - r.begin) / period % 1.0 for r in held]
+            at = np.unique(np.concatenate([[], *meets]).round(_DIGITS) % 1.0)
+            walls.append(at if len(at) <= _PHASES else at[:0])
+        return walls
+
+    def between_walls(self, before: Array, q: Array) -> Array:
+        """Return coordinates (p,) with the phases between the same jumps as before (p,)."""
+        q = q.copy()
+        for k, walls in zip(self.phases, self.walls, strict=True):
+            if len(walls):
+                low, high = _cell(walls, before[k])
+                q[k] = np.clip(q[k], low + _BEHIND, high - _BEHIND)
+        return q
+
+    def beyond_walls(self, q: Array) -> Iterator[Array]:
+        """Yield coordinates (p,) with a phase that is beyond a jump near it."""
+        for k, walls in zip(self.phases, self.walls, strict=True):
+            if not len(walls):
+                continue
+            for side, wall in zip((-1.0, 1.0), _cell(walls, q[k]), strict=True):
+                if abs(q[k] - wall) < 1.0 / _PHASES:
+                    other = q.copy()
+                    other[k] = wall + side * _BEYOND
+                    yield other
 
     def nominal_at_phases(self, q: Array) -> Array:
         """Return the coordinates (p,) of the nominal values at the phases of others (p,)."""
@@ -602,6 +640,7 @@ class _Search:
         p, nx = len(point.q), len(problem.model.states)
         low, high = problem.bounds
         q = np.clip(point.q + np.clip(step[:p], -_LONGEST, _LONGEST), low, high)
+        q = problem.between_walls(point.q, q)
         starts = tuple(
             x + step[self.size + r * nx :][:nx] * prior.deviation
             for r, (x, prior) in enumerate(zip(point.starts, problem.starts, strict=True))
@@ -724,6 +763,8 @@ def fit(
     """
     search = _Search(problem, terms, weights)
     points = list(starts)
+    if terms:  # without them a clock seems to be early or late
+        points += [replace(p, q=q) for p in points for q in problem.beyond_walls(p.q)]
     nearest = sorted(points, key=search.cost)[:_STARTS] if len(points) > _STARTS else points
     nominal = [p for p in points if np.array_equal(p.q, problem.nominal_at_phases(p.q))]
     if len(problem.phases):
@@ -798,6 +839,14 @@ def by_least_squares(fitted: Fit) -> Fit:
         found = fit(problem, ends.terms, [ends.point], weights_of(ends.errors), _BASE_STEPS)
         ends = found or ends
     return replace(ends, problem=fitted.problem)
+
+
+def _cell(walls: Array, phase: float) -> tuple[float, float]:
+    """Return the walls between which a phase is, in periods."""
+    turn = np.floor(phase)
+    i = int(np.searchsorted(walls, phase - turn, side="right"))
+    around = np.concatenate([walls[-1:] - 1.0, walls, walls[:1] + 1.0])
+    return float(turn + around[i]), float(turn + around[i + 1])
 
 
 def _at_phases(problem: Problem, point: Point) -> Iterator[Point]:

@@ -16,6 +16,9 @@ from orchestration.diagnosis.terms import Term
 _KNOTS = 4  # samples that determine a cubic
 
 
+_JUMP = 0.01  # standard deviations, from which on an input jumps that stands still at most samples
+
+
 @dataclass(frozen=True, eq=False)
 class Record:
     """A record of one run, SI.
@@ -93,6 +96,14 @@ class Record:
     def measured(self) -> Mask:
         """Outputs (ny,) that are measured at some sample."""
         return np.asarray(np.isfinite(self.outputs).any(axis=0))
+
+    @cached_property
+    def jumps(self) -> Mask:
+        """Samples (n,) at which an input jumps that stands still at most others."""
+        moves = np.abs(np.diff(self.inputs, axis=0, prepend=self.inputs[:1]))
+        least = _JUMP * self.inputs.std(axis=0)
+        stands = 10.0 * np.median(moves[1:], axis=0) <= least
+        return np.asarray(((moves > least) & stands).any(axis=1))
 
     @cached_property
     def first(self) -> Record:

@@ -48,7 +48,7 @@ _ALL = 5 * _MOST  # by which a conclusion is drawn: ten minutes at 20 Hz
 _LONGEST = 2  # times as many of all records that cannot be thinned: their beginnings decide
 _RUN_ALONE = 10  # times as many of one that is held out: nothing is fitted to it
 _SHORTEST = _MOST // 2  # of one of many, to which it is cut at most
-_JUMP = 0.01  # standard deviations, from which on an input jumps that stands still at most samples
+_STILL = 0.01  # standard deviations, by which an input moves at most that drives nothing
 _DECAY = 1.0  # e-folds over a record, by which each mode decays of a model that forgets errors
 _ROUNDS = 3  # of observers and fits by turns
 _UNSEEN = 0.002  # of the spread, by which a run over fewer samples may differ
@@ -338,15 +338,10 @@ def _kept(record: Record, step: int) -> Indices:
     One that moves all the time has no jumps. A straight line between samples needs the sample
     before a jump, too.
     """
-    moves = np.abs(np.diff(record.inputs, axis=0))
-    least = _JUMP * record.inputs.std(axis=0)
-    stands = 10.0 * np.median(moves, axis=0) <= least
-    jumps = ((moves > least) & stands).any(axis=1)
-    kept = np.zeros(len(record.time), dtype=bool)
-    kept[::step] = True
-    kept[1:] |= jumps
+    kept = record.jumps.copy()
     if any(record.smooth):
-        kept[:-1] |= jumps
+        kept[:-1] |= record.jumps[1:]
+    kept[::step] = True
     return np.flatnonzero(kept)
 
 
@@ -735,7 +730,7 @@ def _parts(record: Record, position: int) -> tuple[Record, LeftOut]:
     """
     count = len(record.time)
     driven = record.inputs[int(_START * count) :]
-    if (np.ptp(driven, axis=0) > _JUMP * record.inputs.std(axis=0)).any():
+    if (np.ptp(driven, axis=0) > _STILL * record.inputs.std(axis=0)).any():
         cut = int(_PART * count)
         return record.part(0, cut), LeftOut(record, cut, position)
     is_seen = (np.arange(count) * 3 * _TURNS // count % 3 != 1)[:, np.newaxis]

@@ -313,6 +313,38 @@ def test_the_phase_of_a_clock_is_found_anywhere_in_its_period(shift: float) -> N
     assert np.ptp(apart) < 0.1 * PERIOD
 
 
+def test_a_phase_stays_between_jumps_of_the_inputs() -> None:
+    """By the recursion, outputs jump where a tick meets a jump of an input, and nowhere else."""
+    record = driven(60, 0.03)
+    inputs = np.ones((60, 2))
+    inputs[20:], inputs[33:] = 0.5, -1.0  # from 0.6 and from 0.99 s on
+    record = replace(record, inputs=inputs)
+
+    def jump(phase: float) -> float:
+        sides = [exact(record, shift=(phase + d) * PERIOD)[:, 0] for d in (-1e-5, 1e-5)]
+        return float(np.abs(sides[1] - sides[0]).max())
+
+    assert min(map(jump, (0.9, 1.0))) > 100.0 * max(map(jump, (0.2, 0.55, 0.8, 0.95)))
+    prior = StartPrior(np.zeros(3), 0.01 * np.ones(3))
+    problem = Problem(sampled_loop(), (record,), np.ones(2), (prior,))
+    assert problem.walls[0] == pytest.approx([0.0, 0.9])
+    (k,) = problem.phases
+
+    def at(phase: float) -> Array:
+        q = problem.mean.copy()
+        q[k] = phase
+        return q
+
+    for before, wanted, reached in ((0.5, 1.2, 0.9), (0.95, 0.5, 0.9), (-0.05, 0.3, 0.0)):
+        assert problem.between_walls(at(before), at(wanted))[k] == pytest.approx(reached, abs=1e-5)
+    assert problem.between_walls(at(0.5), at(0.6))[k] == 0.6
+    assert [q[k] for q in problem.beyond_walls(at(0.88))] == [pytest.approx(0.91)]
+    assert [q[k] for q in problem.beyond_walls(at(1.02))] == [pytest.approx(0.99)]
+    assert not list(problem.beyond_walls(at(0.5)))
+    straight = replace(problem, records=(replace(record, smooth=(True, True)),))
+    assert not len(straight.walls[0])
+
+
 def test_a_phase_is_no_change_of_the_model() -> None:
     record = measured(11, 0.0)
     late = replace(record, time=record.time + 0.055)
