@@ -396,8 +396,11 @@ def inexact(comparisons: Sequence[Comparison], structure: float) -> float:
 
 
 def difference(one: Judged, base: Judged) -> tuple[float, float]:
-    """Return the rise of the mean square on what is left out, and its standard error."""
-    return _rise(one.choosing, base.choosing, _resolution(one, base))
+    """Return the rise of the mean square on what is left out, and its standard error.
+
+    Beyond what parameters leave uncertain: a drift by one of them is no matter of the terms.
+    """
+    return _rise(one.beyond, base.beyond, _resolution(one, base))
 
 
 def shortfall(one: Judged, likeliest: Judged, noise: Array) -> tuple[float, float]:

@@ -206,4 +206,5 @@ def test_a_shortfall_is_of_predictions_in_widths_of_the_noise() -> None:
     one = replace(likely, beyond=likely.beyond * np.array([1.0, 1.1]), choosing=0.0 * likely.beyond)
     behind, _ = shortfall(one, likely, noise)
     assert behind == pytest.approx(0.5 * 0.21 * np.mean((likely.beyond[:, 1] / 10.0) ** 2))
-    assert difference(one, likely)[0] < 0.0
+    rise, _ = difference(one, likely)
+    assert rise == pytest.approx(0.105 * np.mean(likely.beyond[:, 1] ** 2))
