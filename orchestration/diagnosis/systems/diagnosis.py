@@ -373,7 +373,7 @@ def judgements(
     cut = cuts.parts()
     open_ones = []
     for part in cut:
-        if _can_be_closed(part, cuts) and not _is_followed(part, record):
+        if _can_be_closed(part, cuts) and not _is_followed(part, cuts, record):
             open_ones += part.names
     parts = cuts.closed(cut, open_ones)
     return [_judgement(part, record, progress, time) for part in parts]
@@ -388,13 +388,14 @@ def _can_be_closed(part: Part, cuts: Cuts) -> bool:
     return whole.classes is not None and not whole.missing
 
 
-def _is_followed(part: Part, record: Record) -> bool:
+def _is_followed(part: Part, cuts: Cuts, record: Record) -> bool:
     """Return whether a part runs by what was recorded at its ports, in step with its clocks."""
     classes = part.classes
     if classes is None or not part.outputs:
         return True
-    if any(clock.shift for cls in classes.values() for clock, _ in cls.layout.sampled):
-        return False  # its sampled inputs come from a loop in which they change between samples
+    fed = [classes[name] for name in cuts.fed_by_loops(part)]
+    if any(clock.shift for cls in fed for clock, _ in cls.layout.sampled):
+        return False  # what it samples changes between samples of the record
     try:
         subject = _subject(part, record)
         return is_followed([subject.record], subject.model, subject.options)

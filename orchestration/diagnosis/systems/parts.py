@@ -15,7 +15,7 @@ import numpy as np
 
 from fmus.kit import Component
 from fmus.kit.arrays import Array
-from orchestration.fmu import Model
+from orchestration.fmu import Model, Signal
 from orchestration.fmu.model import declared_model, declared_model_of
 from orchestration.system import Connection, Member, Port, System, interface
 
@@ -166,6 +166,20 @@ class Cuts:
         )
         return [m.name for m in self.system.members if m.name in (fed & feeding) - {name}]
 
+    def fed_by_loops(self, part: Part) -> list[str]:
+        """Return the members of a part that others of their loops feed, which are in none of it."""
+        feeding = {
+            port: self._feeding[port].source.member for port in part.inputs if port in self._feeding
+        }
+        return [
+            name
+            for name in part.names
+            if any(
+                port.member == name and other in self.loop_members(name) and other not in part.names
+                for port, other in feeding.items()
+            )
+        ]
+
     def _is_unknown(self, connection: Connection) -> bool:
         """Return whether nothing tells what a connection carried."""
         target = connection.target
@@ -205,7 +219,7 @@ class Cuts:
             model = interface(member)
             for name, signal in model.inputs.items():
                 port = Port(member.name, name)
-                source = self._source(port, member, float(signal.start or 0.0), computed)
+                source = self._source(port, member, signal, computed)
                 if source is None:
                     connection = self._feeding.get(port)
                     absent = str(connection.source) if connection else self._outer[port]
@@ -221,9 +235,12 @@ class Cuts:
         return Part(tuple(members), inside, inputs, outputs, tuple(missing), hold)
 
     def _source(
-        self, port: Port, member: Member, start: float, computed: Mapping[Port, Port]
+        self, port: Port, member: Member, signal: Signal, computed: Mapping[Port, Port]
     ) -> InputSource | None:
-        """Return the source of an input: of a connection within a part what it carries."""
+        """Return the source of an input: of a connection within a part what it carries.
+
+        An input of the system has to be measured or given, but for a switch that nobody touched.
+        """
         if port in computed:
             return InputSource(InputOrigin.LOOP, computed[port])
         found = self._measured_at(port)
@@ -231,9 +248,9 @@ class Cuts:
             return InputSource(*found)
         if port in self._given:
             return InputSource(InputOrigin.SETTING, value=self._given[port])
-        if port in self._feeding or port in self._outer:
+        if port in self._feeding or (port in self._outer and signal.type != "boolean"):
             return None
-        value = float(member.parameters.get(port.variable, start))
+        value = float(member.parameters.get(port.variable, signal.start or 0.0))
         return InputSource(InputOrigin.DEFAULT, value=value)
 
 

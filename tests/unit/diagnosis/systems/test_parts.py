@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from orchestration.diagnosis.systems.parts import Cuts, InputOrigin
-from orchestration.system import Connection, Member, Port, System, connect
+from orchestration.system import Connection, Member, Port, System, connect, library
 from tests.support.hosts import build_one_state_fmu
 
 VALUES = np.linspace(0.0, 1.0, 50)
@@ -65,3 +65,27 @@ def test_a_member_is_closed_with_those_of_its_loop_alone(tmp_path: Path) -> None
     assert [part.names for part in parts] == [["a"], ["b"], ["c"]]
     assert cuts.loop_members("a") == ["b"]
     assert [part.names for part in cuts.closed(parts, ["b"])] == [["a", "b"], ["c"]]
+
+
+def test_a_switch_that_nobody_recorded_is_as_it_starts() -> None:
+    """The stand's button for zero was not touched; its weights have to be known."""
+    stand = library.system("isotonic_stand")
+    known = {Port("stand", "displacement_measured"): VALUES}
+    (whole,) = Cuts(stand, known, {Port("galvanostat", "current_command"): 0.0}).parts()
+    zero = whole.inputs[Port("stand", "zero")]
+    assert (zero.origin, zero.value) == (InputOrigin.DEFAULT, 0.0)
+    assert whole.missing == (("mass", "mass"),)
+
+
+def test_members_that_a_loop_feeds_are_those_of_which_a_partner_is_elsewhere() -> None:
+    """The galvanostat feeds the actuator, whose stand is fed by nobody else."""
+    stand = library.system("isotonic_stand")
+    measured = ("galvanostat.current", "actuator.voltage", "stand.displacement_measured")
+    known = {stand.port(name): VALUES for name in (*measured, "stand.mass")}
+    cuts = Cuts(stand, known | {stand.port("galvanostat.current_command"): VALUES}, {})
+    alone, both = cuts.parts()
+    assert both.names == ["actuator", "stand"]
+    assert cuts.fed_by_loops(both) == ["actuator"]
+    assert cuts.fed_by_loops(alone) == ["galvanostat"]
+    (whole,) = cuts.closed([alone, both], ["stand"])
+    assert cuts.fed_by_loops(whole) == []
