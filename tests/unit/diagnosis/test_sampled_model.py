@@ -121,7 +121,7 @@ def test_a_run_is_that_of_the_fmu_s_laws_and_integrator(
     outputs = np.zeros((60, len(model.outputs)))
     record = Record(time, np.column_stack(columns), outputs, (smooth,) * len(columns))
     parameters = np.array([given.get(p.name, float(p.start)) for p in model.parameters])
-    setting = Setting(parameters, np.zeros(0, dtype=int), substeps=int(np.ceil(step / 1e-4)))
+    setting = Setting(parameters, np.zeros(0, dtype=int), substeps=int(np.ceil(step / 2.5e-5)))
     course = model.run(record, setting, parameters[model.start_positions])
     assert course is not None
     found = CompiledModel(cls).run(time, inputs, given, linear=smooth, tolerance=1e-10)
@@ -143,7 +143,7 @@ def test_a_run_is_that_of_the_fmu(fmu: Callable[..., Path], step: float) -> None
     outputs = np.zeros((50, len(model.outputs)))
     record = Record(time, inputs, outputs, (False,) * len(names))
     parameters = np.array([float(p.start) for p in model.parameters])
-    setting = Setting(parameters, np.zeros(0, dtype=int), substeps=int(np.ceil(step / 1e-4)))
+    setting = Setting(parameters, np.zeros(0, dtype=int), substeps=int(np.ceil(step / 2.5e-5)))
     course = model.run(record, setting, parameters[model.start_positions])
     assert course is not None
     with instance(fmu("voice_coil_dma", "native")) as one:
