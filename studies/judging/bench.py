@@ -174,8 +174,9 @@ Drawn by `python -m studies.judging.bench {options}`; `make bench-study` draws i
 Records of 10 to 25 s at 100 Hz of a voice coil that holds an actuator, by a simulation that shares
 no code with the models under test. The 30 Hz controller begins at any phase of the record's clock;
 every second bench has parameters that are not nominal, in every second the noise of the load cell
-goes through the controller, and the clock of every fourth jitters by 0.3 ms. Each is diagnosed by
-`ppy diagnose RECORD --system dma_bench`.
+goes through the controller, and the clock of every fourth jitters by 0.3 ms. Dry friction changes
+its sign within 0.7 to 2 mm/s, as that of a greased slide; one that sticks dry is in no law of the
+catalogue, and not among these. Each is diagnosed by `ppy diagnose RECORD --system dma_bench`.
 
 {stamp}
 
