@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,6 +26,7 @@ from studies.clean import cases as clean_cases
 from studies.clean import draw as draw_clean
 from studies.hidden_laws import (
     Answer,
+    Kind,
     LawCase,
     base_of,
     cases,
@@ -48,6 +49,7 @@ from studies.judging.study import (
     share,
     title,
 )
+from studies.plants import PLANTS
 
 if TYPE_CHECKING:
     from orchestration.diagnosis import Diagnosis
@@ -81,7 +83,8 @@ def judge(case: LawCase) -> Row:
     diagnosis, said = _asked(drawn)
     if diagnosis is None:
         return row | said
-    right = [is_named(c.members, case.kind.right, known, drawn.step) for c in diagnosis.causes]
+    those = right_answers(case.kind, known)
+    right = [is_named(c.members, those, known, drawn.step) for c in diagnosis.causes]
     return row | said | {"right": right}
 
 
@@ -110,6 +113,26 @@ def _asked(drawn: CleanRecord) -> tuple[Diagnosis | None, Row]:
     ]
     seconds = processor_time() - used
     return diagnosis, {"verdict": str(result.verdict), "said": said, "processor": seconds}
+
+
+def right_answers(kind: Kind, known: Mapping[str, Array]) -> frozenset[Answer]:
+    """Return the right answers: in percent of a law that stands still is an addition to it.
+
+    Parameters
+    ----------
+    kind : Kind
+    known : Mapping of str to ndarray, shape (n,)
+        Signals of the plant in truth, SI.
+    """
+    plant = PLANTS[kind.plant]
+    still = [a for a in kind.right if a.kind == "multiply" and a.law in known]
+    added = {
+        replace(answer, law=law, kind="add")
+        for answer in still
+        if stands_still(known[answer.law])
+        for law in plant.equals(answer.law, plant.nominal)
+    }
+    return kind.right | added
 
 
 def is_named(

@@ -176,6 +176,16 @@ def test_rules_of_naming(verdict, right, kind):
     assert judge.named({"verdict": verdict, "right": right}) == kind
 
 
+def test_a_share_of_a_law_that_stands_still_may_be_named_as_an_addition():
+    """Under a constant force a stiffness over the charge is an elongation over the charge."""
+    kind = KINDS["Actuator, stiffness by charge, hinge"]
+    elongation = Answer("charge_elongation", "add", "charge")
+    still, moving = np.ones(9), np.arange(9.0)
+    assert elongation in judge.right_answers(kind, {"spring_elongation": still})
+    assert judge.right_answers(kind, {"spring_elongation": moving}) == kind.right
+    assert judge.right_answers(kind, {}) == kind.right
+
+
 def test_what_leaves_too_little_or_stands_still_is_not_counted():
     assert judge.excluded({"widths": 3.9})
     assert judge.excluded({"widths": 9.0, "still": judge.stands_still(np.ones(9))})
