@@ -73,7 +73,7 @@ bench-study: $(VENV)/installed-dev
 	$(RUN) studies.judging.bench --records 10 --seed $(or $(SEED),20261186) --out docs/bench-records.md
 
 laws-study: $(VENV)/installed-dev
-	$(RUN) studies.judging.laws --records 24 --clean 8 --seed $(or $(SEED),60260713) --without VoiceCoil --out docs/hidden-laws.md
+	$(RUN) studies.judging.laws --records 22 --clean 8 --seed $(or $(SEED),60260713) --without VoiceCoil --out docs/hidden-laws.md
 
 foreign-study: $(VENV)/installed-dev
 	$(RUN) studies.judging.foreign --records 16 --clean 12 --seed $(or $(SEED),20261165) --out docs/foreign-fmus.md
