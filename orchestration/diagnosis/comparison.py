@@ -72,8 +72,8 @@ class Weights:
     fed : float
         By which errors count more of a model that is fed what was measured, and so knows more.
     no_better : float
-        Error on what is left out, in spreads, from which on nothing is predicted: a mean leaves
-        about 1.
+        Error on what is left out, over the RMS of the outputs there about their means, from which
+        on nothing is predicted.
     sure, group : float
         Probability from which a cause is named, and which a group reaches.
     most : int

@@ -19,9 +19,10 @@ from orchestration.diagnosis.comparison import (
 from orchestration.diagnosis.courses import Courses, are_interchangeable
 from orchestration.diagnosis.features import confidence, features_of
 from orchestration.diagnosis.readings import Reading
+from orchestration.diagnosis.remainder import remainders
 from orchestration.diagnosis.search import Found, Ranked
 from orchestration.diagnosis.signals import are_alike, remembered_by
-from orchestration.diagnosis.subject import words_of
+from orchestration.diagnosis.subject import Subject, words_of
 from orchestration.diagnosis.terms import SensorTerm, Term
 
 _LEAST = 1e-12
@@ -239,9 +240,25 @@ def _verdict(group: Sequence[Cause], found: Found) -> str:
     reached = sum(cause.probability for cause in group)
     if reached < WEIGHTS.group or rises(group[0].judged, found.base):
         return "unexplained"
-    if float(np.sqrt(np.nanmean(group[0].judged.choosing ** 2))) > WEIGHTS.no_better:
+    first = group[0].judged
+    if is_lost(first, found.subject_of(first.reading)):
         return "unexplained"
     return "cause" if group[0].probability >= WEIGHTS.sure else "ambiguous"
+
+
+def is_lost(judged: Judged, subject: Subject) -> bool:
+    """Return whether no output is predicted much better than by its mean, where nothing was fitted.
+
+    Parameters
+    ----------
+    judged : Judged
+    subject : Subject
+        By which it was judged.
+    """
+    left = remainders(judged, subject.sizes)
+    return bool(left) and all(
+        one.is_more_than_noise and one.share > WEIGHTS.no_better for one in left
+    )
 
 
 def _near_the_likeliest(ranked: Sequence[Ranked], found: Found) -> list[Ranked]:

@@ -11,11 +11,10 @@ from typing import Literal, cast
 import numpy as np
 
 from fmus.kit import Component, UserError
-from fmus.kit.arrays import Array
 from fmus.kit.registry import Excitation
 from orchestration.diagnosis.cause import Cause
-from orchestration.diagnosis.comparison import WEIGHTS, Judged
-from orchestration.diagnosis.conclude import Conclusion, Pairs, conclude
+from orchestration.diagnosis.comparison import Judged
+from orchestration.diagnosis.conclude import Conclusion, Pairs, conclude, is_lost
 from orchestration.diagnosis.design import Design, design_experiment
 from orchestration.diagnosis.equivalence import equivalent_pairs
 from orchestration.diagnosis.extension import extended_component
@@ -155,7 +154,7 @@ class Diagnosis:
     @cached_property
     def remainders(self) -> tuple[Remainder, ...]:
         """What the final model leaves of each measured output."""
-        return remainders(self.final, self.sizes(self.final))
+        return remainders(self.final, self.found.subject_of(self.reading).sizes)
 
     @cached_property
     def parameters(self) -> dict[str, Estimate]:
@@ -201,25 +200,10 @@ class Diagnosis:
                 rungs.append(Rung(parts[:count], self.error(best)))
         return tuple(rungs)
 
-    def sizes(self, judged: Judged) -> Array:
-        """Return the RMS (ny,) of each output about its mean where nothing was fitted.
-
-        In spreads, of the files as a fit reads them; NaN of an output that was not measured there
-        or does not move.
-        """
-        subject = self.found.subject_of(judged.reading)
-        unseen = np.concatenate([one.record.outputs[one.first :] for one in subject.left_out])
-        size = np.full(unseen.shape[1], np.nan)
-        for j, values in enumerate(unseen.T):
-            measured = values[np.isfinite(values)]
-            if measured.size and np.ptp(measured) > 0.0:
-                size[j] = measured.std() / subject.problem.spread[j]
-        return size
-
     def errors(self, judged: Judged) -> dict[str, float | None]:
-        """Return RMS errors on samples by which nothing was chosen, over `sizes`, by output."""
+        """Return RMS errors where nothing was chosen, over `Subject.sizes`, by output."""
         result = {}
-        sizes = self.sizes(judged)
+        sizes = self.found.subject_of(judged.reading).sizes
         for j, output in enumerate(self.subject.problem.model.outputs):
             error = judged.measuring[:, j]
             error = error[np.isfinite(error)]
@@ -578,9 +562,7 @@ def _unrelated(found: Found) -> list[Note]:
     """Return the note on outputs of which no fit predicts more than their means."""
     problem = found.subject.problem
     measured = problem.records[0].measured
-    errors = [one.choosing[:, measured] for one in (found.base, *found.fits)]
-    least = min(float(np.sqrt(np.nanmean(error**2))) for error in errors)
-    if least < WEIGHTS.no_better:
+    if not all(is_lost(one, found.subject_of(one.reading)) for one in (found.base, *found.fits)):
         return []
     pairs = zip(problem.model.outputs, measured, strict=True)
     names = " and ".join(output.name for output, is_measured in pairs if is_measured)

@@ -56,8 +56,10 @@ def remainders(judged: Judged, sizes: Array) -> tuple[Remainder, ...]:
     """
     result = []
     for j, output in enumerate(judged.fit.problem.model.outputs):
+        if not np.isfinite(sizes[j]):
+            continue
         error = judged.measuring[:, j]
-        if np.isfinite(error).sum() < 4 or not np.isfinite(sizes[j]):
+        if np.isfinite(error).sum() < 4:
             continue
         size = float(np.sqrt(np.nanmean(error**2)))
         noise = noise_of(error)

@@ -154,6 +154,20 @@ class Subject:
         with_prior = np.linalg.eigvalsh(curvature * np.outer(widths, widths))
         return int(np.sum(with_prior - 1.0 > 1.0))
 
+    @cached_property
+    def sizes(self) -> Array:
+        """RMS (ny,) of each output about its mean where nothing was fitted, in spreads.
+
+        NaN of an output that was not measured there or does not move.
+        """
+        unseen = np.concatenate([one.record.outputs[one.first :] for one in self.left_out])
+        size = np.full(unseen.shape[1], np.nan)
+        for j, values in enumerate(unseen.T):
+            measured = values[np.isfinite(values)]
+            if measured.size and np.ptp(measured) > 0.0:
+                size[j] = measured.std() / self.problem.spread[j]
+        return size
+
     @property
     def beginnings(self) -> list[float]:
         """Times until which each record is fitted, or left out and followed on, s."""

@@ -61,7 +61,7 @@ def searched(addition: Addition) -> tuple[Found, Conclusion]:
 def small_search(monkeypatch: pytest.MonkeyPatch, addition: Addition, count: int = 240) -> Found:
     """Return a search along the free run alone, of few sets."""
     names = sys.modules[Found.__module__]
-    monkeypatch.setattr(names, "_PIECES", (1,))
+    monkeypatch.setattr(names, "_PIECES", ())
     monkeypatch.setattr(names, "_QUOTAS", {1: {1: 3, 2: 1}})
     monkeypatch.setattr(names, "_SECOND", {1: 1})
     monkeypatch.setattr(names, "_BEST", 1)

@@ -171,10 +171,11 @@ PLAIN = SimpleNamespace(
     errors=(WHITE,), terms=(), misfit=1.0, distance=0.0, freedom=0, explanations=0
 )
 BASE = Judged(PLAIN, SEEN, SEEN, SEEN, 0.0)
+SUBJECT = SimpleNamespace(sizes=np.full(9, np.nan))  # nothing is measured that moves
 
 
 def concluded(*fits: Judged):
-    return conclude(Found(None, BASE, fits))
+    return conclude(Found(SUBJECT, BASE, fits))
 
 
 def test_a_law_that_acts_like_an_effect_is_one_cause_with_it() -> None:
@@ -205,7 +206,7 @@ def test_an_effect_is_as_far_ahead_as_the_law_that_is_one_cause_with_it() -> Non
     (cause,) = concluded(better, worse).causes
     assert cause.name == "swirl"
     assert cause.score == max(
-        entry.score for entry in Found(None, BASE, (better, worse)).compared()
+        entry.score for entry in Found(SUBJECT, BASE, (better, worse)).compared()
     )
 
 

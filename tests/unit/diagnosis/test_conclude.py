@@ -29,8 +29,14 @@ SPRING = Term("spring", "x", Shape.CUBE)
 
 ANY = {"x", "v", "force", "time", "friction", "charge", "load", "a", "b", "c"}
 MODEL = SimpleNamespace(
-    laws=[], reads=lambda law: ANY, targets=[], received=(), plain_laws=frozenset()
+    laws=[],
+    reads=lambda law: ANY,
+    targets=[],
+    received=(),
+    plain_laws=frozenset(),
+    outputs=[SimpleNamespace(name="position")],
 )
+SUBJECT = SimpleNamespace(sizes=np.full(1, 10.0))  # an output that moves by ten times the noise
 
 
 def judged(
@@ -56,7 +62,7 @@ def judged(
 
 
 def found(*fits: Judged, noise: Array = WHITE) -> Found:
-    return Found(None, judged(1.0, 1.0, noise=noise), fits)
+    return Found(SUBJECT, judged(1.0, 1.0, noise=noise), fits)
 
 
 def test_friction_is_named_first_and_surely(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -74,6 +80,7 @@ def test_a_record_of_the_model_is_consistent(monkeypatch: pytest.MonkeyPatch) ->
     assert conclusion.nothing > 0.5
 
 
+@pytest.mark.slow
 def test_a_law_outside_is_no_sure_cause(monkeypatch: pytest.MonkeyPatch) -> None:
     assert conclude(small_search(monkeypatch, outside, 160)).verdict != "cause"
 
@@ -271,7 +278,7 @@ def test_an_output_of_large_errors_does_not_decide_alone() -> None:
         )
 
     fits = (of_two(0.95, 0.1, DRY), of_two(0.85, 1.0, SPRING))
-    conclusion = conclude(Found(None, of_two(1.0, 1.0), fits))
+    conclusion = conclude(Found(SUBJECT, of_two(1.0, 1.0), fits))
     assert conclusion.causes[0].name == "friction(v)"
 
 
@@ -327,15 +334,28 @@ def test_a_signal_that_a_memory_of_another_keeps_is_one_with_it(
     assert _is_one_with(*causes, SimpleNamespace(along=along)) == is_one
 
 
-@pytest.mark.parametrize(("error", "verdict"), [(0.6, "cause"), (0.8, "unexplained")])
-def test_a_cause_that_predicts_no_better_than_a_mean_is_none(error: float, verdict: str) -> None:
-    """A mean leaves about the spread."""
-    judged = SimpleNamespace(**dict.fromkeys(("choosing", "measuring"), np.full((40, 1), error)))
-    judged.reading = None
+@pytest.mark.parametrize(
+    ("error", "moves", "verdict"),
+    [
+        (0.6 * np.ones((40, 1)), 1.0, "cause"),
+        (0.8 * np.ones((40, 1)), 1.0, "unexplained"),
+        (0.6 * np.ones((40, 1)), 0.8, "unexplained"),
+        (0.8 * RNG.standard_normal((40, 1)), 0.8, "cause"),
+    ],
+    ids=("nearer", "no nearer", "of little that moves", "of noise alone"),
+)
+def test_a_cause_that_predicts_no_better_than_a_mean_is_none(
+    error: Array, moves: float, verdict: str
+) -> None:
+    """A mean leaves by how much an output moves there."""
+    judged = SimpleNamespace(**dict.fromkeys(("choosing", "measuring"), error))
+    judged.reading, judged.fit = None, SimpleNamespace(problem=SimpleNamespace(model=MODEL))
     base = SimpleNamespace(measuring=np.full((40, 1), 3.0), reading=None)
+    subject = SimpleNamespace(sizes=np.array([moves]))
     comparison = SimpleNamespace(evidence=50.0)
     cause = SimpleNamespace(score=50.0, comparison=comparison, probability=0.95, judged=judged)
-    assert _verdict([cause], SimpleNamespace(base=base)) == verdict
+    found = SimpleNamespace(base=base, subject_of=lambda reading: subject)
+    assert _verdict([cause], found) == verdict
 
 
 def test_the_reading_comes_before_terms_in_it_where_no_part_explains_half_alone() -> None:
