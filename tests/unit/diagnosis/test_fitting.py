@@ -16,6 +16,7 @@ from orchestration.diagnosis.fitting import (
     Point,
     Problem,
     StartPrior,
+    _downhill,
     _Search,
     by_least_squares,
     effective_samples,
@@ -415,6 +416,28 @@ def test_slopes_are_used_on_as_long_as_they_foresee_the_falls(
     assert found.cost == pytest.approx(by_scipy(problem, weights, True).cost, rel=1e-4)
     with_slopes = sum(runs)
     assert with_slopes < 0.7 * (len(runs) - with_slopes)
+
+
+def test_a_step_that_was_damped_keeps_its_damping() -> None:
+    """Of a valley that is forty times as steep as slopes say: what was too long once is again.
+
+    A step with the damping c goes from x to ``x (1 - 40 / (1 + c))``, and is taken if that is
+    nearer to the bottom.
+    """
+    tried: list[float] = []
+
+    def evaluate(place: Array) -> Evaluated:
+        (x,) = place.tolist()
+        tried.append(x)
+        return Evaluated(20.0 * x**2, np.eye(1), np.array([-40.0 * x]), ())
+
+    begin = np.array([1e3])
+    _downhill(evaluate, np.add, (begin, evaluate(begin)), 2, 1e-4)
+    too_long = [0.01 * 6.0**k for k in range(5)]
+    assert all(abs(1.0 - 40.0 / (1.0 + damping)) > 1.0 for damping in too_long)
+    taken = 1.0 - 40.0 / (1.0 + 6.0 * too_long[-1])
+    shares = [*(1.0 - 40.0 / (1.0 + damping) for damping in too_long), taken, taken**2]
+    assert np.array(tried[1:]) / begin == pytest.approx(shares)
 
 
 def test_a_parameter_ends_where_steps_are_too_long_for_the_fastest_rate() -> None:

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
-from orchestration.diagnosis import Diagnosis, Shape, Term
+from orchestration.diagnosis import Diagnosis, LawModel, Shape, Term, subject_of
+from orchestration.diagnosis import Record as KernelRecord
 from orchestration.diagnosis.conclude import conclude
 from orchestration.diagnosis.misreadings import (
     _Screen,
@@ -21,6 +22,8 @@ from orchestration.diagnosis.misreadings import (
 from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.report import summary, terminal, wording
 from orchestration.records import Record
+from tests.support.control import control_record
+from tests.support.control_models import Upright
 from tests.support.oscillator import CUBE, DRY, diagnosis_with, oscillator_record, unsearched
 
 MISREADINGS = sys.modules[misreadings.__module__]
@@ -189,6 +192,21 @@ def test_a_model_that_runs_away_is_asked_in_other_readings(misfit: float, told: 
     problem = subject.problem
     found = reading_that_runs(problem.model, problem.records, subject_as)
     assert (found and found.unit) == told
+
+
+def test_predictions_are_not_asked_for_smoother_readings() -> None:
+    """Of a pendulum that is pushed: any model predicts a smooth signal by its last value."""
+    record = control_record("upright", "offset", seed=32, samples=200)
+    columns = [values[:, None] for values in record.signals.values()]
+    given = KernelRecord(record.time, *columns, (False,), "upright")
+    subject = subject_of(LawModel(Upright), [given])
+    assert subject is not None
+    assert subject.observer is not None
+    base = subject.judge(subject.base)
+    assert base is not None
+    smooth = {ReadingKind.RATE, ReadingKind.INTEGRAL, ReadingKind.PACE}
+    gaining = {one.reading.kind for one in misreadings(subject, base) if one.reading is not None}
+    assert not gaining & smooth
 
 
 def test_a_unit_that_changes_parameters_alone_is_told_by_these() -> None:

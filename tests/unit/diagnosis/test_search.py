@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from orchestration.diagnosis.search import search
 from orchestration.diagnosis.term_names import sentence
 from orchestration.diagnosis.terms import Memory, NamedTerm, SensorTerm
 from tests.support.diagnosed_mass import START, D, K, M, integrated, mass, pushed
-from tests.support.dry_mass import drawn, dry, nothing, outside, searched, small_search
+from tests.support.dry_mass import NOISE, drawn, dry, nothing, outside, searched, small_search
 
 NAMES = sys.modules["orchestration.diagnosis.search"]
 
@@ -295,6 +296,41 @@ def test_the_fits_that_are_chosen_lead_to_the_same_conclusion(found: Found) -> N
     assert [c.name for c in ours.causes] == [c.name for c in theirs.causes]
     probabilities = [c.probability for c in theirs.causes]
     assert [c.probability for c in ours.causes] == pytest.approx(probabilities, abs=0.01)
+
+
+@pytest.mark.parametrize("explains", [True, False])
+def test_further_rounds_are_of_what_leaves_more_than_noise(
+    explains: bool, found: Found, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Pieces of the record are asked then, and what is there beside the best of the whole.
+
+    The record has noise of a known size; dry friction leaves hardly more, and another shape of
+    friction ten times as much.
+    """
+    alone = [one.judged for one in found.compared() if len(one.judged.terms) == 1]
+    friction = alone[0]
+    other = next(one for one in alone if one.left_out > 0.5 * found.base.left_out)
+    spread = found.subject.problem.spread[0]
+    assert friction.left_out * spread < 2.0 * NOISE
+    assert other.left_out * spread > 10.0 * NOISE
+    asked: list[tuple[tuple[int, ...], int]] = []
+
+    def watched(self: Any, fitted: Fit, pieces: tuple[int, ...], _: object) -> None:
+        asked.append((pieces, len(fitted.terms)))
+        self.found = self.found.with_fits([friction if explains else other])
+
+    monkeypatch.setattr(NAMES, "_PIECES", (8, 40))
+    monkeypatch.setattr(NAMES, "_FAR", np.inf)
+    monkeypatch.setattr(NAMES, "misreadings", lambda one, base: [])
+    monkeypatch.setattr(NAMES._Rounds, "propose", watched)
+    for work in ("subsets", "shapes", "owners", "polish", "parts_of_best"):
+        monkeypatch.setattr(NAMES._Rounds, work, lambda self: None)
+    whole, pieces, second = ((1,), 0), ((8, 40), 0), ((1,), 1)
+    search(found.subject)
+    assert asked == ([whole] if explains else [whole, pieces, second])
+    asked.clear()
+    search(found.subject, thorough=False)
+    assert asked == ([whole] if explains else [whole, second])
 
 
 @pytest.mark.slow

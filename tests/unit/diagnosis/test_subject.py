@@ -327,6 +327,20 @@ def test_of_a_long_record_that_cannot_be_thinned_the_beginning_is_used() -> None
     assert made(drawn()).beginnings == [drawn().time[-1]]
 
 
+def test_what_is_held_out_is_run_on_all_samples() -> None:
+    """Of a record that would be cut if it were fitted; its errors are those of its noise."""
+    count = 6000
+    pushes = np.random.default_rng(5).uniform(10.0, 50.0, count) * (-1.0) ** np.arange(count)
+    record = replace(pushed(count), inputs=pushes[:, None])
+    noise = 0.005 * np.random.default_rng(6).standard_normal((count, 1))
+    outputs = exact(record, TRUTH, START, pushes)[:, :1] + noise
+    subject = made(drawn(), held_out=[replace(record, outputs=outputs)])
+    (out,) = subject.left_out
+    assert np.array_equal(out.record.time, record.time)
+    judged = subject.judge(subject.base)
+    assert judged.left_out * subject.problem.spread[0] == pytest.approx(0.005, rel=0.2)
+
+
 def test_a_long_record_is_rather_thinned_coarsely_than_cut() -> None:
     """Its force moves within a sample by what the model sees, and by less than a hundredth."""
     count = 12_000
