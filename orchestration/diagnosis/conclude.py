@@ -19,7 +19,7 @@ from orchestration.diagnosis.comparison import (
 from orchestration.diagnosis.courses import Courses, are_interchangeable
 from orchestration.diagnosis.features import confidence, features_of
 from orchestration.diagnosis.readings import Reading
-from orchestration.diagnosis.remainder import remainders
+from orchestration.diagnosis.remainder import drifts, remainders
 from orchestration.diagnosis.search import Found, Ranked
 from orchestration.diagnosis.signals import are_alike, remembered_by
 from orchestration.diagnosis.subject import Subject, words_of
@@ -50,6 +50,11 @@ class Conclusion:
     causes: tuple[Cause, ...]
     nothing: float
     base: Judged
+
+    @property
+    def is_named(self) -> bool:
+        """Whether the verdict names a cause, or a group of them."""
+        return self.verdict in ("cause", "ambiguous")
 
 
 def conclude(found: Found, inseparable: Pairs = ()) -> Conclusion:
@@ -233,10 +238,11 @@ def _verdict(group: Sequence[Cause], found: Found) -> str:
     """Return the verdict; never a cause whose error rises where nothing is chosen by it.
 
     Without a cause that holds on what is left out, the model is consistent only if none gains on
-    what is fitted either.
+    what is fitted either, and what it leaves is no large slow error.
     """
     if not group or group[0].score <= 0.0 or group[0].comparison.evidence <= WEIGHTS.least:
-        return "unexplained" if found.gain_where_fitted() > WEIGHTS.least else "consistent"
+        is_missing = found.gain_where_fitted() > WEIGHTS.least or drifts(found.base)
+        return "unexplained" if is_missing else "consistent"
     reached = sum(cause.probability for cause in group)
     if reached < WEIGHTS.group or rises(group[0].judged, found.base):
         return "unexplained"

@@ -27,7 +27,7 @@ from orchestration.diagnosis.observer import Observer
 from orchestration.diagnosis.options import Deadline, Options
 from orchestration.diagnosis.pieces import Note, pieces_of, recorded_inputs
 from orchestration.diagnosis.readings import TIME, Reading
-from orchestration.diagnosis.remainder import Remainder, remainders
+from orchestration.diagnosis.remainder import Remainder, drifts, remainders
 from orchestration.diagnosis.runs import Record
 from orchestration.diagnosis.search import Found, search
 from orchestration.diagnosis.subject import Subject, predicted, subject_of
@@ -45,7 +45,6 @@ Verdict = Literal["consistent", "recalibrate", "cause", "ambiguous", "unexplaine
 
 _WHOLE = 0.9  # of a record, from which on it counts as used
 _HELD_OUT = "in what was held out, "  # begins what is said of these records
-_LARGE = 0.15  # of the spread, from which on a slow remainder is no consistent model
 
 
 @dataclass(frozen=True)
@@ -112,8 +111,6 @@ class Diagnosis:
         """The verdict, by the conclusion and by what is left."""
         if self.conclusion.verdict != "consistent":
             return cast("Verdict", self.conclusion.verdict)
-        if _drifts(self.found.base):
-            return "unexplained"
         is_changed = bool(self.changed) or self.begins_elsewhere
         return "recalibrate" if is_changed else "consistent"
 
@@ -125,7 +122,7 @@ class Diagnosis:
     @property
     def is_named(self) -> bool:
         """Whether the verdict names a cause, or a group of them."""
-        return self.conclusion.verdict in ("cause", "ambiguous")
+        return self.conclusion.is_named
 
     @property
     def final(self) -> Judged:
@@ -308,7 +305,7 @@ def is_followed(records: Sequence[MeasuredRecord], model: Model, options: Option
         if subject is None or subject.observer is not None:
             return False
         judged = subject.judge(subject.base)
-        return judged is not None and not _drifts(judged)
+        return judged is not None and not drifts(judged)
 
 
 @dataclass(frozen=True, eq=False)
@@ -427,22 +424,22 @@ def _answer(
         return None if found is None else (found, _concluded(found))
 
     begun = subject.judge(subject.base)
-    drifts = subject.observer is None and (begun is None or _drifts(begun))
-    one = predicted(subject) if drifts else None
+    is_adrift = subject.observer is None and (begun is None or drifts(begun))
+    one = predicted(subject) if is_adrift else None
     first = answer_of(one) if one is not None and _is_trusted(one) else None
-    if first is not None and _is_silent(first) and not _follows_otherwise(subject, begun):
+    is_silent = first is not None and first[1].verdict == "consistent"
+    if is_silent and not _follows_otherwise(subject, begun):
         return first
     plain = answer_of(subject)
     if plain is None or options.recalibrates or not _is_open(plain):
         return plain
     ranked = plain[0].compared()
-    if not _drifts(ranked[0].judged if ranked else plain[0].base):
+    if not drifts(ranked[0].judged if ranked else plain[0].base):
         return plain
     if subject.observer is not None:
         return _predicted_answer(plain, plain, answer_of)
     one = one or predicted(subject)
-    is_named = plain[1].verdict != "unexplained"
-    if one is None or (is_named and not _is_trusted(one)):
+    if one is None or (plain[1].is_named and not _is_trusted(one)):
         return plain
     first = first or answer_of(one)
     if first is None:
@@ -469,7 +466,7 @@ def _follows_otherwise(subject: Subject, begun: Judged | None) -> bool:
         return False
     plain = [one for one in misreadings(subject, begun) if one.reading and not one.reading.is_sized]
     judged = [one.judge(one.base) for one in plain]
-    return any(one is not None and not _drifts(one) for one in judged)
+    return any(one is not None and not drifts(one) for one in judged)
 
 
 def _predicted_answer(
@@ -486,7 +483,7 @@ def _predicted_answer(
     answer_of : callable
     """
     is_trusted = _is_trusted(first[0].subject)
-    if _is_silent(first) or (is_trusted and first[1].verdict != "unexplained"):
+    if first[1].verdict == "consistent" or (is_trusted and first[1].verdict != "unexplained"):
         return first if is_trusted else plain
     found = (first if is_trusted else plain)[0]
     ranked = found.compared()
@@ -495,16 +492,10 @@ def _predicted_answer(
     return last or plain
 
 
-def _is_silent(answer: _Answer) -> bool:
-    """Return whether nothing is missing."""
-    found, conclusion = answer
-    return conclusion.verdict == "consistent" and not _drifts(found.base)
-
-
 def _is_open(answer: _Answer) -> bool:
     """Return whether no cause is found, or one that leaves more than noise."""
     found, conclusion = answer
-    if conclusion.verdict == "unexplained" or _is_silent(answer):
+    if not conclusion.is_named:
         return conclusion.verdict == "unexplained"
     in_spreads = np.ones(len(found.subject.problem.spread))
     left = remainders(conclusion.causes[0].judged, in_spreads)
@@ -514,12 +505,6 @@ def _is_open(answer: _Answer) -> bool:
 def _is_trusted(subject: Subject) -> bool:
     """Return whether predictions are those of the model rather than of disturbances."""
     return subject.observer is not None and subject.observer.is_small
-
-
-def _drifts(judged: Judged) -> bool:
-    """Return whether a model leaves a large slow error where nothing was fitted."""
-    in_spreads = remainders(judged, np.ones(len(judged.fit.problem.spread)))
-    return any(one.share > _LARGE and one.is_slow for one in in_spreads)
 
 
 def _predictions(model: Model, subject: Subject) -> list[Note]:

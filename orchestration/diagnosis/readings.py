@@ -209,10 +209,13 @@ class Reading:
         """Return the values (n,) that are meant by those of one of its columns."""
         if self.kind is ReadingKind.LATE:
             return _earlier(values, time, self.shift, is_input=is_input)
-        if self.kind is ReadingKind.RATE:
-            return self.levels[number] + cumulative_trapezoid(values, time, initial=0)
-        if self.kind is ReadingKind.INTEGRAL:
-            return self.levels[number] + np.append(np.nan, np.diff(values) / np.diff(time))
+        if self.kind in (ReadingKind.RATE, ReadingKind.INTEGRAL):
+            known = np.isfinite(values)  # a gap is bridged: after one nothing else would be known
+            own = values[known], time[known]
+            change = _integral(*own) if self.kind is ReadingKind.RATE else _derivative(*own)
+            meant = np.full(len(values), np.nan)
+            meant[known] = self.levels[number] + change
+            return meant
         return self.factor * values + self.shift
 
     @property
@@ -250,6 +253,16 @@ class Reading:
 
     def __str__(self) -> str:
         return f"{self.cause[0]}({self.cause[1]})"
+
+
+def _integral(values: Array, time: Array) -> Array:
+    """Return the integral over time of values (n,), from 0 on, by trapezoids."""
+    return cumulative_trapezoid(values, time, initial=0) if values.size else values
+
+
+def _derivative(values: Array, time: Array) -> Array:
+    """Return the derivative in time of values (n,) by the sample before, NaN of the first."""
+    return np.append(np.nan, np.diff(values) / np.diff(time))[: values.size]
 
 
 def _earlier(values: Array, time: Array, shift: float, *, is_input: bool) -> Array:

@@ -10,6 +10,7 @@ from fmus.kit.arrays import Array
 from orchestration.diagnosis.comparison import Judged
 
 _SLOW = 0.5  # correlation of neighbouring samples from which on a remainder is slow
+_LARGE = 0.15  # of the spread, from which on a slow remainder is no noise of an instrument
 _WIDTHS = 1.5  # of the noise, from which on a slow remainder is more than noise
 _TO_DEVIATION = 1.4826  # of the median of moduli, for normal noise
 
@@ -67,6 +68,12 @@ def remainders(judged: Judged, sizes: Array) -> tuple[Remainder, ...]:
         share = size / float(sizes[j])
         result.append(Remainder(output.name, share, widths, _neighbours(error)))
     return tuple(result)
+
+
+def drifts(judged: Judged) -> bool:
+    """Return whether a model leaves a large slow error where nothing was fitted."""
+    in_spreads = remainders(judged, np.ones(len(judged.fit.problem.spread)))
+    return any(one.share > _LARGE and one.is_slow for one in in_spreads)
 
 
 def noise_of(error: Array) -> float:

@@ -56,7 +56,7 @@ def judged(
         freedom=freedom,
         explanations=len(terms),
         distance=0.0,
-        problem=SimpleNamespace(model=MODEL),
+        problem=SimpleNamespace(model=MODEL, spread=np.ones(1)),
     )
     return Judged(fit, *3 * [left_out * SEEN], words)
 
@@ -97,6 +97,16 @@ def test_a_model_that_fits_worse_than_one_that_does_not_hold_is_unexplained() ->
     conclusion = conclude(found(judged(0.5, 1.0, DRY)))
     assert conclusion.verdict == "unexplained"
     assert conclude(found(judged(0.99, 1.5, DRY))).verdict == "consistent", "no more than its cost"
+
+
+@pytest.mark.parametrize(("size", "verdict"), [(0.1, "consistent"), (0.3, "unexplained")])
+def test_a_large_slow_error_is_no_consistent_model(size: float, verdict: str) -> None:
+    """However little is gained by the best, which is a guess then."""
+    wave = np.sqrt(2.0) * np.sin(np.linspace(0.0, 20.0, 200))[:, np.newaxis]
+    slow = replace(judged(1.0, 1.0), measuring=size * wave)
+    conclusion = conclude(Found(SUBJECT, slow, (judged(0.99, 0.99, DRY),)))
+    assert conclusion.verdict == verdict
+    assert [c.name for c in conclusion.causes] == ["friction(v)"]
 
 
 def test_the_best_of_many_fits_gains_on_what_is_fitted_by_chance() -> None:

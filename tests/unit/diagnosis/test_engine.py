@@ -22,6 +22,7 @@ from orchestration.diagnosis import (
     weights_of,
 )
 from orchestration.diagnosis import Record as KernelRecord
+from orchestration.diagnosis.conclude import Conclusion
 from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.fmu.model import declared_model_of
 from orchestration.records import Record
@@ -292,15 +293,6 @@ def test_an_experiment_is_as_long_as_the_longest_record_within_its_range():
     assert "limits of push: there is no such input" in refused.reason
 
 
-@pytest.mark.parametrize(("drifts", "is_silent"), [(False, True), (True, False)])
-def test_predictions_that_drift_are_not_silent(
-    drifts: bool, is_silent: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(engine, "_drifts", lambda judged: drifts)
-    answer = SimpleNamespace(base=None), SimpleNamespace(verdict="consistent")
-    assert engine._is_silent(answer) == is_silent
-
-
 @pytest.mark.parametrize("follows", [False, True])
 def test_silent_predictions_end_a_search_unless_a_free_run_follows_in_another_reading(
     follows: bool, monkeypatch: pytest.MonkeyPatch
@@ -314,10 +306,10 @@ def test_silent_predictions_end_a_search_unless_a_free_run_follows_in_another_re
     for name, stub in {
         "predicted": lambda subject: predicts,
         "search": lambda subject, *_, **__: found[id(subject)],
-        "conclude": lambda one: SimpleNamespace(
-            verdict="consistent" if one.subject is predicts else "cause"
+        "conclude": lambda one: Conclusion(
+            "consistent" if one.subject is predicts else "cause", (), 0.0, None
         ),
-        "_drifts": lambda judged: judged == "drifts",
+        "drifts": lambda judged: judged == "drifts",
         "_follows_otherwise": lambda subject, begun: follows,
         "_is_open": lambda answer: False,
     }.items():
@@ -337,7 +329,7 @@ def test_a_free_run_follows_by_a_plain_reading_alone(
     reading = Reading(ReadingKind.SIGN, ("force",), levels=levels)
     read = SimpleNamespace(reading=reading, base=None, judge=lambda base: "judged")
     monkeypatch.setattr(engine, "misreadings", lambda subject, base: [read])
-    monkeypatch.setattr(engine, "_drifts", lambda judged: drifts)
+    monkeypatch.setattr(engine, "drifts", lambda judged: drifts)
     assert engine._follows_otherwise(None, "begun") == follows
     assert not engine._follows_otherwise(None, None)
 

@@ -180,6 +180,22 @@ def test_a_part_of_a_signal_gives_the_signal(
     assert second == pytest.approx(np.cos(TIME))
 
 
+@pytest.mark.parametrize("kind", [ReadingKind.RATE, ReadingKind.INTEGRAL])
+def test_a_gap_ends_no_integral(kind: ReadingKind, model: LawModel) -> None:
+    """The sine and its integral from the cosine with three samples missing, by their formulae."""
+    signal, values = {
+        ReadingKind.RATE: (np.sin(TIME), np.cos(TIME)),
+        ReadingKind.INTEGRAL: (np.cos(TIME - 0.025), np.sin(TIME)),
+    }[kind]
+    gap = np.isin(np.arange(len(TIME)), [0, 100, 250])
+    reading = Reading(kind, ("first",), levels=(0.0,))
+    first = reading.apply(model, of_first(np.where(gap, np.nan, values))).outputs[:, 0]
+    known = np.isfinite(first)
+    assert known.sum() == (~gap).sum() - (kind is ReadingKind.INTEGRAL)
+    begins = signal[1] if kind is ReadingKind.RATE else 0.0
+    assert first[known] == pytest.approx((signal - begins)[known], abs=0.03)
+
+
 def test_filtered_outputs_are_those_of_inputs_through_the_same_filter(model: LawModel) -> None:
     """A filter forwards and backwards halves the power at its cut-off, and has no phase."""
     inputs = np.column_stack([np.sin(2.0 * np.pi * f * TIME) for f in (0.02, 1.0)])
