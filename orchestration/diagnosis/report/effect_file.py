@@ -7,7 +7,6 @@ parameters with fitted values, and memories begin where those of the first recor
 from __future__ import annotations
 
 import inspect
-import json
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
@@ -73,44 +72,52 @@ def effect_source(fitted: Fit, terms: Mapping[str, Term], files: str) -> str:
     UserError
         If there is no term, or one that is an effect of a catalogue or of a measurement.
     """
-    model = fitted.problem.model
     _check(terms)
     made = extended_component(fitted, terms)
-    # a class sees its law as those before it leave it, and a term sees it without any
-    order = sorted(terms, key=lambda stem: terms[stem].law not in _seen(terms[stem]))
-    sorted_terms = [terms[stem] for stem in order]
-    classes = [
-        _Class(fitted, made, stem, term, _seen_changed(model, term, sorted_terms[:k], sorted_terms))
-        for k, (stem, term) in enumerate(zip(order, sorted_terms, strict=True))
-    ]
+    classes = _classes(fitted, made, terms)
+    names = [one.name for one in classes]
     body = "\n".join(line for one in classes for line in one.lines())
     used = [name for name in _NAMES if re.search(rf"\b{name}\b", body)]
-    cls = model.cls
-    subjects = "; ".join(sentence(cls, terms[stem]) for stem in order)
-    stacked = ", ".join([cls.__name__, *map(_class_name, order)])
-    own = {p.name: p.start for p in cls.layout.parameters}
-    values = {p.name: p.start for p in made.layout.parameters if p.name in own}
+    cls = fitted.problem.model.cls
+    subjects = "; ".join(one.subject for one in classes)
     lines = [
-        f'"""{capitalised(subjects)}: what {cls.name} lacks on a record.',
+        ascii(f"{capitalised(subjects)}: what {cls.name} lacks on a record."),
         "",
-        "    from fmus.kit import stack",
-        "",
-        f"    better = stack({stacked}, defaults=FITTED)",
-        '"""',
-        "",
+        "# from fmus.kit import stack",
+        f"# better = stack({', '.join([cls.__name__, *names])}, defaults=FITTED)",
         f"from fmus.kit import {', '.join(used)}",
-        *(["from fmus.kit.law_terms import base_value"] if "base_value(" in body else []),
-        "",
-        f"# the model's own parameters as they were fitted to {files!a}, SI",
-        "FITTED = {",
-        *(f'    "{n}": {_number(value)},' for n, value in values.items() if value != own[n]),
-        "}",
-        body,
     ]
     if "base_value(" in body:
-        names = "".join(f"{_class_name(stem)}, " for stem in order)
-        lines += ["", "", f"{_ADDED} = ({names.rstrip()})"]
+        lines.append("from fmus.kit.law_terms import base_value")
+    lines += ["", f"# the model's own parameters as they were fitted to {files!a}, SI"]
+    lines += ["FITTED = {", *_fitted_lines(cls, made), "}", body]
+    if "base_value(" in body:
+        lines += ["", "", f"{_ADDED} = ({', '.join(names)},)"]
     return "\n".join(lines) + "\n"
+
+
+def _classes(fitted: Fit, made: type[Component], terms: Mapping[str, Term]) -> list[_Class]:
+    """Return the classes of terms, in the order in which they are laid over a model.
+
+    A class sees its law as those before it leave it, and a term sees it without any.
+    """
+    order = sorted(terms, key=lambda stem: terms[stem].law not in _seen(terms[stem]))
+    below: list[Term] = []
+    classes = []
+    for stem in order:
+        term = terms[stem]
+        changed = _seen_changed(fitted.problem.model, term, below, terms.values())
+        classes.append(_Class(fitted, made, stem, term, changed))
+        below.append(term)
+    return classes
+
+
+def _fitted_lines(cls: type[Component], made: type[Component]) -> Iterator[str]:
+    """Yield parameters of a model whose default another class has changed."""
+    before = {p.name: p.start for p in cls.layout.parameters}
+    for parameter in made.layout.parameters:
+        if parameter.start != before.get(parameter.name, parameter.start):
+            yield f"    {parameter.name!a}: {_number(parameter.start)},"
 
 
 def _seen(term: Term) -> set[str]:
@@ -180,20 +187,30 @@ class _Class:
         names = [one.name for one in term_parameters(self._model.cls, stem, term)]
         self._parameters = [declared[name] for name in names]
 
+    @property
+    def name(self) -> str:
+        """Its name in the file."""
+        return "".join(word.title() for word in self._stem.split("_"))
+
+    @property
+    def subject(self) -> str:
+        """The term for people."""
+        return sentence(self._model.cls, self._term)
+
     def lines(self) -> Iterator[str]:
         """Yield the lines of the class, with its table before."""
-        term, cls = self._term, self._model.cls
-        title = capitalised(sentence(cls, term))
+        term = self._term
         yield from self._table_lines()
-        yield from ("", "", f"class {_class_name(self._stem)}(Effect):")
-        yield from (f'    """{title}: {shape_text(term)}."""', "")
-        yield f'    id = "{self._stem}"'
-        yield f'    neutral = "{self._stem}"'
-        yield f'    assumption = "{term.law} does not depend on {term.signal or "it"} like this"'
+        yield from ("", "", f"class {self.name}(Effect):")
+        yield from (f"    {f'{capitalised(self.subject)}: {shape_text(term)}.'!a}", "")
+        yield f"    id = {self._stem!a}"
+        yield f"    neutral = {self._stem!a}"
+        assumption = f"{term.law} does not depend on {term.signal or 'it'} like this"
+        yield f"    assumption = {assumption!a}"
         yield ""
         if term.places:
             doc = f"how much of its table {term.law} has"
-            yield f'    {self._stem} = Parameter(1.0, "1", nominal=1.0, doc={_quote(doc)})'
+            yield f"    {self._stem} = Parameter(1.0, '1', nominal=1.0, doc={doc!a})"
         else:
             yield from (f"    {one.name} = {_declaration(one)}" for one in self._parameters)
         yield from self._memory_lines()
@@ -263,39 +280,38 @@ class _Class:
     def _plain_value(self, signal: str) -> str:
         """Return the value of a signal outside of the law."""
         if signal in self._changed:
-            return f'base_value(self, "{signal}", {_ADDED})'
+            return f"base_value(self, {signal!a}, {_ADDED})"
         if signal == self._term.law:
             return f"super().{signal}()"
         return f"self.{signal}()" if signal in self._model.laws else f"self.{signal}"
 
     def _memory_lines(self) -> Iterator[str]:
         """Yield the states of a memory with their rates or updates."""
-        term, stem = self._term, self._stem
+        term, memory = self._term, f"{self._stem}_memory"
         if not term.has_memory:
             return
-        memory, unit = f"{stem}_memory", _quote(self._given.signal_unit)
-        about = f"{unit}, {{}}, start={{}}, nominal={_number(term.scale)}, doc={{}}"
         now = self._plain_value(term.signal)
+        yield self._state_line(memory, self._start(), f"memory of {term.signal}")
         if term.memory not in (Memory.PLAY, Memory.DAHL):
-            doc = _quote(f"memory of {term.signal}")
-            own = about.format(f'rate="{memory}_rate"', _number(self._start()), doc)
-            yield f"    {memory} = State({own})"
-            yield from ("", f"    def {memory}_rate(self):")
-            yield from self._rate_lines(now)
+            yield from ("", f"    def {memory}_rate(self):", *self._rate_lines(now))
             return
-        held = f'update="{{}}_update", period={_number(self._given.period)}'
-        doc = _quote(f"memory of {term.signal}")
-        start = _number(self._start())
-        yield f"    {memory} = Discrete({about.format(held.format(memory), start, doc)})"
         if term.memory is Memory.DAHL:
-            before = f"{stem}_before"
+            before = f"{self._stem}_before"
             first = float(signal_samples(self._fitted, term.signal)[0])
-            doc = _quote(f"{term.signal} at the instant before")
-            own = about.format(held.format(before), _number(first), doc)
-            yield f"    {before} = Discrete({own})"
+            yield self._state_line(before, first, f"{term.signal} at the instant before")
             yield from ("", f"    def {before}_update(self):", f"        return {now}")
-        yield from ("", f"    def {memory}_update(self):")
-        yield from self._update_lines(now)
+        yield from ("", f"    def {memory}_update(self):", *self._update_lines(now))
+
+    def _state_line(self, name: str, start: float, doc: str) -> str:
+        """Return the declaration of a state, which is discrete where the memory is sampled."""
+        kind, moves = "State", f"rate='{name}_rate'"
+        if self._given.period:
+            kind, moves = (
+                "Discrete",
+                f"update='{name}_update', period={_number(self._given.period)}",
+            )
+        about = f"start={_number(start)}, nominal={_number(self._term.scale)}, doc={doc!a}"
+        return f"    {name} = {kind}({self._given.signal_unit!a}, {moves}, {about})"
 
     def _start(self) -> float:
         """Return the memory at the first sample of the first record."""
@@ -341,26 +357,17 @@ class _Class:
         yield f"        return share * {memory} + (1.0 - share) * end"
 
 
-def _class_name(stem: str) -> str:
-    return "".join(word.title() for word in stem.split("_"))
-
-
 def _declaration(parameter: ParameterDeclaration) -> str:
     """Return a parameter with its value, and the ends of its range that mean something."""
-    arguments = [_number(parameter.start), _quote(parameter.unit)]
+    arguments = [_number(parameter.start), ascii(parameter.unit)]
     for name in ("min", "max"):
         end = getattr(parameter, name)
         if abs(end) < _UNBOUNDED * parameter.nominal:
             arguments.append(f"{name}={_number(end)}")
-    arguments += [f"nominal={_number(parameter.nominal)}", f"doc={_quote(parameter.doc)}"]
+    arguments += [f"nominal={_number(parameter.nominal)}", f"doc={parameter.doc!a}"]
     return f"Parameter({', '.join(arguments)})"
 
 
 def _number(value: Any) -> str:
     """Return a number with as many digits as a simulation can tell."""
     return repr(float(f"{float(value):.12g}"))
-
-
-def _quote(text: str) -> str:
-    """Return a text between quotes."""
-    return json.dumps(text)

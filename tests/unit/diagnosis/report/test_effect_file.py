@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import numpy as np
 import pytest
 
 from fmus.kit import Component, UserError, stack
+from fmus.kit.titles import titled
 from orchestration.diagnosis.fitting import Fit
 from orchestration.diagnosis.report.effect_file import FORMULAS, effect_source
 from orchestration.diagnosis.term_names import stems
@@ -22,7 +24,7 @@ def written(fit: Fit) -> tuple[type[Component], str]:
     names: dict[str, Any] = {}
     exec(compile(text, "law.py", "exec"), names)
     (line,) = (line for line in text.splitlines() if "better = stack" in line)
-    exec(line.strip(), names | {"stack": stack, "Oscillator": Oscillator}, names)
+    exec(line.removeprefix("# "), names | {"stack": stack, "Oscillator": Oscillator}, names)
     return names["better"], text
 
 
@@ -107,6 +109,23 @@ def test_the_file_is_short_and_reads_as_the_law_does():
     assert "return below + self.friction_of_velocity * x * absolute(x)" in text
     assert "'swing.csv'" in text
     assert len(text.splitlines()) < 35
+
+
+def test_titles_are_no_code():
+    hostile = """swing'\"\"\"\nimport os; os.environ["CANARY"] = "ran"\n\\"""
+
+    class Hostile(Oscillator):
+        @titled(hostile)
+        def friction(self):
+            return super().friction()
+
+    term = Term("friction", "velocity", Shape.LINEAR, size=5.0)
+    text = effect_source(fitted(Hostile, [term], [[0.1]]), stems([term]), hostile)
+    names: dict[str, Any] = {}
+    exec(compile(text, "law.py", "exec"), names)
+    assert "CANARY" not in os.environ
+    assert hostile[1:] in names["__doc__"]
+    assert hostile[1:] in names["FrictionOfVelocity"].__doc__
 
 
 @pytest.mark.parametrize(
