@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -271,7 +272,7 @@ def shape_text(term: Term) -> str:
         return "x(t - d)"
     text = FORMS[term.shape].text
     if term.middle:
-        text = text.replace("x", f"(x - {term.middle:.3g})")
+        text = re.sub(r"\bx\b", f"(x - {term.middle:.3g})", text)
     return f"{text} {term.factor}" if term.factor else text
 
 

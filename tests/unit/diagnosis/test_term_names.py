@@ -66,6 +66,8 @@ def test_texts_say_signal_memory_and_middle():
     assert sentence(Oscillator, DRY) == "friction over velocity"
     assert sentence(Oscillator, LAG) == "friction over lagging velocity"
     assert shape_text(replace(DRY, middle=2.0)) == "a tanh((x - 2)/w)"
+    above = replace(DRY, shape=Shape.ABOVE, middle=2.0)
+    assert shape_text(above) == "a max((x - 2) - w, 0)"
 
 
 @pytest.mark.slow
