@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -38,6 +39,7 @@ from orchestration.diagnosis.fitting import (
     variance_of,
     weights_of,
 )
+from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.misreadings import misreadings
 from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.remainder import remainders
@@ -256,8 +258,14 @@ def search(
 
 def _is_far(fitted: Fit) -> bool:
     """Return whether parameters went far from nominal."""
-    moved = fitted.point.q - fitted.problem.nominal_at_phases(fitted.point.q)
-    return bool(np.any(np.abs(moved) > _FAR * fitted.problem.deviation))
+    shift = fitted.point.q - _at_nominal(fitted).q
+    return bool(np.any(np.abs(shift) > _FAR * fitted.problem.deviation))
+
+
+def _at_nominal(fitted: Fit) -> Point:
+    """Return the point of a fit with nominal parameters, but for phases of clocks."""
+    point = fitted.point
+    return replace(point, q=fitted.problem.nominal_at_phases(point.q))
 
 
 def _along_the_whole(rounds: _Rounds) -> Found:
@@ -269,8 +277,7 @@ def _along_the_whole(rounds: _Rounds) -> Found:
     base = rounds.found.base.fit
     rounds.propose(base, (1,), _QUICK)
     if _is_far(base):
-        nominal = replace(base.point, q=base.problem.nominal_at_phases(base.point.q))
-        plain = not_fitted(base.problem, nominal, weights_of(base.errors))
+        plain = not_fitted(base.problem, _at_nominal(base), weights_of(base.errors))
         if plain is not None:
             rounds.propose(plain, (1,), _QUICK)
     for one in filter(leaves_more, rounds.found.best(1)[:1]):
@@ -383,22 +390,37 @@ def _finalists(found: Found) -> list[Judged]:
     for one in good:
         sets.setdefault(frozenset(part.source for part in one.parts), one)
     leading = dict(list(sets.items())[:_LEADING])
-    chosen = [*good[:_FINALISTS], *found.best(1), *leading.values()]
-    chosen += [one for key, one in sets.items() if any(key < whole for whole in leading)]
-    causes = dict.fromkeys(part.cause for one in leading.values() for part in one.parts)
-    without = [{cause} for cause in causes]
-    without += [set(list(causes)[:count]) for count in range(2, len(causes) + 1)]
-    for some in without:
-        others = (one for one in good if some.isdisjoint(part.cause for part in one.parts))
-        chosen += itertools.islice(others, 1)
-    # which shape of one term is right hangs on more samples than others do
-    alone = [one for one in good if len(one.parts) == 1]
-    chosen += [one for one in alone if one.parts[0].source == alone[0].parts[0].source][:_FORMS]
-    largest = sorted(ranked, key=lambda entry: entry.comparison.cost - entry.comparison.fitted)
-    chosen += [entry.judged for entry in largest[:1]]
+    gaining = sorted(ranked, key=lambda entry: entry.comparison.cost - entry.comparison.fitted)
+    chosen = [
+        *good[:_FINALISTS],
+        *found.best(1),
+        *leading.values(),
+        *(one for key, one in sets.items() if any(key < whole for whole in leading)),
+        *_without_causes(good, leading.values()),
+        *_shapes_of_best_term(good),
+        *(entry.judged for entry in gaining[:1]),
+    ]
     # sets that differ in the constants from which they were fitted are one
     same = {(o.reading, frozenset((t.source, t.shape) for t in o.terms)): o for o in chosen[::-1]}
     return list(same.values())
+
+
+def _without_causes(fits: Sequence[Judged], leading: Iterable[Judged]) -> Iterator[Judged]:
+    """Yield the best fit without each cause of the leading ones, and without the first of them."""
+    causes = list(dict.fromkeys(part.cause for one in leading for part in one.parts))
+    counts = range(2, len(causes) + 1)
+    for some in [*({cause} for cause in causes), *(set(causes[:count]) for count in counts)]:
+        others = (one for one in fits if some.isdisjoint(part.cause for part in one.parts))
+        yield from itertools.islice(others, 1)
+
+
+def _shapes_of_best_term(fits: Sequence[Judged]) -> list[Judged]:
+    """Return the best fits of the best single term.
+
+    Which of its shapes is right depends on more samples than other choices do.
+    """
+    alone = [one for one in fits if len(one.parts) == 1]
+    return [one for one in alone if one.parts[0].source == alone[0].parts[0].source][:_FORMS]
 
 
 def _between_samples(found: Found) -> Subject | None:
@@ -484,21 +506,23 @@ class _Rounds:
                 continue
             self._terms += [c.term for c in screen.candidates if not isinstance(c.term, SensorTerm)]
             room = _MOST_TERMS - len(fitted.terms)
-            every_sensor = count == 1 and self._thorough
-            ways = quotas[count], room, fitted.terms
-            is_far = every_sensor and _is_far(fitted)
-            asked = list(_by_quota(screen, *ways, is_far=is_far, every_sensor=every_sensor))
+            alone = self._tried_alone(fitted) if count == 1 else ()
+            asked = list(_by_quota(screen, quotas[count], room, fitted.terms, alone))
             along = "the record" if count == 1 else f"{count} pieces of the record"
             self._progress(f"{len(screen.candidates)} terms along {along}, {len(asked)} sets")
-            asked.sort(key=len)
-            for size in sorted({len(chosen) for chosen in asked}):
-                self._fit_all(
-                    [
-                        self._from_screen(screen, chosen, fitted)
-                        for chosen in asked
-                        if len(chosen) == size
-                    ]
-                )
+            for _, same in itertools.groupby(sorted(asked, key=len), key=len):
+                self._fit_all([_starts_of(screen, chosen, fitted) for chosen in same])
+
+    def _tried_alone(self, fitted: Fit) -> tuple[type[Term], ...]:
+        """Return the kinds of which each term is tried alone, along the whole of the record.
+
+        Faults of sensors: parameters that do their work beside the truth may hide them from the
+        screen, and they are few. Effects of the catalogue if parameters went far: dry friction
+        looks like another damping and inductance.
+        """
+        if not self._thorough:
+            return ()
+        return (SensorTerm, NamedTerm) if _is_far(fitted) else (SensorTerm,)
 
     def leave_more(self) -> bool:
         """Return whether the best so far leaves more than noise."""
@@ -519,36 +543,6 @@ class _Rounds:
         screen = Screen(along, count == 1, self._is_candidate)
         return screen if screen.candidates else None
 
-    def _from_screen(
-        self, screen: Screen, chosen: tuple[int, ...], fitted: Fit
-    ) -> tuple[tuple[Term, ...], list[Point]]:
-        """Return a set of terms with its starts: small, and as the screen has it."""
-        terms = tuple(screen.candidates[i].term for i in chosen)
-        coefficients, shift = screen.solve(chosen)
-        problem = fitted.problem
-        base, q = fitted.point.values, fitted.point.q
-        pairs = zip(coefficients, terms, strict=True)
-        wanted = [t.values(np.clip(c, -_CLIP, _CLIP)) for c, t in pairs]
-        small = [t.values(SMALL) for t in terms]
-        step = np.clip(shift[: len(q)] * problem.deviation, -_SHIFT, _SHIFT)
-        moved = np.clip(q + step, *problem.bounds)
-        starts = fitted.point.starts
-        points = [
-            Point(q, np.concatenate([base, *small]), starts),
-            Point(moved, np.concatenate([base, *wanted]), starts),
-            Point(q, np.concatenate([base, *wanted]), starts),
-        ]
-        nominal = problem.nominal_at_phases(q)
-        if np.any(np.abs(q - nominal) > _FAR * problem.deviation):
-            for others in itertools.product(*map(with_shorter_lags, terms)):
-                small = [t.values(SMALL) for t in others]
-                points.append(Point(nominal, np.concatenate([base, *small]), starts))
-        for k, term in enumerate(terms):
-            for other in at_other_instants(term):
-                instead = [*wanted[:k], other.values(wanted[k][0]), *wanted[k + 1 :]]
-                points.append(Point(moved, np.concatenate([base, *instead]), starts))
-        return (*fitted.terms, *terms), points
-
     def _fit_all(
         self, asked: Iterable[tuple[tuple[Term, ...], list[Point]]], most: int = _STEPS
     ) -> None:
@@ -562,15 +556,12 @@ class _Rounds:
             new.append((terms, [*points, *self._nested(terms)]))
         subject = self.found.subject
 
-        def one(job: tuple[tuple[Term, ...], list[Point]]) -> Judged | None:
-            if self._is_over():
-                return None
-            terms, points = job
-            return _judged(subject, terms, points, self._weights, most)
+        def judged(job: tuple[tuple[Term, ...], list[Point]]) -> Judged | None:
+            return None if self._is_over() else _judged(subject, *job, self._weights, most)
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            judged = [one for one in pool.map(one, new) if one is not None]
-        self.found = self.found.with_fits(judged)
+            fits = [one for one in pool.map(judged, new) if one is not None]
+        self.found = self.found.with_fits(fits)
 
     def _nested(self, terms: tuple[Term, ...]) -> list[Point]:
         """Return points of fits whose terms are some of these, the others being small."""
@@ -583,11 +574,7 @@ class _Rounds:
 
     def subsets(self) -> None:
         """Fit what is left of the best sets without some of their terms."""
-        asked = []
-        for one in self.found.best(_SUBSETS):
-            for count in range(1, len(one.terms)):
-                for part in itertools.combinations(one.terms, count):
-                    asked.append((part, [_extended(one.fit, part)]))
+        asked = [part for one in self.found.best(_SUBSETS) for part in _parts_of(one.fit)]
         self._fit_all(asked, _FEWER_STEPS)
 
     def parts_of_best(self) -> None:
@@ -596,33 +583,26 @@ class _Rounds:
         Parts that were fitted from elsewhere may have ended at less than they explain.
         """
         for one in self.found.best(1)[:1]:
-            counts = range(1, len(one.terms))
-            parts = [part for n in counts for part in itertools.combinations(one.terms, n)]
-            self._tried -= {frozenset(part) for part in parts}
-            asked = [(part, [_extended(one.fit, part)]) for part in parts]
-            self._fit_all(asked, _LAST_STEPS)
+            parts = _parts_of(one.fit)
+            self._tried -= {frozenset(terms) for terms, _ in parts}
+            self._fit_all(parts, _LAST_STEPS)
 
     def shapes(self) -> None:
         """Fit the best sets with other shapes and other memories of each of their terms."""
-        asked = []
-        for one in self.found.best(_SHAPES):
-            for term in one.terms:
-                if not term.signal or isinstance(term, NamedTerm | SensorTerm):
-                    continue
-                others = other_shapes(term, self._ends(term)), other_memories(term)
-                for other in itertools.chain(*others):
-                    terms = tuple(other if t == term else t for t in one.terms)
-                    asked.append((terms, [_extended(one.fit, terms)]))
-        self._fit_all(asked, _FEWER_STEPS)
+        self._fit_with(lambda t: (*other_shapes(t, self._ends(t)), *other_memories(t)))
 
     def owners(self) -> None:
         """Fit the best sets with each of their terms in every other law."""
+        self._fit_with(self._in_other_laws)
+
+    def _fit_with(self, others_of: Callable[[Term], Iterable[Term]]) -> None:
+        """Fit the best sets with others in place of each of their terms that has a signal."""
         asked = []
         for one in self.found.best(_SHAPES):
             for term in one.terms:
                 if not term.signal or isinstance(term, NamedTerm | SensorTerm):
                     continue
-                for other in self._in_other_laws(term):
+                for other in others_of(term):
                     terms = tuple(other if t == term else t for t in one.terms)
                     asked.append((terms, [_extended(one.fit, terms)]))
         self._fit_all(asked, _FEWER_STEPS)
@@ -673,6 +653,13 @@ def _judged(
     return None if fitted is None else subject.judge(located(fitted))
 
 
+def _parts_of(fitted: Fit) -> list[tuple[tuple[Term, ...], list[Point]]]:
+    """Return the sets of fewer terms of a fit, each with where it ended."""
+    counts = range(1, len(fitted.terms))
+    parts = [part for n in counts for part in itertools.combinations(fitted.terms, n)]
+    return [(part, [_extended(fitted, part)]) for part in parts]
+
+
 def _with_one_less(terms: tuple[Term, ...]) -> list[tuple[Term, ...]]:
     """Return the sets of all but one of several terms."""
     return list(itertools.combinations(terms, len(terms) - 1)) if len(terms) > 1 else []
@@ -689,80 +676,126 @@ def _extended(fitted: Fit, terms: Sequence[Term]) -> Point:
     return Point(fitted.point.q, np.concatenate(values), fitted.point.starts)
 
 
+def _starts_of(
+    screen: Screen, chosen: Sequence[int], fitted: Fit
+) -> tuple[tuple[Term, ...], list[Point]]:
+    """Return a set of terms with starts: small, as the screen has it, and at other instants.
+
+    From nominal parameters, too, if those of the fit are far away.
+    """
+    terms = tuple(screen.candidates[i].term for i in chosen)
+    coefficients, shift = screen.solve(chosen)
+    amounts = [np.clip(own, -_CLIP, _CLIP) for own in coefficients]
+    point = fitted.point
+    moved = _shifted(fitted, shift)
+    points = [_beside(point, terms), _beside(moved, terms, amounts), _beside(point, terms, amounts)]
+    if _is_far(fitted):
+        nominal = _at_nominal(fitted)
+        for others in itertools.product(*map(with_shorter_lags, terms)):
+            points.append(_beside(nominal, others))
+    for k, term in enumerate(terms):
+        for other in at_other_instants(term):
+            points.append(_beside(moved, (*terms[:k], other, *terms[k + 1 :]), amounts))
+    return (*fitted.terms, *terms), points
+
+
+def _shifted(fitted: Fit, shift: Array) -> Point:
+    """Return the point of a fit with parameters shifted by so many deviations, within bounds."""
+    problem, q = fitted.problem, fitted.point.q
+    step = np.clip(shift[: len(q)] * problem.deviation, -_SHIFT, _SHIFT)
+    return replace(fitted.point, q=np.clip(q + step, *problem.bounds))
+
+
+def _beside(point: Point, terms: Sequence[Term], amounts: Sequence[float | Array] = ()) -> Point:
+    """Return a point with further terms, of small amounts by default."""
+    pairs = zip(terms, amounts or [SMALL] * len(terms), strict=True)
+    values = [term.values(amount) for term, amount in pairs]
+    return replace(point, values=np.concatenate([point.values, *values]))
+
+
+class _Quota:
+    """Counts sets of terms, of which few have the same first term, and fewer are trends.
+
+    Parameters
+    ----------
+    most : Mapping of int to int
+        Sets without an effect of the catalogue, by their number of terms.
+    """
+
+    def __init__(self, most: Mapping[int, int]) -> None:
+        self._most = most
+        self._taken: Counter[object] = Counter()
+
+    def takes(self, terms: Sequence[Term], first: Term) -> bool:
+        """Count a set if there is room for it, and return whether there was."""
+        size = len(terms)
+        is_named = bool(effects_in(terms))
+        kind, lead, timed = (size, is_named), (size, first.source), (size, "time")
+        is_trend = any(term.is_trend for term in terms)
+        most = (_NAMED if is_named else self._most).get(size, 0)
+        taken = self._taken
+        if taken[kind] >= most or taken[lead] >= _LEADS or (is_trend and taken[timed]):
+            return False
+        taken.update([lead, timed if is_trend else kind])
+        return True
+
+
 def _by_quota(
     screen: Screen,
-    quota: dict[int, int],
+    quota: Mapping[int, int],
     most: int,
     there: Sequence[Term],
-    *,
-    is_far: bool = False,
-    every_sensor: bool = True,
-) -> Iterable[tuple[int, ...]]:
-    """Yield the best sets of each number of terms; a first term leads few of them, time fewer.
-
-    Each fault of a sensor is tried alone first (`every_sensor`): parameters that do its work beside
-    the truth may hide it from the screen, and they are few. So is each effect of the catalogue if
-    they went far (`is_far`): dry friction looks like another damping and inductance.
-    """
-    taken: dict[object, int] = {}
-    sources = {t.source for t in there}
+    alone: tuple[type[Term], ...] = (),
+) -> Iterator[tuple[int, ...]]:
+    """Yield the best sets of each number of terms, by quota, and all single ones of some kinds."""
+    quotas = _Quota(quota)
+    sources = {term.source for term in there}
     for value, chosen in screen.propose(min(most, max(quota))):
         terms = [screen.candidates[i].term for i in chosen]
-        size = len(terms)
-        first = max(chosen, key=lambda i: screen.value([i]))
-        lead = size, screen.candidates[first].term.source
-        timed = any(t.is_trend for t in terms)
-        is_named = bool(effects_in(terms))
-        own = _NAMED if is_named else quota
-        kind = size, "named" if is_named else "laws"
-        is_sensor = isinstance(terms[0], SensorTerm)
-        is_hidden = (is_sensor and every_sensor) or (is_named and is_far)
-        if size == 1 and not there and is_hidden:
+        if len(terms) == 1 and not there and isinstance(terms[0], alone):
             yield chosen
-            continue
-        if (
-            size not in own
-            or value <= _WORTH
-            or taken.get(kind, 0) >= own[size]
-            or taken.get(lead, 0) >= _LEADS
-            or (timed and taken.get((size, "time"), 0) >= 1)
-            or any(t.source in sources for t in terms)
-        ):
-            continue
-        taken[lead] = taken.get(lead, 0) + 1
-        key = (size, "time") if timed else kind
-        taken[key] = taken.get(key, 0) + 1
-        yield chosen
+        elif value > _WORTH and sources.isdisjoint(term.source for term in terms):
+            first = max(chosen, key=lambda i: screen.value([i]))
+            if quotas.takes(terms, screen.candidates[first].term):
+                yield chosen
 
 
 def _pieces(fitted: Fit, count: int) -> tuple[list[Record], list[Array]]:
     """Cut the records to pieces that follow the measurement, each from a start of its own."""
     problem = fitted.problem
-    model = problem.model
     if fitted.terms:
         return [], []
-    nominal = model.nominal_states
     weight = np.full(len(problem.spread), _PIECE_WEIGHT)
     pieces, starts = [], []
     for record, start in zip(problem.records, fitted.point.starts, strict=True):
         course = problem.run(record, fitted.point, (), start, False)
         if course is None:
             return [], []
-        wide = np.clip(course.states.std(axis=0), nominal, 30.0 * nominal)
         cuts = max(1, min(count, len(record.time) // _SHORTEST))
         ends = np.linspace(0, len(record.time), cuts + 1).astype(int)
         for first, last in itertools.pairwise(ends.tolist()):
             piece = record.part(first, last)
-            mean = course.states[first].copy()
-            deviation = wide.copy()
-            for i, j in model.measured_states.items():
-                if np.isfinite(record.outputs[first, j]):
-                    mean[i] = record.outputs[first, j]
-            if first == 0:
-                mean, deviation = start.copy(), np.maximum(0.02 * nominal, 1e-9)
-            own = fit_start(problem, fitted.point, (), piece, StartPrior(mean, deviation), weight)
+            prior = _prior_at(problem.model, record, course.states, first, start)
+            own = fit_start(problem, fitted.point, (), piece, prior, weight)
             if own is None:
                 return [], []
             pieces.append(piece)
             starts.append(own[1])
     return pieces, starts
+
+
+def _prior_at(
+    model: LawModel, record: Record, states: Array, first: int, start: Array
+) -> StartPrior:
+    """Return the prior of the states at a sample: of the course (n, nx) of a run, or measured.
+
+    At the first one it is the start, which is known well.
+    """
+    nominal = model.nominal_states
+    if first == 0:
+        return StartPrior(start.copy(), np.maximum(0.02 * nominal, 1e-9))
+    mean = states[first].copy()
+    for state, output in model.measured_states.items():
+        if np.isfinite(record.outputs[first, output]):
+            mean[state] = record.outputs[first, output]
+    return StartPrior(mean, np.clip(states.std(axis=0), nominal, 30.0 * nominal))

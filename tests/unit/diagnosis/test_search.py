@@ -190,7 +190,7 @@ def test_a_quota_limits_sets_of_one_size_and_one_lead() -> None:
         subject.base, 1
     )
     assert screen is not None
-    chosen = list(NAMES._by_quota(screen, {1: 3, 2: 4}, 2, ()))
+    chosen = list(NAMES._by_quota(screen, {1: 3, 2: 4}, 2, (), (SensorTerm,)))
     alone = [screen.candidates[c[0]].term for c in chosen if len(c) == 1]
     faults = [term.name for term in alone if isinstance(term, SensorTerm)]
     assert len(alone) - len(faults) == 3
@@ -219,7 +219,7 @@ def test_effects_are_tried_alone_where_parameters_went_far(monkeypatch: pytest.M
     screen.candidates[0] = replace(screen.candidates[0], term=term)
     monkeypatch.setattr(screen, "propose", lambda most: [(-30.0, (0,))])
     assert list(NAMES._by_quota(screen, {1: 3}, 2, ())) == []
-    assert list(NAMES._by_quota(screen, {1: 3}, 2, (), is_far=True)) == [(0,)]
+    assert list(NAMES._by_quota(screen, {1: 3}, 2, (), (NamedTerm,))) == [(0,)]
 
 
 def test_a_model_that_runs_away_over_what_is_left_out_is_not_searched() -> None:
