@@ -36,13 +36,12 @@ from orchestration.reporting import (
     Displayable,
     draw,
     in_shell,
-    make_page,
     one_line,
     option,
     pictures,
     plain_table,
+    write_page,
 )
-from orchestration.reporting.html import path_of_report
 from orchestration.system.ssp import write as write_ssp
 
 if TYPE_CHECKING:
@@ -193,7 +192,53 @@ class Evidence(Displayable):
         return figure
 
 
-class DiagnosisResult(Displayable):
+class Diagnosed(Displayable):
+    """Result of a diagnosis, of a model or of a system: parameters and a page.
+
+    Parameters
+    ----------
+    shown : object
+        The value that the page shows, by its type.
+    command : sequence of str
+        Words of an equivalent command.
+    """
+
+    parameters: dict[str, Estimate]
+
+    def __init__(self, shown: object, command: Sequence[str]):
+        self._shown = shown
+        self._command = shlex.join(command)
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the parameters as a table, a row for each.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        return estimates_frame(self.parameters)
+
+    def report(self, path: str | Path, command: str = "") -> Path:
+        """Write the result as a page of HTML.
+
+        Parameters
+        ----------
+        path : str or Path
+            An ``.html`` file.
+        command : str
+            Command that made the result, for the page; by default an equivalent one.
+
+        Raises
+        ------
+        UserError
+            If the page cannot be written, or its name does not end in ``.html``.
+        """
+        with in_shell():  # as from the command, which the page shows
+            return write_page(self._shown, path, command or self._command)
+
+
+class DiagnosisResult(Diagnosed):
     """Result of a diagnosis: the causes of a model's error on a record, and the extended model.
 
     Parameters
@@ -253,8 +298,8 @@ class DiagnosisResult(Displayable):
         around: FmuDiagnosis | None = None,
         law_map: LawMap | None = None,
     ):
+        super().__init__(changed or law_map or diagnosis, command)
         self._sources = [one.source for one in (*diagnosis.records, *diagnosis.holdouts)]
-        self._command = shlex.join(command)
         self._diagnosis = diagnosis
         self._changed = changed
         self._around = around
@@ -265,7 +310,7 @@ class DiagnosisResult(Displayable):
         self.causes: list[str] = named[:1]
         self.alternatives: list[str] = named[1:]
         self.probabilities = {cause.name: float(cause.probability) for cause in diagnosis.causes}
-        self.parameters: dict[str, Estimate] = diagnosis.parameters
+        self.parameters = diagnosis.parameters
         self.changed: list[str] = list(diagnosis.changed)
         before = diagnosis.errors(diagnosis.found.base)
         after = diagnosis.errors(diagnosis.final)
@@ -319,16 +364,6 @@ class DiagnosisResult(Displayable):
         comparison = [change.to_dict() for change in self.changes]
         return figures | {"comparison": comparison, "later": self.later.to_dict()}
 
-    def to_frame(self) -> pandas.DataFrame:
-        """Return the parameters as a table, a row for each.
-
-        Raises
-        ------
-        ImportError
-            If pandas is not installed.
-        """
-        return estimates_frame(self.parameters)
-
     def draw(self) -> Figure:
         """Draw what was left out of the output whose error falls most, above the residuals.
 
@@ -356,27 +391,6 @@ class DiagnosisResult(Displayable):
             If there is no such law or signal, or both are the same.
         """
         return explain(self._diagnosis, first, second)
-
-    def report(self, path: str | Path, command: str = "") -> Path:
-        """Write the result as a page of HTML.
-
-        Parameters
-        ----------
-        path : str or Path
-            An ``.html`` file.
-        command : str
-            Command that made the result, for the page; by default an equivalent one.
-
-        Raises
-        ------
-        UserError
-            If the page cannot be written, or its name does not end in ``.html``.
-        """
-        target = path_of_report(path)
-        with in_shell():  # as from the command, which the page shows
-            shown = self._changed or self._law_map or self._diagnosis
-            make_page(shown, command or self._command).write(target)
-        return target
 
     def fmu(
         self,

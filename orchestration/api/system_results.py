@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError
+from orchestration.api.results import Diagnosed
 from orchestration.diagnosis.systems import (
     MemberDiagnosis,
     MemberParameter,
@@ -16,18 +15,15 @@ from orchestration.diagnosis.systems import (
     sentence,
     summary,
 )
-from orchestration.identify.uncertainty import Estimate, estimates_frame
 from orchestration.records import Record
-from orchestration.reporting import Displayable, draw, in_shell, make_page, one_line
-from orchestration.reporting.html import path_of_report
+from orchestration.reporting import draw, in_shell, one_line
 
 if TYPE_CHECKING:
-    import pandas
     from matplotlib.figure import Figure
     from rich.console import RenderableType
 
 
-class SystemResult(Displayable):
+class SystemResult(Diagnosed):
     """Result of the diagnosis of a system: the members that a record contradicts, and the causes.
 
     Names are ``member.name``.
@@ -66,8 +62,8 @@ class SystemResult(Displayable):
     def __init__(self, diagnosis: SystemDiagnosis, command: Sequence[str] = ()):
         figures = summary(diagnosis)
         members = figures["members"]
+        super().__init__(diagnosis, command)
         self._diagnosis = diagnosis
-        self._command = shlex.join(command)
         self.verdict = str(diagnosis.verdict)
         self.sentence = sentence(diagnosis)
         self.suspects: list[str] = figures["suspects"]
@@ -80,7 +76,7 @@ class SystemResult(Displayable):
             for cause in one["group"]
         }
         fitted = _parameters(diagnosis.members)
-        self.parameters: dict[str, Estimate] = {n: one.estimate for n, one in fitted.items()}
+        self.parameters = {n: one.estimate for n, one in fitted.items()}
         self.changed = [name for name, one in fitted.items() if one.differs]
         self.record: Record = diagnosis.record
         self.notes: list[str] = figures["notes"]
@@ -104,16 +100,6 @@ class SystemResult(Displayable):
         with in_shell():
             return summary(self._diagnosis)
 
-    def to_frame(self) -> pandas.DataFrame:
-        """Return the parameters as a table, a row for each.
-
-        Raises
-        ------
-        ImportError
-            If pandas is not installed.
-        """
-        return estimates_frame(self.parameters)
-
     def draw(self) -> Figure:
         """Draw what was left out of the output whose error falls most, of the first suspect.
 
@@ -128,26 +114,6 @@ class SystemResult(Displayable):
         if first is None:
             raise UserError("no member can be judged, so there is nothing to draw")
         return draw(first)
-
-    def report(self, path: str | Path, command: str = "") -> Path:
-        """Write the result as a page of HTML.
-
-        Parameters
-        ----------
-        path : str or Path
-            An ``.html`` file.
-        command : str
-            Command that made the result, for the page; by default an equivalent one.
-
-        Raises
-        ------
-        UserError
-            If the page cannot be written, or its name does not end in ``.html``.
-        """
-        target = path_of_report(path)
-        with in_shell():  # as from the command, which the page shows
-            make_page(self._diagnosis, command or self._command).write(target)
-        return target
 
 
 def _named(members: Sequence[dict[str, Any]], key: str) -> list[str]:

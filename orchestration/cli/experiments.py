@@ -48,7 +48,7 @@ def run_and_write(
     from orchestration.experiment import results
     from orchestration.experiment.reading import movable
     from orchestration.journal import removed_after
-    from orchestration.reporting import make_page
+    from orchestration.reporting import write_page
     from orchestration.reporting.console import wrote
 
     out = options["out"]
@@ -66,7 +66,7 @@ def run_and_write(
         wrote(out, "" if data.attrs["complete"] else "incomplete")
     if plot is not None:
         if plot.suffix.lower() == ".html":
-            make_page(data).write(plot)
+            write_page(data, plot)
         else:
             data.plot(plot)
         wrote(plot)

@@ -21,8 +21,7 @@ from orchestration.identify.grey_box import Fit, fit_grey_box
 from orchestration.identify.metrics import fit_percent, rms
 from orchestration.identify.noise import WHITENESS_SAMPLES, Whiteness, whiteness
 from orchestration.records import Arrays, Record, read_record, read_runs
-from orchestration.reporting import Displayable, make_page, one_line, option
-from orchestration.reporting.html import path_of_report
+from orchestration.reporting import Displayable, one_line, option, write_page
 
 if TYPE_CHECKING:
     import pandas
@@ -125,9 +124,7 @@ class Comparison(Displayable):
             If nothing was fitted, or the page cannot be written, or its name does not end in
             ``.html``.
         """
-        target = path_of_report(path)
-        make_page(self, command).write(target)
-        return target
+        return write_page(self, path, command)
 
 
 def read_for(model: Model, path: Path | Arrays, mapping: Mapping[str, str] | None = None) -> Record:

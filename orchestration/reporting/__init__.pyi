@@ -5,6 +5,7 @@ from .console import plain_table as plain_table
 from .datasets import ResultDataset as ResultDataset
 from .drawing import draw as draw
 from .drawing import make_page as make_page
+from .drawing import write_page as write_page
 from .notebook import Displayable as Displayable
 from .notebook import one_line as one_line
 from .percent import format_percent as format_percent

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from functools import singledispatch
 from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError
@@ -60,6 +61,35 @@ def make_page(result: object, command: str = "") -> Page:
     """
     page: Page = registered(make_page, type(result), "page")(result, command)
     return page
+
+
+def write_page(result: object, path: str | Path, command: str = "") -> Path:
+    """Write the page of a result.
+
+    Parameters
+    ----------
+    result : object
+    path : str or Path
+        An ``.html`` file.
+    command : str
+        The command that made the result, for the section on reproduction.
+
+    Returns
+    -------
+    Path
+        That of the file.
+
+    Raises
+    ------
+    UserError
+        If results of this type have no page, the file cannot be written, or its name does not end
+        in ``.html`` or ``.htm``.
+    """
+    target = Path(path)
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise UserError(f"{target}: the name of a report ends in .html")
+    make_page(result, command).write(target)
+    return target
 
 
 def registered(functions: Any, kind: type, module: str) -> Callable[..., Any]:

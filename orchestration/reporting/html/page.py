@@ -12,7 +12,7 @@ from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
 
-from fmus.kit import UserError, files
+from fmus.kit import files
 from fmus.kit.build import STYLE
 
 _HEADING = re.compile(r"(?<=<h)\d(?=>)|(?<=</h)\d(?=>)")  # its level
@@ -107,20 +107,6 @@ def escaped(text: str) -> Markup:
     if isinstance(text, Markup):
         return text
     return Markup(html.escape(text.encode(errors="backslashreplace").decode()))
-
-
-def path_of_report(path: str | Path) -> Path:
-    """Return the path of a report.
-
-    Raises
-    ------
-    UserError
-        If its name does not end in ``.html`` or ``.htm``.
-    """
-    target = Path(path)
-    if target.suffix.lower() not in (".html", ".htm"):
-        raise UserError(f"{target}: the name of a report ends in .html")
-    return target
 
 
 class Page:

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from fmus.kit import UserError
-from orchestration.reporting import draw, make_page
+from orchestration.reporting import draw, make_page, write_page
 
 VALUES = """
 class Base: pass
@@ -49,3 +49,10 @@ def test_what_nothing_is_registered_for_is_refused(values):
         make_page(values.Value())
     with pytest.raises(UserError, match=r"^int: this has no picture$"):
         draw(1)
+
+
+@pytest.mark.parametrize("name", ["page.pdf", "page"])
+def test_a_page_has_the_name_of_a_page(values, tmp_path, name):
+    with pytest.raises(UserError, match=rf"{name}: the name of a report ends in \.html$"):
+        write_page(values.Value(), tmp_path / name)
+    assert not (tmp_path / name).exists()

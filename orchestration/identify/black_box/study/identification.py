@@ -23,8 +23,7 @@ from orchestration.identify.black_box.residual_tests import ResidualTests
 from orchestration.identify.black_box.study.columns import Columns
 from orchestration.identify.black_box.study.component import source
 from orchestration.identify.metrics import finite_or_none
-from orchestration.reporting import Displayable, make_page, one_line, plain_table
-from orchestration.reporting.html import path_of_report
+from orchestration.reporting import Displayable, one_line, plain_table, write_page
 
 if TYPE_CHECKING:
     import pandas
@@ -187,9 +186,7 @@ class BlackBox(Displayable):
         UserError
             If it cannot be written.
         """
-        target = path_of_report(path)
-        make_page(self).write(target)
-        return target
+        return write_page(self, path)
 
     def export(self, path: str | Path, name: str = "") -> Path:
         """Write the chosen model as a class, of which ``ppy build file.py:Class`` makes FMUs.
