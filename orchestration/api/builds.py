@@ -1,4 +1,4 @@
-"""The builds of an extended model: a native FMU, and a Python one beside it."""
+"""The builds of an extended model: a native FMU, and a Python FMU in the same folder."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ def comma_list(text: str, flag: str, advice: str = _ADVICE) -> list[str]:
 
 
 def some_of(advice: str) -> Form:
-    """Return the form of names separated by commas, with an advice if there is no name."""
+    """Return the form of names separated by commas; `advice` ends the error for an empty text."""
     return NAMES._replace(read=partial(comma_list, advice=advice))
 
 

@@ -354,7 +354,7 @@ class DiagnosisResult(Diagnosed):
         return one_line(f"DiagnosisResult {self.verdict}{causes}: {name}, {names}")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the figures, ready for JSON: the form that ``ppy diagnose --json`` writes."""
+        """Return the figures, ready for JSON, in the form of ``ppy diagnose --json``."""
         with in_shell():
             figures = summary.summary(self._diagnosis)
         if self._law_map is not None:
@@ -365,9 +365,9 @@ class DiagnosisResult(Diagnosed):
         return figures | {"comparison": comparison, "later": self.later.to_dict()}
 
     def draw(self) -> Figure:
-        """Draw what was left out of the output whose error falls most, above the residuals.
+        """Draw the validation data of the output whose error falls most, above the residuals.
 
-        Of `laws`, draw what is added to a law over its signal.
+        The result of `laws` draws what the terms of the first cause add to a law over its signal.
 
         Raises
         ------
@@ -423,7 +423,7 @@ class DiagnosisResult(Diagnosed):
         return export(self.model, Path(path), self._sources, targets, progress)
 
     def effect(self, path: str | Path) -> Path:
-        """Write what the first cause adds to laws as short classes of effects.
+        """Write the terms of the first cause as classes of effects.
 
         Parameters
         ----------

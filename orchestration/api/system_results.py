@@ -96,12 +96,12 @@ class SystemResult(Diagnosed):
         return one_line(f"SystemResult {self.verdict}{of}: {self._diagnosis.system}")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the figures, ready for JSON: what ``ppy diagnose --system --json`` writes."""
+        """Return the figures, ready for JSON, in the form of ``ppy diagnose --system --json``."""
         with in_shell():
             return summary(self._diagnosis)
 
     def draw(self) -> Figure:
-        """Draw what was left out of the output whose error falls most, of the first suspect.
+        """Draw the validation data of the first suspect's output whose error falls most.
 
         Raises
         ------

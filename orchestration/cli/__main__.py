@@ -4,7 +4,7 @@ from orchestration.cli.ending import end_interrupted, end_unloadable
 
 
 def main() -> None:
-    """Import the command line, a Ctrl-C or a fault during which is one as later, and run it."""
+    """Import the command line and run it; a Ctrl-C during the import ends as in a command."""
     try:
         from orchestration.cli.app import main as run
     except KeyboardInterrupt:

@@ -135,8 +135,7 @@ def _single_command(words: str) -> Any:
 def _groups() -> _Groups:
     """Return our own commands, then those of installed packages, grouped by task.
 
-    A package of somebody else that cannot be loaded takes no other command with it, and none
-    replaces a command of ours.
+    A package that cannot be loaded does not affect the others, and none replaces a command of ours.
     """
     from importlib.metadata import entry_points
 
@@ -269,7 +268,7 @@ def _registry_warnings_as_remarks() -> Iterator[None]:
 
 
 def _end_aborted(cause: BaseException | None) -> NoReturn:
-    """End an interrupt, or an end of file, which typer takes for one."""
+    """Exit after an interrupt, or after an end of file, which typer reports as an interrupt."""
     if not isinstance(cause, EOFError):
         end_interrupted()
     if is_of_import(cause):

@@ -1,4 +1,4 @@
-"""The work of ``ppy diagnose`` and ``ppy laws``: what they read, show and write."""
+"""Execution of ``ppy diagnose`` and ``ppy laws``: input files, terminal output, and files."""
 
 from __future__ import annotations
 
@@ -239,7 +239,7 @@ def _title(record: Record) -> str:
 
 
 def check_files(options: DiagnoseCommand | LawsCommand, sources: Sequence[Path] = ()) -> None:
-    """Refuse names under which nothing can be written or something would be lost.
+    """Refuse paths that cannot be written, or that would overwrite another file.
 
     Parameters
     ----------

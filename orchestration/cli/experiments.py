@@ -1,4 +1,4 @@
-"""Experiments as commands run them: made, shown, written and drawn; and those of a system alone."""
+"""Experiments of commands: execution, display and files; and experiments on a system alone."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def run_and_write(
 
 
 def raise_if_incomplete(data: xarray.Dataset, live: Live | None = None) -> None:
-    """Raise the error of an incomplete result, which has been written before.
+    """Raise the error of an incomplete result, which is already written.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def _run_with_progress(
 
 
 def _show(data: xarray.Dataset) -> None:
-    """Print the state of a result, how it kept pace, and the extremes of its signals and cycles."""
+    """Print the state of a result, its pace, and the extremes of its signals and cycles."""
     from orchestration.experiment import page
     from orchestration.reporting import plain_table
     from orchestration.reporting.console import out

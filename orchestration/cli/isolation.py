@@ -1,4 +1,4 @@
-"""Processes of their own for FMUs that are not ours, as the options of a command have them."""
+"""Isolation of FMUs that are not ours in processes, by the options of a command."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _BETWEEN = 0.5  # s between two presses of Ctrl-C, of which the first was not he
 
 
 def limits(foreign: bool, options: IsolationOptions) -> Limits | None:
-    """Return the limits of a process of its own for a model; None where it runs in this one.
+    """Return the limits of the process for a model; None if the model runs in this process.
 
     Raises
     ------
@@ -60,7 +60,8 @@ def isolating(isolate: bool | None) -> AbstractContextManager[None]:
 def hearing_ctrl_c(isolated: Limits | None) -> Iterator[None]:
     """End this process at a second Ctrl-C while the context lasts, if the run is not isolated.
 
-    An FMU that hangs keeps Python from handling the first one.
+    Python handles Ctrl-C between its own instructions only, thus not while an FMU hangs. A thread
+    therefore reads the signals.
     """
     handler = signal.getsignal(signal.SIGINT)
     if isolated is not None or handler is not signal.default_int_handler:

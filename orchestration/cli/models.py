@@ -1,4 +1,4 @@
-"""Models as commands open them: found, built if need be, with notes for the user."""
+"""Models of commands: searched by name, built where necessary, with notes for the user."""
 
 from __future__ import annotations
 

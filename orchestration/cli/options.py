@@ -70,7 +70,7 @@ _RUNNABLE = (
 
 
 class ModelArgument(TypedDict, total=False):
-    """The model, by its place."""
+    """The model, a positional argument."""
 
     model: Annotated[
         str,
@@ -87,7 +87,7 @@ class ModelOption(TypedDict, total=False):
 
 
 class RunnableArgument(TypedDict, total=False):
-    """The model or the system, by its place."""
+    """The model or the system, a positional argument."""
 
     model: Annotated[
         str,
@@ -102,7 +102,7 @@ class RunnableArgument(TypedDict, total=False):
 
 
 class RunnableOption(TypedDict, total=False):
-    """The model or the system, by its flag."""
+    """The model or the system, as an option."""
 
     model: Annotated[
         str,
@@ -113,7 +113,7 @@ class RunnableOption(TypedDict, total=False):
 
 
 class LaidOverOption(TypedDict, total=False):
-    """The effects that are part of the model from the start."""
+    """Effects that are part of the model from the start."""
 
     laid_over: Annotated[
         Sequence[str],
@@ -163,7 +163,7 @@ class PlatformsOption(TypedDict, total=False):
 
 
 class RecordArgument(TypedDict, total=False):
-    """The record, by its place."""
+    """The record, a positional argument."""
 
     record: Annotated[
         Path,
@@ -194,7 +194,7 @@ class PlotOption(TypedDict, total=False):
 
 
 class IsolateOption(TypedDict, total=False):
-    """The process of its own for an FMU that is not ours."""
+    """Isolation of an FMU that is not ours in a process."""
 
     isolate: Annotated[
         bool | None,
@@ -207,7 +207,7 @@ class IsolateOption(TypedDict, total=False):
 
 
 class IsolationOptions(IsolateOption, total=False):
-    """The process of its own for an FMU, and its limits."""
+    """Isolation of an FMU in a process, and the limits of this process."""
 
     step_timeout: Annotated[
         float | None,
@@ -228,7 +228,7 @@ class IsolationOptions(IsolateOption, total=False):
 
 
 class RealTimeOptions(TypedDict, total=False):
-    """The pace of a run that keeps up with the clock."""
+    """Pace of a run in real time."""
 
     real_time: Annotated[
         bool,

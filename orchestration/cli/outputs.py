@@ -1,4 +1,4 @@
-"""Files that a command writes, refused before any work where they cost another one; and JSON."""
+"""Output files of a command, checked before any work; and JSON."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SIGNALS = (".nc", ".csv", ".parquet")  # as in experiment.results, which takes h
 
 
 def typed_command() -> str:
-    """Return the command as it was typed, for a page to repeat."""
+    """Return the command as the user typed it, to be repeated in a page."""
     return shlex.join(["ppy", *sys.argv[1:]])
 
 
@@ -50,7 +50,7 @@ class Outputs(NamedTuple):
     folders: Mapping[str, Path] = {}
 
     def check(self) -> None:
-        """Refuse names under which nothing can be written or something would be lost.
+        """Refuse paths that cannot be written, or that would overwrite another file.
 
         Raises
         ------
@@ -126,7 +126,7 @@ def part_of(out: Path | None) -> Path | None:
 
 @contextmanager
 def standard_output_for(path: Path | None) -> Iterator[None]:
-    """Keep standard output free of anything else while the context lasts, if JSON goes there."""
+    """Reserve standard output for JSON while the context lasts, if JSON is written there."""
     if path != STANDARD_OUTPUT:
         yield
         return

@@ -28,11 +28,11 @@ _ELSEWHERE = 5.0
 
 
 class IncompleteRecord(UserError):
-    """A record that was kept, and is not all that was to be recorded."""
+    """A record was written, but is shorter than requested."""
 
 
 def live_run(options: RealTimeOptions, out: Path | None) -> Live | None:
-    """Return how to run in real time, None for as fast as possible.
+    """Return the options of a run in real time; None for a run that is as fast as possible.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def status(moment: Moment) -> str:
 
 
 def _worst(moment: Moment, ending: str) -> float | None:
-    """Return the greatest value of the signals of links with this ending; None if there is none."""
+    """Return the largest value of the signals of links with this ending; None if there is none."""
     values = [value for name, value in moment.link.items() if name.endswith(ending)]
     return max(values, default=None)
 
@@ -182,7 +182,7 @@ def status_line(live: Live) -> Iterator[Live]:
 
 
 class _StatusLine:
-    """The line that says how a run is doing, written anew now and then.
+    """Status line of a run, rewritten at intervals.
 
     Attributes
     ----------

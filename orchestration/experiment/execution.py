@@ -267,7 +267,7 @@ def _refuse_fused(experiment: Experiment, where: str) -> None:
 
 
 def _record_links(experiment: Experiment, subject: Subject) -> Experiment:
-    """Return the experiment with outputs about the links of proxies among those recorded.
+    """Return the experiment with the link outputs of proxies among the recorded ones.
 
     They show which of the recorded values came from the rig.
     """

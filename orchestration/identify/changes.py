@@ -1,4 +1,4 @@
-"""A parameter in a record and in a later one of the same specimen, and what is said of it."""
+"""A parameter in a record and in a later one of a specimen, and the verdict on its change."""
 
 from __future__ import annotations
 
@@ -58,11 +58,11 @@ class Change:
 
     @property
     def lacking(self) -> tuple[bool, bool]:
-        """True if the record, before and after, may do without the effect of this strength."""
+        """True, for the earlier and the later record, if its interval includes no effect at all."""
         return self._may_be_neutral(self.before_interval), self._may_be_neutral(self.after_interval)
 
     def _may_be_neutral(self, interval: tuple[float, float]) -> bool:
-        """Return whether an interval holds the value at which the effect does nothing."""
+        """Return whether an interval includes the value at which the effect does nothing."""
         low, high = interval
         return self.neutral is not None and low <= self.neutral <= high
 
@@ -104,14 +104,14 @@ def format_gain(change: Change) -> str:
 
 
 def change_verdict(change: Change) -> str:
-    """Return in a word whether a change is claimed."""
+    """Return the verdict on a change: changed, uncertain or not claimed."""
     if change.changed:
         return "changed"
     return "uncertain" if change.uncertain else "not claimed"
 
 
 def describe_changes(changes: Sequence[Change]) -> str:
-    """Return in one sentence what changed from one record to another."""
+    """Return the changes from one record to another, in a sentence."""
     claimed = [_describe_change(change) for change in changes if change.changed]
     uncertain = ", ".join(_changed_name(change) for change in changes if change.uncertain)
     if claimed:
@@ -124,7 +124,7 @@ def describe_changes(changes: Sequence[Change]) -> str:
 
 
 def _describe_change(change: Change) -> str:
-    """Return one change in words; an effect that only one record lacks has come or gone."""
+    """Describe one change; an effect that only one record needs has appeared or vanished."""
     lacking_before, lacking_after = change.lacking
     if lacking_before != lacking_after:
         return f"{change.effect} {'appeared' if lacking_before else 'vanished'}"

@@ -89,7 +89,7 @@ class Comparison(Displayable):
         return one_line(f"Comparison {percents}: {self.model.name}, {self.record.source.name}")
 
     def to_frame(self) -> pandas.DataFrame:
-        """Return how well every output is followed as a table, a row for each output and run.
+        """Return the goodness of fit as a table, a row for each output and run.
 
         Raises
         ------
@@ -109,7 +109,7 @@ class Comparison(Displayable):
         return presentation.figures(self)
 
     def report(self, path: str | Path, command: str = "") -> Path:
-        """Write a page on the fit, to look at and pass on.
+        """Write a page about the fit.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Sizes of effects, in quantities that an engineer can hold against a rig."""
+"""Sizes of effects, in quantities that an engineer can compare with a rig."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class FittedSize(NamedTuple):
     text: str
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it ready for JSON: None for an end of ``ci95`` that there is none of."""
+        """Return the figures, ready for JSON: None for an open end of ``ci95``."""
         ends = self.interval or (math.nan, math.nan)
         return {
             "phrase": self.size.phrase,
@@ -96,7 +96,7 @@ def _fitted(
 
 
 def _writer(size: Size, declared: Described, like: float) -> Writer:
-    """Return what writes a size and its ends in the unit in which a value is written."""
+    """Return the function that writes numbers in the unit that suits the value `like`."""
     if size.unit:
         return lambda value, digits: write_prefixed(value, size.unit, digits, like)
     return lambda value, digits: format_prefixed(value, declared, digits, like)
@@ -109,9 +109,9 @@ def _through(size: Size, *values: float) -> float:
 
 
 def with_interval(value: float, interval: tuple[float, float], write: Writer) -> str:
-    """Return a value with its 95 % interval, with as many digits as that gives meaning to.
+    """Return a value with its 95 % interval as text, with the significant digits only.
 
-    An interval of no length, as of a record without noise, is left out.
+    An interval without length, as of a record without noise, is left out.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def with_interval(value: float, interval: tuple[float, float], write: Writer) ->
 
 
 def _open(low: float, high: float, write: Writer) -> str:
-    """Return an interval that has one end or none."""
+    """Return an interval with an open end as text."""
     if math.isfinite(low):
         return f"95 %: above {write(low, 2)}"
     if math.isfinite(high):

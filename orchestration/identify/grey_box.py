@@ -243,7 +243,7 @@ class Fit(Displayable):
 
 @dataclass(frozen=True)
 class Likelihood:
-    """The fitted problem, to be fitted again with one parameter held.
+    """The fitted problem, which is fitted again with one parameter at fixed values.
 
     Attributes
     ----------

@@ -8,10 +8,10 @@ _UNCOUNTED = 1e4  # percent, from which on a share is not written out
 
 
 def format_percent(share: float, more: int = 0) -> str:
-    """Return a share in percent, with one decimal; below 1 % with two digits, from 100 % on whole.
+    """Return a share as text in percent: one decimal, below 1 % two digits, from 100 % on none.
 
-    With `more` digits it has these besides. A simulation that runs away misses a record by any
-    number, which tells no more; of a constant signal there is no share.
+    `more` digits are added to these. The text is a dash for NaN, the share of a constant signal,
+    and a bound from `_UNCOUNTED` percent on, as of a simulation that diverges.
     """
     value = 100.0 * share
     if math.isnan(value):

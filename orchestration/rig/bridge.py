@@ -189,7 +189,7 @@ class Bridge:
         self._report_contact(now)
 
     def _report_contact(self, now: float) -> None:
-        """Report that the server is heard, or silent, when that is news."""
+        """Report when contact with the server begins or ends."""
         if now == self._heard:  # telemetry came in this turn
             is_silent = False
         elif now - self._heard > _SILENCE:

@@ -91,7 +91,7 @@ def measure_response_times(link: Link, step: float) -> ResponseTimes | None:
 
 
 def check_response_times(measured: ResponseTimes, endpoint: str) -> None:
-    """Refuse a run that this machine does not hold.
+    """Refuse a run at a rate that this machine cannot keep.
 
     Parameters
     ----------

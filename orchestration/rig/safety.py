@@ -87,7 +87,7 @@ class CommandFilter:
 class SlewLimiter:
     """Output stage that changes the applied values no faster than the limits of the commands.
 
-    It lives as long as the device, so that no change of session is a way around it.
+    It exists as long as the device, so that a new session does not reset it.
 
     Parameters
     ----------

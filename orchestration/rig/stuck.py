@@ -1,8 +1,7 @@
-"""Monitor of sensors that show the same number again and again, and of writes that are ignored.
+"""Monitor of sensors that repeat the same number, and of writes that the device ignores.
 
-A number that stays the same says nothing by itself: a value that does not depend on what is
-commanded stays, and a converter shows the same step. So it is compared with what the sensor did
-before.
+Equal numbers alone are no fault: a value that does not depend on the commands stays constant, and a
+converter repeats its steps. A sensor is therefore compared with its own earlier behaviour.
 """
 
 from __future__ import annotations
@@ -81,7 +80,7 @@ class StuckMonitor:
         return alarms + self._ignored_writes(applied, read_back)
 
     def _ignored_writes(self, applied: Sequence[float], read_back: Sequence[float]) -> list[str]:
-        """Return an alarm for each input that the device has not taken for a number of samples."""
+        """Return an alarm for each input that the device ignored for `samples` samples."""
         alarms = []
         for name, wanted, reported, least in zip(
             self._inputs, applied, read_back, self._least_changes, strict=True
@@ -98,7 +97,7 @@ class StuckMonitor:
 
 
 class _Sensor:
-    """Record of a sensor's values, and of the inputs that it was seen to follow.
+    """Record of a sensor's values, and of the inputs that it has followed.
 
     Parameters
     ----------
@@ -128,7 +127,7 @@ class _Sensor:
         self._followed: set[frozenset[int]] = set()
 
     def add(self, value: float, applied: tuple[float, ...]) -> None:
-        """Take note of a sample."""
+        """Add a sample."""
         is_new = value != self._value
         if applied == self._applied:
             self._still += 1
@@ -153,8 +152,8 @@ class _Sensor:
     def missed(self) -> frozenset[int]:
         """Return the inputs that the sensor should have followed while its value stayed the same.
 
-        These are all that changed, if the sensor is noisy, so that it never stays the same for
-        long, or has followed some of them before; else none.
+        These are all inputs that changed, if the sensor is noisy and thus never constant for long,
+        or if it has followed some of them before; else none.
         """
         moved = self._meanwhile.moved(self._least_changes)
         is_noisy = self._still >= self._samples and self._noisy > _NOISY * self._still
@@ -177,7 +176,7 @@ class _Span:
         self.count += 1
 
     def moved(self, least_changes: Sequence[float]) -> frozenset[int]:
-        """Return the indices of the inputs whose change counts."""
+        """Return the indices of the inputs that changed by more than their least change."""
         spans = zip(self._least, self._most, least_changes, strict=True)
         return frozenset(k for k, (low, high, least) in enumerate(spans) if high - low > least)
 

@@ -1,4 +1,4 @@
-"""Commands of ``ppy``, a module each, which imports what is heavy when the command is called."""
+"""Commands of ``ppy``, one module each; functions import heavy modules when they are called."""
 
 import lazy_loader
 

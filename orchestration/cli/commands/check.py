@@ -49,7 +49,7 @@ def _count(findings: Sequence[Finding], severity: str) -> int:
 
 
 def _show(fmu: Path, findings: Sequence[Finding]) -> None:
-    """Print the findings about an FMU, and how many there are."""
+    """Print the findings about an FMU, and their number."""
     from rich.text import Text
 
     from orchestration.reporting.console import out

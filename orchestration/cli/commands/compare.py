@@ -1,4 +1,4 @@
-"""``ppy compare``: a model against a record, recalibrated if wanted."""
+"""``ppy compare``: comparison of a model with a record, and its recalibration."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def compare(options: CompareCommand) -> None:
 
 
 def _require(comparison: Comparison, percent: float) -> None:
-    """End with exit status 1 where an output does not fit as well as is required."""
+    """Exit with status 1 if an output does not reach the required fit."""
     from orchestration.reporting.console import warn
 
     judged = comparison.before if comparison.after is None else comparison.after

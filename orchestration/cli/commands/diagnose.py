@@ -31,7 +31,7 @@ def diagnose(options: DiagnoseCommand) -> None:
 
 
 def _require(verdicts: Sequence[str], verdict: str) -> None:
-    """End with exit status 1 where a diagnosis does not come to a verdict that is required."""
+    """Exit with status 1 if a diagnosis does not reach one of the required verdicts."""
     from orchestration.reporting.console import warn
 
     if verdicts and verdict not in verdicts:

@@ -1,4 +1,4 @@
-"""``ppy frequency``: frequency responses of a record, with intervals, and a model's beside them."""
+"""``ppy frequency``: frequency responses of a record, with intervals, and those of a model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``ppy list``: the components there are."""
+"""``ppy list``: the available components."""
 
 from __future__ import annotations
 

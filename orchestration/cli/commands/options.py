@@ -235,7 +235,7 @@ class ExperimentOptions(TypedDict, total=False):
 
 
 class ListOption(TypedDict, total=False):
-    """The list in place of a run."""
+    """The list of what can be run, printed in place of a run."""
 
     show_list: Annotated[
         bool, Option("List the experiments that ship.", default=False, flag="--list")
@@ -261,7 +261,7 @@ class ReportOption(TypedDict, total=False):
 
 
 class RangesOption(TypedDict, total=False):
-    """The values that parameters go through."""
+    """Values over which parameters vary."""
 
     over: Annotated[
         Sequence[str],
@@ -277,7 +277,7 @@ class RangesOption(TypedDict, total=False):
 
 
 class OverOption(RangesOption, total=False):
-    """The values that parameters of a sweep go through."""
+    """Values over which parameters of a sweep vary."""
 
     fitted: Annotated[
         Path | None,
@@ -402,7 +402,7 @@ class MeasuredOptions(
 
 
 class RequiredPercentOption(TypedDict, total=False):
-    """The fit that a comparison has to reach."""
+    """The fit in percent that a comparison must reach."""
 
     require: Annotated[
         float | None,
@@ -442,7 +442,7 @@ class RequiredFitOption(TypedDict, total=False):
 
 
 class ProfileOptions(TypedDict, total=False):
-    """The intervals by the likelihood itself, and the identified values as a file."""
+    """Likelihood profiles of parameters, and the identified values as a file."""
 
     profile: Annotated[
         list[str] | None,
@@ -477,7 +477,7 @@ class IdentifyCommand(
 
 
 class BesideOption(TypedDict, total=False):
-    """The model whose response is shown with the measured one, if there is one."""
+    """A model whose response is compared with the measured one."""
 
     model: Annotated[
         str | None,
@@ -546,7 +546,7 @@ class BlackBoxCommand(
 
 
 class JudgedOptions(TypedDict, total=False):
-    """The records and the model of a diagnosis."""
+    """The records of a diagnosis, and its model."""
 
     records: Annotated[
         list[Path],
@@ -570,7 +570,7 @@ class JudgedOptions(TypedDict, total=False):
 
 
 class DiagnoseOutputs(TypedDict, total=False):
-    """The files that a diagnosis writes, apart from figures and page."""
+    """Files that a diagnosis writes, other than figures and page."""
 
     fmu: Annotated[
         Path | None,
@@ -603,7 +603,7 @@ VERDICTS = ("consistent", "recalibrate", "cause", "ambiguous", "unexplained")
 
 
 class RequiredVerdictOption(TypedDict, total=False):
-    """The verdicts that a diagnosis has to come to."""
+    """Verdicts of which a diagnosis must reach one."""
 
     require: Annotated[
         Sequence[str],
@@ -648,7 +648,7 @@ class DiagnoseCommand(
 
 
 class LawsOutputs(TypedDict, total=False):
-    """The files that a search of laws writes, apart from figures and page."""
+    """Files that a search of laws writes, other than figures and page."""
 
     effect_out: Annotated[
         Path | None,
@@ -677,7 +677,7 @@ class LawsCommand(
 
 
 class SystemArgument(TypedDict, total=False):
-    """The system, by its place."""
+    """The system, a positional argument."""
 
     name: Annotated[
         str,
@@ -707,7 +707,7 @@ class SspOption(TypedDict, total=False):
 
 
 class ConnectorsOption(TypedDict, total=False):
-    """The connectors of a system as a whole."""
+    """External connectors of a system."""
 
     connectors: Annotated[
         bool,
@@ -770,7 +770,7 @@ class TimeoutOption(TypedDict, total=False):
 
 
 class LongTimeoutOption(TypedDict, total=False):
-    """The time that an answer may take for which the rig has to do something."""
+    """The time that an answer may take if the rig must act before it answers."""
 
     timeout: Annotated[float, _timeout(5.0)]
 

@@ -1,4 +1,4 @@
-"""``ppy rig``: the other end of the cable, served, watched, recorded from and stopped."""
+"""``ppy rig``: the server of a rig, its live page, recordings and emergency stop."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def record(options: RecordRigCommand) -> None:
 def _raise_if_incomplete(
     data: xarray.Dataset, planned: RecordingPlan, out: Path, extent: str
 ) -> None:
-    """Raise the error of an incomplete record, which has been written before.
+    """Raise the error of an incomplete record, which is already written.
 
     Raises
     ------

@@ -134,7 +134,7 @@ def _stimulus(
 ) -> tuple[Array, dict[str, Array]]:
     """Return communication points (n,) in s, and inputs over them.
 
-    Inputs are a record's, else constant ones as they are set.
+    Inputs are those of a record or, without one, constant at the values that were set.
     """
     import numpy as np
 

@@ -77,7 +77,7 @@ def sweep(options: SweepCommand, context: typer.Context) -> None:
 
 
 def _check_outputs(options: SweepCommand) -> None:
-    """Refuse, before any work is done, names under which nothing can be written."""
+    """Refuse paths that cannot be written, or that would overwrite another file."""
     from orchestration.cli.models import model_file
     from orchestration.reporting import pictures
     from orchestration.sweeps.storage import zarr_store
@@ -175,8 +175,8 @@ def _sweep_of_options(options: SweepCommand) -> Work:
 def _settings(model: Model, over: Container[str], options: SweepCommand) -> dict[str, Value]:
     """Return the values that a preset and settings give, in the model's units.
 
-    A parameter that is swept takes its values in place of a preset's, except where all others are
-    held at their given values.
+    A swept parameter loses its value of the preset, unless the design varies one parameter at a
+    time: the others are then at these values.
     """
     from orchestration.api import values_of
     from orchestration.sweeps.sensitivity import one_at_a_time
@@ -188,7 +188,7 @@ def _settings(model: Model, over: Container[str], options: SweepCommand) -> dict
 
 
 def _draw_cases(fit: SweepFit, over: Sequence[str], cases: SweepKeywords) -> dict[str, Any]:
-    """Return parameters drawn from a fit, and change `cases` to bands, which need traces."""
+    """Return parameters drawn from a fit, and change the options `cases` to prediction bands."""
     from orchestration.sweeps.reductions import TRACE
     from orchestration.sweeps.sensitivity import BANDS
 

@@ -1,4 +1,4 @@
-"""Experiments that are designed: the menu of stimuli, and the one that tells causes apart."""
+"""Design of experiments: the menu of stimuli, and the experiment that separates causes."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Experiment that discriminates between causes, with what it is expected to tell, as TOML."""
+"""Experiment that discriminates between causes, with the evidence to expect, as TOML."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class ExpectedEvidence:
 
 @dataclass(frozen=True)
 class Rehearsal:
-    """Model on which an experiment runs as it is, as far as effects of physics go.
+    """The part of a model on which an experiment can be simulated, without effects of sensors.
 
     Attributes
     ----------
@@ -92,12 +92,12 @@ class DiscriminatingExperiment:
 
     @property
     def is_worthwhile(self) -> bool:
-        """True if the experiment tells all alternatives apart."""
+        """True if the experiment discriminates between all alternatives."""
         return not self.least < ENOUGH
 
     @property
     def sentence(self) -> str:
-        """The alternatives that it tells apart, and how surely."""
+        """The alternatives that the experiment separates, with the probability."""
         if not self.expected:
             return "An experiment in which every input moves tells what can be told."
         if self.probabilities:
@@ -127,7 +127,7 @@ class DiscriminatingExperiment:
         )
 
     def _alike_sentences(self) -> list[str]:
-        """Return a sentence for each pair that it does not tell apart."""
+        """Return a sentence for each pair that the experiment does not separate."""
         pairs = {frozenset((e.true_model, e.candidate)): e for e in self.expected if e.bic < ENOUGH}
         named = [
             [self.titles.get(name, name) for name in (e.true_model, e.candidate)]

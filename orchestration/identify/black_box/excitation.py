@@ -21,11 +21,11 @@ _HIGHEST = 50  # default order of the autocovariance matrix
 
 
 def autocovariance_matrix(values: ArrayLike, order: int) -> Array:
-    """Return R_n of eq. 3.16, (order, order), about the mean.
+    """Return R_n of eq. 3.16 of the thesis, (order, order), in the unit of the values squared.
 
-    Expectations are means over the stretch for which all delayed samples are on record, so that the
-    matrix of a sum of k sinusoids has the rank 2k, however long they last; as the record grows it
-    becomes the equation's Toeplitz matrix.
+    The mean is subtracted. Expectations are means over the samples for which all delayed samples
+    are on record, so that the matrix of a sum of k sinusoids has rank 2k even in a short record. In
+    the limit of a long record it is the equation's Toeplitz matrix.
 
     Parameters
     ----------

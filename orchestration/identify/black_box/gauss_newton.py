@@ -45,7 +45,7 @@ class ResidualProblem(Protocol):
         """Return their derivatives (n, p)."""
 
     def admissible(self, theta: Array, /) -> bool:
-        """Tell whether the predictor is stable."""
+        """Return whether the predictor is stable."""
 
 
 class GaussNewtonMinimum(NamedTuple):
@@ -183,7 +183,7 @@ def _linearise(problem: ResidualProblem, point: _Point) -> _Linearised:
 
 
 def _lower_point(problem: ResidualProblem, begin: _Point, step: Array) -> _Point | None:
-    """Return the point a step away; None if it is not admissible or costs no less."""
+    """Return the point after a step; None if it is not admissible or does not lower the cost."""
     theta = begin.theta + step
     if not problem.admissible(theta):
         return None

@@ -98,9 +98,9 @@ class OrderSearch:
 
     @property
     def ranked(self) -> tuple[Row, ...]:
-        """The best row of every structure, by the free run over validation data.
+        """The best row of every structure, the best free run over validation data first.
 
-        The criterion, which judges predictions by one sample, parts fits that are shown as equal.
+        Among fits that are equal to a tenth of a percent, the criterion decides.
         """
         return tuple(
             sorted(self.best, key=lambda row: (-round(row.validation_fit, 1), self._criterion(row)))
@@ -282,7 +282,7 @@ def _orders_of_trial(data: InputOutputData, trial: _Trial, nk: Count) -> Orders:
 
 
 def _is_nested(chosen: Orders, identification: Identification) -> bool:
-    """Tell whether an identified model is nested in those of some orders."""
+    """Return whether an identified model is nested in those of some orders."""
     model = identification.model
     return isinstance(model, PolynomialModel) and chosen.contains(model.orders)
 

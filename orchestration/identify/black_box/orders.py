@@ -62,7 +62,7 @@ class Orders:
         return max(self.na + self.nd, self.nc)
 
     def contains(self, other: Orders) -> bool:
-        """Tell whether models of the other orders are nested in these, if their A is stable.
+        """Return whether models of the other orders are nested in these, if their A is stable.
 
         A is a factor of every F and of D where there is no A: ``A y = B u + C e`` is
         ``y = B/A u + C/A e``.

@@ -26,7 +26,7 @@ def roots(polynomial: Array) -> Roots:
 
 
 def is_stable(polynomial: Array) -> bool:
-    """Tell whether all roots are within the unit circle."""
+    """Return whether all roots are within the unit circle."""
     return bool(
         np.isfinite(polynomial).all() and np.abs(roots(polynomial)).max(initial=0.0) < _INSIDE
     )

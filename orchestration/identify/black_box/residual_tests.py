@@ -77,12 +77,12 @@ class ResidualTests:
 def residual_tests(
     residual: ArrayLike, inputs: ArrayLike, lags: int = 25, significance: float = 0.01
 ) -> ResidualTests:
-    """Test whether a residual is white, and independent of the inputs.
+    """Test a residual for whiteness, and for independence of the inputs.
 
     The limits for cross-correlations allow for the colour of both signals, ``P = sum_k R_e(k)
-    R_u(k)`` (Ljung, section 16.6), with the residual's colour as far as the lags go. Parameters
-    that were fitted are not allowed for, so that the tests reject a right model somewhat less often
-    than the significance says.
+    R_u(k)`` (Ljung, section 16.6), with the residual's autocovariance up to the number of lags. The
+    number of fitted parameters is ignored, so that a right model is rejected somewhat less often
+    than the significance states.
 
     Parameters
     ----------

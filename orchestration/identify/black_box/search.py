@@ -96,7 +96,7 @@ def optimum(problem: PredictionError, contained: Sequence[Optimum] = ()) -> Opti
 
 
 def is_contained(other: Optimum, problem: PredictionError) -> bool:
-    """Tell whether a model is nested in those searched, with errors over the same samples.
+    """Return whether a model is nested in those searched, with errors over the same samples.
 
     It is not if its A becomes a factor of D, but is not stable enough for a noise model.
     """

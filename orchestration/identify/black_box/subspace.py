@@ -285,7 +285,7 @@ class _GainErrors:
         return -states(self._predictor(gain).T, drive, np.zeros(len(gain)))
 
     def admissible(self, gain: Array) -> bool:
-        """Tell whether the predictor is stable."""
+        """Return whether the predictor is stable."""
         return bool(np.abs(np.linalg.eigvals(self._predictor(gain))).max() < _INSIDE)
 
     def _predictor(self, gain: Array) -> Array:

@@ -114,7 +114,7 @@ class ReducedPredictionError:
         return shapes
 
     def admissible(self, x: Array) -> bool:
-        """Tell whether coordinates are those of a model; all that are finite are."""
+        """Return whether coordinates are finite; all finite ones are those of a stable model."""
         return bool(np.isfinite(x).all())
 
     def theta(self, x: Array) -> Array:

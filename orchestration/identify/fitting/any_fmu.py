@@ -91,7 +91,7 @@ class FmuWithDifferences:
 
     @contextmanager
     def opened(self) -> Iterator[None]:
-        """Open it for the time of a context, unless it is open."""
+        """Open the FMU while the context lasts, unless it is already open."""
         with nullcontext() if self._is_open else self:
             yield
 
@@ -168,7 +168,7 @@ class FmuWithDifferences:
         return abs(value) or self._declared[name].nominal
 
     def _has_valid_step(self, name: str, value: float) -> bool:
-        """Tell whether a step was chosen where the parameter was of about the same size."""
+        """Return whether a step was chosen where the parameter was of about the same size."""
         if name not in self._steps:
             return False
         before, _ = self._steps[name]

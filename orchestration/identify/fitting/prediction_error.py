@@ -235,7 +235,7 @@ def _move_off_bounds(problem: Problem, start: Array) -> Array:
 
 
 def _is_positive(observed: Array, expected: Array) -> bool:
-    """Tell whether an observed information is clearly positive in every direction.
+    """Return whether an observed information is clearly positive in every direction.
 
     Both are scaled by the diagonal of the expected information; then their least eigenvalues are
     compared.

@@ -199,7 +199,7 @@ class ModelOverRuns:
         return replace(trajectory, sensitivities=slopes)
 
     def _has_effect(self, name: str, run: MeasuredRun) -> bool:
-        """Tell whether a parameter has an effect in a run.
+        """Return whether a parameter has an effect in a run.
 
         A run's own value acts there in place of the common one, and in no other run.
         """

@@ -104,7 +104,7 @@ def curvature(innovation: Array, freedom: float) -> Array:
 
 
 def _is_heavy(innovation: Array) -> bool:
-    """Tell whether the kurtosis is clearly more than 3, which Gaussian samples have.
+    """Return whether the kurtosis is clearly more than 3, which Gaussian samples have.
 
     Its standard error over n Gaussian samples is ``sqrt(24 / n)``.
     """

@@ -1,4 +1,4 @@
-"""From a record to frequency responses: signals that can be used, spectra, ratios."""
+"""Estimation of frequency responses from a record: usable signals, spectra, ratios."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def estimate_responses(
     model: str = "",
     modelled: Mapping[str, Array] | None = None,
 ) -> FrequencyResponse:
-    """Estimate frequency responses from a record, and from a model's outputs on it.
+    """Estimate frequency responses from a record, and from a simulation with the same inputs.
 
     Parameters
     ----------
@@ -259,7 +259,7 @@ def _transform(stretch: _Stretch, modelled: Mapping[str, Array]) -> Spectra:
 def _share_by_smoothness(spectra: Spectra) -> Spectra:
     """Return spectra in which periodic inputs with the same excited lines have smooth responses.
 
-    Harmonics cannot tell the responses to such inputs apart.
+    Harmonics alone do not separate the responses to such inputs.
     """
     lines = {i: set(spectra.harmonics(i).tolist()) for i, n in enumerate(spectra.periods) if n}
     shared: set[int] = set()

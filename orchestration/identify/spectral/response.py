@@ -118,7 +118,7 @@ class Response:
 
     @property
     def seen(self) -> Mask:
-        """True where a response is seen (n,): its 95 % region does not hold zero."""
+        """True where a response is significant (n,): its 95 % region excludes zero."""
         return self.radius < np.abs(self.values)
 
     @property

@@ -1,4 +1,4 @@
-"""Faults of a record that its values alone show, before any model is blamed for them."""
+"""Faults of a record that its values alone show, assessed before any model is fitted."""
 
 import lazy_loader
 

@@ -1,10 +1,10 @@
-"""Assessment of the quality of data before any model is blamed: faults of every channel.
+"""Assessment of the quality of data before any model is fitted: faults of every channel.
 
-Looked for are clipped, stuck and dead outputs, inputs that do not move, outliers and coarse steps
-of the recorder. No simulation is needed. A measurement with noise never repeats a value for long,
-so that a run of equal samples is made by what records it: at an end of the range it is clipped,
-elsewhere the sensor is stuck. Without noise to judge by, rest is no fault; then only a signal that
-is cut while it moves counts as clipped, and one that stops while inputs move as dead.
+The faults are clipped, stuck and dead outputs, inputs that do not change, outliers, and a coarse
+resolution. No simulation is needed. Noise seldom repeats a value, so the recorder causes long runs
+of equal samples: at an end of the range the signal is clipped, elsewhere the sensor is stuck. An
+output without noise may rest; it is clipped only if it is cut while it changes, and dead only if it
+stops while inputs change.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ _SPIKES = 0.02  # share of the samples above which they are no outliers
 
 @dataclass(frozen=True)
 class _Symptom:
-    """A fault of one output as its samples show it.
+    """A fault that the samples of one output show.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class _Symptom:
 
 
 class _Moves(NamedTuple):
-    """Where inputs move.
+    """Samples at which inputs change.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ class _Moves(NamedTuple):
 
     @classmethod
     def of(cls, inputs: Mapping[str, Array], count: int) -> _Moves:
-        """Return where some inputs (n,), of so many samples, move."""
+        """Return the samples, of `count`, at which the inputs change."""
         each = {name: _changes(u) for name, u in inputs.items()}
         rough = [
             each[name]
@@ -108,12 +108,14 @@ class _Moves(NamedTuple):
         return cls(each, np.any(rough, axis=0) if rough else np.zeros(count, dtype=bool))
 
     def at(self, chosen: Indices) -> _Moves:
-        """Return the same at some samples."""
+        """Return the changes at chosen samples only."""
         return _Moves({n: mask[chosen] for n, mask in self.each.items()}, self.stepped[chosen])
 
 
 def check_sizes(channels: Channels) -> None:
-    """Refuse values whose powers may be no number; nothing is computed of a record before.
+    """Refuse values so large or small that their squares overflow or underflow.
+
+    This comes before any computation with a record.
 
     Raises
     ------
@@ -172,7 +174,7 @@ def assess(
 def _beside_model(
     values: Array, simulated: Array | None, inputs: Mapping[str, Array], moves: _Moves
 ) -> Iterator[_Symptom]:
-    """Yield the faults of one output (n,) that a simulation of it, if there is one, has not."""
+    """Yield the faults of one output (n,) that its simulation, if there is one, does not have."""
     symptoms = [*_copies(values, inputs), *_symptoms(values, moves)]
     if simulated is None:
         yield from symptoms
@@ -188,7 +190,7 @@ def _beside_model(
 
 
 def _where_model_moves(symptom: _Symptom, simulated: Array, resolution: float) -> _Symptom:
-    """Return the runs of equal samples during which a simulation moves by steps of the recorder."""
+    """Return the part of a run of equal samples in which the simulation exceeds the resolution."""
     spans = true_runs(symptom.mask)
     moving = [span for span in spans if not np.ptp(simulated[span[0] : span[1]]) <= resolution]
     if len(moving) == len(spans) or not moving:
@@ -219,12 +221,12 @@ def resolution_of(values: Array) -> float:
 
 
 def _of_record(code: str, channels: Channels) -> Fault:
-    """Return a fault that is about all channels."""
+    """Return a fault of all channels together."""
     return _Symptom(code, _everywhere(channels.time)).fault("", channels.time)
 
 
 def _still_inputs(channels: Channels) -> Iterator[Fault]:
-    """Yield a fault for every input that does not move, and one more if none does."""
+    """Yield a fault for every constant input, and one more if all are constant."""
     still = {name: u for name, u in channels.inputs.items() if not _changes(u).any()}
     for name, values in still.items():
         facts = {"value": float(values[0])}
@@ -234,7 +236,7 @@ def _still_inputs(channels: Channels) -> Iterator[Fault]:
 
 
 def _copies(values: Array, inputs: Mapping[str, Array]) -> Iterator[_Symptom]:
-    """Yield the symptom of an output (n,) that has the values of an input, if it has."""
+    """Yield a symptom if an output (n,) has the values of an input."""
     for name, u in inputs.items():
         if np.ptp(u) > 0.0 and np.allclose(values, u, rtol=0.0, atol=_SAME * float(np.ptp(u))):
             yield _Symptom("copied", _everywhere(values), {"input": name})
@@ -242,7 +244,7 @@ def _copies(values: Array, inputs: Mapping[str, Array]) -> Iterator[_Symptom]:
 
 
 def _symptoms(values: Array, moves: _Moves) -> Iterator[_Symptom]:
-    """Yield the faults of one output (n,), given where inputs move."""
+    """Yield the faults of one output (n,), given the changes of the inputs."""
     present = np.flatnonzero(np.isfinite(values))
     for symptom in _symptoms_without_gaps(values[present], moves.at(present)):
         whole = np.zeros(len(values), dtype=bool)
@@ -275,7 +277,7 @@ def _symptoms_without_gaps(y: Array, moves: _Moves) -> Iterator[_Symptom]:
 
 
 def _dead_throughout(y: Array, resolution: float, moved: Mapping[str, Mask]) -> _Symptom | None:
-    """Return the symptom of an output that says nothing at all while inputs move, if it is one."""
+    """Return the symptom of an output that carries no signal while inputs change, or None."""
     inputs = _any_moved(moved, len(y))
     if not inputs.any():
         return None
@@ -294,10 +296,11 @@ def _dead_throughout(y: Array, resolution: float, moved: Mapping[str, Mask]) -> 
 
 
 def _tie_probability(y: Array, resolution: float, moves: _Moves) -> float | None:
-    """Return the probability that noise repeats a sample, seen where no input moves.
+    """Return the probability that noise repeats a sample; None without measurable noise.
 
-    Without rest, where none steps; there a signal that is slow at times repeats values of a coarse
-    recorder, which tells no more of noise. None if there is no noise to judge by.
+    It is estimated where no input changes, or else where none steps. In the latter case a slow
+    signal repeats values of a coarse recorder too, so that only a small probability is evidence of
+    noise.
     """
     equal = _equal_runs(y)
     if len({float(y[first]) for first, last in equal if last - first >= 4 * _RUN}) > _LEVELS:
@@ -310,10 +313,10 @@ def _tie_probability(y: Array, resolution: float, moves: _Moves) -> float | None
 
 
 def _ties(y: Array, resolution: float, still: Mask, equal: Sequence[Span]) -> float | None:
-    """Return the share of samples that repeat the one before, at some samples (n,).
+    """Return the share of samples of a mask (n,) that repeat the sample before; None without noise.
 
-    Long runs of equal samples do not count. The third differences of noise alternate, those of a
-    smooth signal do not. None without noise.
+    Runs of at least `_RUN` equal samples do not count. Third differences of noise alternate in
+    sign, those of a smooth signal do not.
     """
     still = still.copy()
     for first, last in equal:
@@ -334,10 +337,10 @@ def _ties(y: Array, resolution: float, still: Mask, equal: Sequence[Span]) -> fl
 def _repeated_values(
     y: Array, resolution: float, tie_probability: float | None, moved: Mapping[str, Mask]
 ) -> Iterator[_Symptom]:
-    """Return the faults that repeat a value of an output: clipped, stuck, dead or standing.
+    """Yield the faults that repeat a value of an output: clipped, stuck, dead or standing still.
 
-    They are told by how often its noise would repeat a sample, or, where it has none to judge by,
-    by the course of output and inputs.
+    The criterion is the probability that noise repeats a sample or, without noise, the course of
+    output and inputs.
     """
     if tie_probability is None:
         return _repeats_without_noise(y, resolution, moved)
@@ -345,7 +348,7 @@ def _repeated_values(
 
 
 def _repeats_in_noise(y: Array, resolution: float, tie_probability: float) -> Iterator[_Symptom]:
-    """Find values that noise could not have repeated.
+    """Yield the faults whose values repeat more often than noise explains.
 
     Parameters
     ----------
@@ -382,7 +385,7 @@ def _repeats_in_noise(y: Array, resolution: float, tie_probability: float) -> It
 
 
 def _dead_tail(y: Array, frozen: Sequence[Span], same: float) -> Span | None:
-    """Return the run of equal samples with which a record ends, if it stood there only then."""
+    """Return the run of equal samples at the end; None if the same value occurs before."""
     n = len(y)
     for first, last in frozen:
         if last == n and last - first >= _DEAD * n:
@@ -392,9 +395,9 @@ def _dead_tail(y: Array, frozen: Sequence[Span], same: float) -> Span | None:
 
 
 def _stuck_or_standing(y: Array, frozen: Sequence[Span], same: float) -> Iterator[_Symptom]:
-    """Yield the runs of a stuck sensor, and those of a plant that stands.
+    """Yield the runs of a stuck sensor, and those of a plant at rest.
 
-    A plant stands where it has stood before; a sensor hangs anywhere.
+    A plant rests where it has rested before; a sensor gets stuck anywhere.
     """
     stuck = []
     standing = []
@@ -420,7 +423,7 @@ def _stuck_or_standing(y: Array, frozen: Sequence[Span], same: float) -> Iterato
 def _repeats_without_noise(
     y: Array, resolution: float, moved: Mapping[str, Mask]
 ) -> Iterator[_Symptom]:
-    """Find cuts and standstills of an output that has no noise to judge by.
+    """Yield cuts and standstills of an output without noise.
 
     Parameters
     ----------
@@ -461,7 +464,7 @@ def _repeats_without_noise(
 def _stops_while_driven(
     span: Span, equal: Sequence[Span], moved: Mapping[str, Mask], n: int
 ) -> bool:
-    """Return True if a standstill is far longer than others under inputs that move as elsewhere."""
+    """Return True if a standstill is far longer than others although the inputs still change."""
     first, last = span
     if last - first < max(_DEAD * n, 4 * _RUN):
         return False
@@ -490,7 +493,7 @@ def _standstill(y: Array, span: Span, at_rest: bool) -> _Symptom:
 def _is_cut(
     y: Array, level: float, span: Span, resolution: float, moved: Mapping[str, Mask]
 ) -> bool:
-    """Return True if a signal was on its way beyond its maximum, and no input explains its stop.
+    """Return True if a signal was rising beyond its maximum, and no input explains its stop.
 
     Parameters
     ----------
@@ -514,11 +517,11 @@ def _is_cut(
 
 
 def _spans_at_rest(y: Array, equal: Sequence[Span]) -> set[Span]:
-    """Return the runs of equal samples at which a plant may stand.
+    """Return the runs of equal samples in which a plant may be at rest.
 
-    A plant stands in a dead zone, held by dry friction, or at a stop. It comes to rest where it has
-    been at rest before, at an end of its way, or more and more slowly; and it goes on from there. A
-    sensor that hangs or dies stops anywhere, and when it is back, it jumps to where the plant is.
+    A plant rests in a dead zone, held by dry friction, or at a stop: where it rested before, at an
+    end of its range, or after it slowed down; and it continues from there. A stuck or dead sensor
+    stops anywhere, and its signal jumps when it recovers.
 
     Parameters
     ----------
@@ -550,7 +553,7 @@ def _spans_at_rest(y: Array, equal: Sequence[Span]) -> set[Span]:
 
 
 def _edges(span: Span, changes: int) -> list[int]:
-    """Return the changes from sample to sample, of so many, by which a run is entered and left."""
+    """Return the indices, below `changes`, of the changes that enter and leave a run."""
     return [k for k in (span[0] - 1, span[1] - 1) if 0 <= k < changes]
 
 
@@ -565,7 +568,7 @@ def _equal_runs(y: Array) -> list[Span]:
 
 
 def _outliers(y: Array, resolution: float, bad: Mask, moved: Mapping[str, Mask]) -> Mask:
-    """Find single samples far from both neighbours, which agree, where no input moves."""
+    """Return a mask of single samples far from two equal neighbours, where no input changes."""
     distance = y[1:-1] - 0.5 * (y[:-2] + y[2:])
     deviation = 0.0
     if (~bad).any():
@@ -587,13 +590,13 @@ def is_on_grid(y: Array, resolution: float) -> bool:
 
 
 def _changes(values: Array) -> Mask:
-    """Find where a channel has another value than one sample before."""
+    """Return a mask of the samples that differ from the sample before."""
     change = np.abs(np.diff(values, prepend=values[:1]))
     return np.asarray(change > _SAME * np.abs(values).max(initial=0.0))
 
 
 def _any_moved(moved: Mapping[str, Mask], n: int) -> Mask:
-    """Return the samples, of n, at which any input moves."""
+    """Return a mask (n,) of the samples at which any input changes."""
     return np.any(list(moved.values()), axis=0) if moved else np.zeros(n, dtype=bool)
 
 
@@ -602,7 +605,7 @@ def _everywhere(values: Array) -> Mask:
 
 
 def _mask(n: int, spans: Sequence[Span]) -> Mask:
-    """Return the samples, of n, that are in any of some spans."""
+    """Return a mask (n,) of the samples in any of the spans."""
     result = np.zeros(n, dtype=bool)
     for first, last in spans:
         result[first:last] = True

@@ -1,7 +1,7 @@
-"""Outputs that move before the inputs step that they should follow.
+"""Outputs that respond before the step of an input.
 
-What follows an input is at its quietest just before the next step of that input. A filter that runs
-forwards and backwards spreads a step to both sides of it, and a clock that is ahead moves it.
+A response decays until the next step of its input, so that it is quietest just before it. A filter
+that runs forwards and backwards spreads a step to both sides, and a clock that is ahead moves it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _MOVES = 4.0
 
 
 def ahead_of_inputs(channels: Channels) -> list[Fault]:
-    """Return a fault of every output that moves before inputs step.
+    """Return a fault of every output that changes before inputs step.
 
     Parameters
     ----------
@@ -56,7 +56,11 @@ def _steps(channels: Channels) -> Indices:
 
 
 def _rise(y: Array, steps: Indices, width: int) -> Array:
-    """Return by step the power of second differences just before it over that long before it."""
+    """Return by step the power of second differences before it, over the power of a quiet time.
+
+    The power is that of the `width` samples before the step; the quiet time is as long, and begins
+    ``3 * width`` samples before the step.
+    """
     bends = np.zeros_like(y)
     bends[2:] = np.diff(y, 2) ** 2
     sums = np.concatenate([[0.0], np.cumsum(bends)])

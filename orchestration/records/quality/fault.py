@@ -1,4 +1,4 @@
-"""Faults of a record with their sentences, and the channels in which they are looked for."""
+"""Faults of a record with their sentences, and the channels that are assessed."""
 
 from __future__ import annotations
 
@@ -120,12 +120,12 @@ class Fault:
 
     @property
     def is_evidence(self) -> bool:
-        """Whether the samples are used all the same."""
+        """True if the samples remain evidence."""
         return self.kind in _EVIDENCE
 
     @property
     def discredits(self) -> bool:
-        """Whether the file is not what it says, so that no model should be judged by it."""
+        """True if the file contradicts its contents, so that no model should be judged by it."""
         return self.kind in ("copied", "ahead")
 
     @property
@@ -156,5 +156,5 @@ class Channels:
 
     @property
     def is_even(self) -> bool:
-        """Whether samples are equally spaced."""
+        """True if samples are equally spaced."""
         return len(self.time) > 1 and evenly_sampled(self.time)

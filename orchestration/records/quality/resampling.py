@@ -1,7 +1,7 @@
-"""Records that were resampled by straight lines between the samples that were measured.
+"""Records that were interpolated linearly between measured samples, to a higher rate.
 
-What was not measured counts as evidence many times over, and makes an input that was held go
-smoothly, which looks like a delay.
+Interpolated samples count as evidence repeatedly, and turn the steps of an input into ramps, which
+look like a delay.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _EVEN = 0.1  # scatter of their size over its mean, below which a signal is a tr
 
 
 def as_measured(channels: Channels) -> tuple[Channels, list[Fault]]:
-    """Return the samples between which all outputs are lines: those that were measured.
+    """Return the measured samples of a record whose outputs are interpolated linearly between them.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def _is_complete(channels: Channels) -> bool:
 
 
 def _first_knot(y: Array, times: int) -> int | None:
-    """Return the first of the knots of a signal that is lines of so many samples, or None."""
+    """Return the index of the first knot of a signal with a knot every `times` samples, or None."""
     bends = np.abs(np.diff(y, 2))
     if len(bends) < _KNOTS * times:
         return None

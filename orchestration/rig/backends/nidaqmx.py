@@ -214,7 +214,7 @@ class NiDaqmx(Backend):
         return task
 
     def read(self) -> Mapping[str, float]:
-        """Take the newest sample of every measured channel; NaN where its volts make no sense.
+        """Return the newest sample of every measured channel, SI; NaN for volts beyond the range.
 
         Returns
         -------

@@ -122,7 +122,7 @@ class Replay(Steppable):
             self._since = time.perf_counter()
 
     def advance(self, step: float) -> None:
-        """Advance by a step.
+        """Advance the time of the playback.
 
         Parameters
         ----------

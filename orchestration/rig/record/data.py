@@ -1,4 +1,4 @@
-"""Record of a rig as a dataset: signals with units and names, and how they were measured."""
+"""Record of a rig as a dataset: signals with units, names and the conditions of measurement."""
 
 from __future__ import annotations
 

@@ -161,7 +161,7 @@ def drive(
 
 
 def _between_samples(accepted: Mapping[str, Any]) -> float:
-    """Return how long to wait before commands arrive midway between two samples, s.
+    """Return the time in s to wait, so that commands arrive midway between two samples.
 
     Jitter then moves none of them to another sample.
     """
@@ -310,12 +310,12 @@ class _Drive:
         self._observer.add(float(self._plan.time[row.k]), self.rows[-1])
 
     def _watch(self, number: int, values: Sequence[float], lag: float, missed: int) -> None:
-        """Store how late the present exchange is, and how many were missed; the pacer calls it."""
+        """Store the lag of this exchange and the number of missed ones; the pacer calls it."""
         self._lag = lag
         self._missed = missed
 
     def pacing(self) -> Pacing:
-        """Return statistics of how real time was kept; skipped exchanges count as missed."""
+        """Return statistics of the timing of exchanges; skipped exchanges count as missed."""
         kept = self._pacer.statistics()
         return replace(
             kept, deadlines=kept.deadlines + self._skipped, missed=kept.missed + self._skipped

@@ -1,11 +1,9 @@
-"""Guard process of the server: it watches the device process, and takes its place in need.
+"""Guard process of the server: it watches the device process, and replaces one that fails.
 
-When the device hangs or dies, the guard opens the backend itself and calls ``safe``.
-
-All that this needs is imported beforehand, so that it takes no longer than the driver. The guard
-starts the device, and starts another one when an operator acknowledges. There are two guards: one
-on duty, and one that stands by, which ends the first if that shows no sign of life, and takes its
-place.
+When the device hangs or dies, the guard opens the backend itself and calls ``safe``. All modules
+for this are imported beforehand, so that it takes no longer than the driver. The guard starts the
+device, and starts another one when an operator acknowledges. There are two guards: one on duty, and
+a standby, which ends the first if that shows no sign of life, and replaces it.
 """
 
 from __future__ import annotations
@@ -261,9 +259,10 @@ class Guard:
         self._reach_safe_state(reason, begun)
 
     def _rescue_after_another(self, reason: str) -> None:
-        """Take the place of a guard that died, and of its device, which goes safe if it still can.
+        """Replace a guard that died, and its device, which goes safe if it still can.
 
-        The rig is brought to its safe state once more in any case, as nobody else has seen it.
+        The rig is brought to its safe state once more in any case, as no other process has
+        confirmed it.
         """
         begun = monotonic()
         self._reached = False

@@ -120,7 +120,7 @@ class Latch:
         self._is_opening = False
 
     def _keep(self) -> None:
-        """Have the latch stored as it is."""
+        """Store the present state of the latch."""
         record = LatchRecord(self.name, self._cause, self.alarm, self._since)
         self._keeper.keep(record if self.is_closed else None)
 
@@ -157,7 +157,7 @@ class Latch:
         return ""
 
     def raise_alarm(self, alarm: str) -> None:
-        """Note a fact for the operator until it is acknowledged; the rig goes on."""
+        """Keep a message for the operator until it is acknowledged; the rig continues to run."""
         self.alarm = " ".join(alarm.split())[:_LONGEST_REASON]
         self._log.tell(f"ALARM: {self.alarm}")
         self._keep()

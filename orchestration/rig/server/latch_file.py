@@ -1,7 +1,7 @@
 """File that keeps the latch of a device over a restart of its server, and over a loss of power.
 
-While a server has the device, its file says so. A server that finds it so knows that the
-server did not end in order, and so that nobody can say how it left the device.
+While a server uses the device, its file says so. If the next server finds this entry, the last one
+did not end in order, and the state of the device is unknown.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Processes of the server: sessions of their own, and handles on those that others started.
+"""Processes of the server: each in a session of its own, and handles on processes of others.
 
-Signals of a terminal go to all processes of its foreground group: Ctrl-C, Ctrl+backslash, Ctrl-Z,
-and the hang-up when it is closed. Of the server's processes the front alone is to get them.
+A terminal sends signals to all processes of its foreground group: Ctrl-C, Ctrl+backslash, Ctrl-Z,
+and the hang-up when it is closed. Of the server's processes only the front must receive them.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ def detach() -> None:
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Start processes that no signal for the front reaches, from their first instruction on.
+    """Block the signals for the front while processes are started in this context.
 
-    Signals are held back in this thread, which a process that is started inherits until it detaches
-    itself. None is lost: those that arrive here are delivered afterwards.
+    A new process inherits the blocked signals, so that none reaches it before it detaches itself.
+    No signal is lost: those that arrive here are delivered after the context.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield

@@ -45,7 +45,7 @@ _SPARE = 2.0  # s, beyond the time that guard and device may take to end
 
 
 class RealTimeRig:
-    """A backend in a process of its own, which another watches, and a third stands by.
+    """A backend in a device process, with a guard process on duty and a standby.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ class RealTimeRig:
         self._changed = monotonic()
 
     def _wait_until_open(self) -> BackendSignals:
-        """Return the signals as soon as the device serves and a guard stands by.
+        """Wait until the device serves and a standby guard runs; return the signals.
 
         Raises
         ------
@@ -128,7 +128,7 @@ class RealTimeRig:
                 raise cannot_open(self._settings, read_text(trip.reason))
 
     def _opened_signals(self) -> BackendSignals | None:
-        """Return the signals if the device serves and a guard stands by; start one if none does."""
+        """Return the signals once the device serves; start a standby guard if there is none."""
         watch = self._shared.watch.read()
         description = self._shared.description.read()
         if watch is None:
@@ -229,7 +229,7 @@ class RealTimeRig:
         return reasons + self._supervise_guards()
 
     def alarms(self) -> list[str]:
-        """Return facts for the operator since the last call; the rig goes on."""
+        """Return messages for the operator since the last call; the rig continues to run."""
         return self._new_reason("alarm", self._shared.alarm)
 
     def _new_reason(self, who: str, slot: Slot[Trip] | Slot[Alarm]) -> list[str]:
@@ -272,10 +272,9 @@ class RealTimeRig:
         return []
 
     def _silence(self, watch: Watch) -> tuple[float, float]:
-        """Return how long the guard on duty has been silent, and how long it may be, in s.
+        """Return the time since the last sign of life of the guard on duty, and its limit, in s.
 
-        One that has just been started, or that takes the place of another, has shown no sign of
-        life yet.
+        A guard that has just started, or that replaces another, has shown no sign of life yet.
         """
         now = monotonic()
         if watch.process in self._guards:
@@ -283,7 +282,7 @@ class RealTimeRig:
         return now - self._changed, _LONGEST_START
 
     def _keep_a_standby(self, watch: Watch) -> None:
-        """Start a guard that stands by if the one on duty is alone."""
+        """Start a standby guard if there is none."""
         if list(self._guards) == [watch.process] and self._failed <= _GUARDS:
             self._start_guard("", stands_by=True)
 

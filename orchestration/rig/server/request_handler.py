@@ -156,9 +156,9 @@ class RequestHandler:
         )
 
     def _occupied(self, peer: Peer, message: Mapping[str, Any]) -> str:
-        """Return why another client keeps one from connecting; empty if none does.
+        """Return the reason for which another client excludes a new one; empty if none does.
 
-        In lockstep anybody may take the place of a client that has been silent.
+        In lockstep any client may replace one that has been silent.
         """
         session = self._session
         if session is None or session.may_be_taken_up(message, peer.connection):
@@ -260,11 +260,11 @@ class RequestHandler:
         self._close_latch(f"stopped: {reason}", detail, "stopped again")
 
     def beat(self) -> None:
-        """Show the processes of the rig that the front is alive."""
+        """Show a sign of life of the front to the processes of the rig."""
         self._rig.beat()
 
     def supervise(self) -> None:
-        """Handle the events that the rig caused itself, and those that did not come."""
+        """Handle events that the rig caused, and messages of the client that are overdue."""
         self._supervise()
         session = self._session
         if self._latch.is_closed or self._rig.mode == LOCKSTEP:
@@ -284,7 +284,7 @@ class RequestHandler:
         self._latch.supervise()
 
     def _watch_rest(self) -> None:
-        """Close the latch if the rig is not at rest where nobody commands it."""
+        """Close the latch if the rig is not at rest although no client commands it."""
         now = monotonic()
         if self._rig.safe_since() is not None:
             self._rests_since = now
@@ -300,7 +300,7 @@ class RequestHandler:
         self._latch.close(reason, detail + age, kind)
 
     def _end_session(self, ending: str) -> None:
-        """End the session, if there is one, with words for the log; the rig goes to rest."""
+        """End the session, if there is one, and log the reason; the rig goes to rest."""
         if self._session is not None:
             self._log.tell(f"client {self._session.client[:_LONGEST_NAME]} {ending}")
             self._session = None

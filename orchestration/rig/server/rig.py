@@ -97,9 +97,9 @@ class Rig(Protocol):
         ...
 
     def safe_since(self) -> float | None:
-        """Return since when the rig is confirmed to be in its safe state, s of its clock.
+        """Return the time from which the rig is confirmed to be in its safe state, s of its clock.
 
-        None while it is not, or nobody who could know is heard.
+        It is None while this is not confirmed.
         """
         ...
 
@@ -115,11 +115,11 @@ class Rig(Protocol):
         ...
 
     def troubles(self) -> list[str]:
-        """Return why the rig went safe by itself since the last call, the newest reason last."""
+        """Return the reasons for going safe by itself since the last call, the newest last."""
         ...
 
     def alarms(self) -> list[str]:
-        """Return facts for the operator since the last call; the rig goes on."""
+        """Return messages for the operator since the last call; the rig continues to run."""
         ...
 
     def state(self) -> RigState:

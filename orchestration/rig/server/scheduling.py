@@ -56,16 +56,16 @@ class Deadlines:
 
 
 class Suspension:
-    """Watch over suspends of the computer, in which the clock of deadlines stands still.
+    """Detector of suspensions of the computer, during which the clock of deadlines stops.
 
-    Only Linux has a clock that goes on meanwhile.
+    Only Linux has a clock that continues meanwhile.
     """
 
     def __init__(self) -> None:
         self._ahead = _boot_time_ahead()
 
     def since(self) -> float:
-        """Return for how long the computer was suspended since the last call, at least, s."""
+        """Return a lower bound in s of the suspended time since the last call."""
         _, most_before = self._ahead
         self._ahead = _boot_time_ahead()
         least_now, _ = self._ahead
@@ -88,7 +88,7 @@ def _boot_time_ahead() -> tuple[float, float]:
 class Collector:
     """Garbage collection by hand, between two deadlines.
 
-    Objects that are alive when it is made are never looked at again.
+    Objects that exist when it is made are exempt.
     """
 
     _EVERY = 1.0  # s: so few objects are made in between that it takes some 10 microseconds

@@ -46,7 +46,7 @@ class Command(NamedTuple):
 
 
 class SignOfLife(NamedTuple):
-    """A sign of life of a process, written by the front and by the guard that stands by."""
+    """A sign of life of a process, written by the front and by the standby guard."""
 
     time: float
     process: int
@@ -55,9 +55,9 @@ class SignOfLife(NamedTuple):
 class Beat(NamedTuple):
     """A sign of life, written by the device before every call of the backend and before it sleeps.
 
-    `call` is its next or present action, `opened` whether it has read the backend once, `safe`
-    since when the rig is in its safe state, 0 if it is not; `seen` is the number of the newest
-    command that it has read.
+    `call` is its next or present action and `opened` True after the first reading of the backend.
+    `safe` is the time at which the rig reached its safe state, 0 outside of it; `seen` is the
+    number of the newest command that the device has read.
     """
 
     time: float
@@ -71,8 +71,8 @@ class Beat(NamedTuple):
 class Sample(NamedTuple):
     """A sample, written by the device after every reading.
 
-    `taken` is when each value was last finite, 0 if never; what is `read_back` is NaN where the
-    device cannot say.
+    `taken` has the time of the last finite value of each output, 0 if there was none; `read_back`
+    has NaN for inputs that the device does not report.
     """
 
     number: int
@@ -85,9 +85,9 @@ class Sample(NamedTuple):
 
 
 class Trip(NamedTuple):
-    """A report of device or guard on going to the safe state: the reason, and whether it got there.
+    """A report of device or guard on going to the safe state, its reason and its success.
 
-    `ended` says that the backend is closed.
+    `ended` is True if the backend is closed.
     """
 
     time: float
@@ -97,17 +97,17 @@ class Trip(NamedTuple):
 
 
 class Alarm(NamedTuple):
-    """Something that an operator has to know, written by the device; the rig goes on."""
+    """A message for the operator, written by the device; the rig continues to run."""
 
     time: float
     reason: bytes
 
 
 class Watch(NamedTuple):
-    """A sign of life of the guard on duty and its present action, written by that guard.
+    """A sign of life of the guard on duty, with its present action.
 
-    `acknowledged` is how many acknowledgements it takes into account, `ending` whether all is to
-    end.
+    `acknowledged` is the number of acknowledgements that the guard has read; `ending` is True once
+    all processes are to end.
     """
 
     time: float
@@ -120,7 +120,7 @@ class Watch(NamedTuple):
 class Description(NamedTuple):
     """The signals of the backend as JSON, written by the device when it has opened it.
 
-    `opening` is how long that took, s.
+    `opening` is the time in s that this took.
     """
 
     text: bytes

@@ -1,4 +1,4 @@
-"""Watch of a guard that stands by over the one on duty, which it ends if that is silent."""
+"""Standby guard: it watches the guard on duty, and ends it if it is silent."""
 
 from __future__ import annotations
 

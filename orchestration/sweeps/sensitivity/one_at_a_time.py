@@ -1,4 +1,4 @@
-"""Tornado plot: one parameter at a time goes to the ends of its range."""
+"""Tornado plot: effects of one parameter at a time, at both ends of its range."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ def _unit_suffix(unit: str) -> str:
 
 
 def draw(effects: xarray.Dataset) -> Figure:
-    """Draw a tornado for each number, with a bar per parameter for both ends of its range."""
+    """Draw a tornado for each number: bars to its values at both ends of every range."""
     names = names_to_draw(_numbers(effects))
     count = effects.sizes["parameter"]
     figure, panels = pictures.panels(

@@ -76,7 +76,10 @@ class IdentifiedModel(ABC):
 
     @abstractmethod
     def noise_response(self, samples: int) -> Array:
-        """Return the impulse response (samples,) from white noise; it begins with one."""
+        """Return the impulse response (samples,) from white noise to the output.
+
+        Its first value is one.
+        """
 
     @abstractmethod
     def poles(self, which: int | str = 0) -> Roots:
@@ -123,7 +126,7 @@ class IdentifiedModel(ABC):
     def simulate(
         self, inputs: ArrayLike, output: ArrayLike | None = None, before: ArrayLike | None = None
     ) -> Array:
-        """Simulate a free run over inputs, which never looks at single samples of the output.
+        """Simulate a free run over inputs, without feedback of the measured output.
 
         Parameters
         ----------
@@ -261,7 +264,7 @@ class IdentifiedModel(ABC):
         return s_plane(self.zeros(which), self.step)
 
     def is_stable(self) -> bool:
-        """Tell whether all poles are within the unit circle."""
+        """Return whether all poles are within the unit circle."""
         return all(bool((np.abs(self.poles(i)) < 1.0).all()) for i in range(len(self.input_names)))
 
     def _index(self, which: int | str) -> int:

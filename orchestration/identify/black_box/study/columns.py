@@ -146,7 +146,7 @@ def _check_count(table: Table, used: Container[str]) -> None:
 
 
 def _is_time(column: Column) -> bool:
-    """Tell whether a column has a unit of time."""
+    """Return whether a column has a unit of time."""
     try:
         convert(1.0, column.unit or "1", "s")
     except UserError:
