@@ -83,7 +83,7 @@ def named_terms(along: Courses) -> Iterator[Named]:
             settings = list(_settings(declared, strengths, along.length))
             try:
                 responses = responses_to(name, settings)
-            except UserError:  # it acts through a discrete state of its own
+            except UserError:  # it cannot be laid over this model
                 break
             seen = False
             for k, one in enumerate(settings):
@@ -210,12 +210,11 @@ def _components(along: Courses) -> list[ComponentAlong]:
         pairs = zip(model.parameters, along.setting(piece).parameters, strict=True)
         values = {p.name: float(v) for p, v in pairs}
         states = course.states.T[: len(model.states)]
-        none = np.zeros((0, len(piece.time)))
-        begin = Points(piece.time[np.newaxis], piece.inputs.T, states, none)
+        begin = Points(piece.time[np.newaxis], piece.inputs.T, states)
         later = np.append(np.arange(1, len(piece.time)), len(piece.time) - 1)
         smooth = np.array(piece.smooth, dtype=bool)[:, np.newaxis]
         at_end = np.where(smooth, begin.inputs[:, later], begin.inputs)
-        end = Points(begin.time[:, later], at_end, states[:, later], none)
+        end = Points(begin.time[:, later], at_end, states[:, later])
         components.append(ComponentAlong(model.cls, values, begin, end))
     return components
 

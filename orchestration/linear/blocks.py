@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 
 import casadi as ca
 import numpy as np
@@ -109,14 +110,15 @@ class LinearBlocks:
             for u in blocks.updates
         )
         laws_of_state = {state, f"der({state})", f"next({state})"}
-        names = list(blocks.signals)
-        signals = np.array(list(blocks.signals.values()))
-        rows = rewire(signals, [name in laws_of_state for name in names])
+        rows = rewire(
+            np.array(list(blocks.signals.values())),
+            [name in laws_of_state for name in blocks.signals],
+        )
         return replace(
             blocks,
             rates=rewire(blocks.rates, [name == state for name in blocks.states]),
             updates=updates,
-            signals=dict(zip(names, rows, strict=True)),
+            signals=dict(zip(blocks.signals, rows, strict=True)),
         )
 
     def exchanging(self, connections: Sequence[Connection], step: float) -> LinearBlocks:
@@ -220,20 +222,19 @@ class LinearBlocks:
 
     def _without(self, dropped: set[str]) -> LinearBlocks:
         """Return the blocks without the rows of some states, but still with their columns."""
-        states = [i for i, n in enumerate(self.states) if n not in dropped]
-        discretes = [i for i, n in enumerate(self.discretes) if n not in dropped]
-        places = {old: new for new, old in enumerate(discretes)}
+        discretes = tuple(name for name in self.discretes if name not in dropped)
         updates = []
         for update in self.updates:
-            remaining = [i for i, row in enumerate(update.rows) if row in places]
-            rows = tuple(places[update.rows[i]] for i in remaining)
-            if rows:
-                updates.append(replace(update, rows=rows, matrix=update.matrix[remaining]))
+            kept = [self.discretes[row] in discretes for row in update.rows]
+            names = [self.discretes[row] for row in compress(update.rows, kept)]
+            if names:
+                rows = tuple(discretes.index(name) for name in names)
+                updates.append(replace(update, rows=rows, matrix=update.matrix[kept]))
         return replace(
             self,
-            states=tuple(self.states[i] for i in states),
-            discretes=tuple(self.discretes[i] for i in discretes),
-            rates=self.rates[states],
+            states=tuple(name for name in self.states if name not in dropped),
+            discretes=discretes,
+            rates=self.rates[[name not in dropped for name in self.states]],
             updates=tuple(updates),
         )
 
@@ -330,12 +331,12 @@ def blocks_of(
         signals |= zip(names, update.matrix, strict=True)
     signals |= {v.name: row for v, row in zip(layout.outputs, outputs, strict=True)}
     for name, row in signals.items():
-        if not np.isfinite(row).all():
-            column = columns[int(np.flatnonzero(~np.isfinite(row))[0])]
-            raise UserError(
-                f"{graph.name}: {name} has no finite derivative with respect to {column}"
-                f" {point.words}"
-            )
+        for column, derivative in zip(columns, row, strict=True):
+            if not np.isfinite(derivative):
+                raise UserError(
+                    f"{graph.name}: {name} has no finite derivative with respect to {column}"
+                    f" {point.words}"
+                )
     return LinearBlocks(states, discretes, inputs, rates, updates, signals)
 
 

@@ -170,19 +170,18 @@ def _samples(
     Instants that differ by rounding, such as 3 * 0.1 and 0.3, are one, with samples in the order of
     the updates.
     """
-    samples: list[tuple[float, int]] = []
+    exact: list[tuple[float, int]] = []
     for index, update in enumerate(updates):
         shift = update.shift % update.period
         if update.period - shift <= _SAME * update.period:
             shift = 0.0  # a whole number of periods, such as 0.3 % 0.1 = 0.09999999999999998
         count = round(period / update.period)
-        samples += [(shift + k * update.period, index) for k in range(count)]
-    samples.sort()
-    first = 0.0
-    simultaneous: list[tuple[float, int]] = []
-    for instant, index in samples:
-        if instant - first > _SAME * period:
-            first = instant
-        simultaneous.append((first, index))
-    for instant, index in sorted(simultaneous):
+        exact += [(shift + k * update.period, index) for k in range(count)]
+    common = 0.0  # instant of the first of the samples that are one but for rounding
+    rounded: list[tuple[float, int]] = []
+    for instant, index in sorted(exact):
+        if instant - common > _SAME * period:
+            common = instant
+        rounded.append((common, index))
+    for instant, index in sorted(rounded):
         yield instant, updates[index]

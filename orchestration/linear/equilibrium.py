@@ -8,7 +8,7 @@ drift have a constant rate instead, and all others stay at rest: the rates F do 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -107,20 +107,20 @@ def trim(graph: Graph, near: OperatingPoint, request: TrimRequest) -> OperatingP
 
 def _check(graph: Graph, request: TrimRequest, targets: Mapping[str, float]) -> None:
     """Raise if there is no signal of a name, or more signals are free than fixed."""
-    layout = graph.layout
-    known = {
-        "fix": [v.name for v in (*layout.inputs, *layout.states, *layout.outputs)],
-        "free": [v.name for v in (*layout.inputs, *layout.parameters)],
-        "drift": [v.name for v in layout.states],
-    }
-    kinds = {"fix": "input, state or output", "free": "input or parameter", "drift": "state"}
-    roles = {"fix": list(request.fixed), "free": request.free, "drift": request.drift}
-    for role, names in roles.items():
+    inputs = graph.layout.inputs
+    states = graph.layout.states
+    roles = (
+        ("fix", request.fixed, "input, state or output", (*inputs, *states, *graph.layout.outputs)),
+        ("free", request.free, "input or parameter", (*inputs, *graph.layout.parameters)),
+        ("drift", request.drift, "state", states),
+    )
+    for role, names, kind, variables in roles:
+        known = [v.name for v in variables]
         for name in names:
-            if name not in known[role]:
+            if name not in known:
                 raise UserError(
-                    f"{graph.name}: {option(role)} names {name!r}, which is no {kinds[role]}"
-                    f"{suggestion(name, known[role])}"
+                    f"{graph.name}: {option(role)} names {name!r}, which is no {kind}"
+                    f"{suggestion(name, known)}"
                 )
     conflict = next((name for name in request.free if name in request.fixed), None)
     if conflict is not None:
@@ -136,23 +136,26 @@ def _equations(
     graph: Graph, start: OperatingPoint, request: TrimRequest, targets: Mapping[str, float]
 ) -> _Equations:
     """Return the equations, with values for all variables that are known."""
-    constants = _integrals(graph) - {*targets}
-    names = ({*start.states, *start.discretes} - constants) | {*request.free}
-    variables = _variables(graph, start)
-    unknowns = [v for v in variables if v.declaration.name in names]
-    known = [v for v in variables if v.declaration.name not in names]
+    constants = _integrals(graph) - targets.keys()
+    names = {*start.states, *start.discretes, *request.free} - constants
+    unknowns: list[_Variable] = []
+    known: list[_Variable] = []
+    for variable in _variables(graph, start):
+        group = unknowns if variable.declaration.name in names else known
+        group.append(variable)
     nominal = np.array([v.declaration.nominal for v in unknowns])
     scaled = ca.SX.sym("scaled", len(unknowns))
-    rows, laws = _laws(graph, request, targets)
     symbols = ca.vertcat(*(v.symbol for v in (*unknowns, *known)), graph.time)
     values = ca.vertcat(scaled * nominal, *(v.value for v in known), start.time)
-    (residual,) = ca.substitute([ca.vertcat(*laws)], [symbols], [values])
+    laws = dict(_laws(graph, request, targets))
+    (residual,) = ca.substitute([ca.vertcat(*laws.values())], [symbols], [values])
+    jacobian = ca.densify(ca.jacobian(residual, scaled))
     return _Equations(
-        ca.Function("equations", [scaled], [residual, ca.densify(ca.jacobian(residual, scaled))]),
-        rows,
-        [v.declaration for v in unknowns],
-        nominal,
-        np.array([v.value for v in unknowns]) / nominal,
+        residual=ca.Function("equations", [scaled], [residual, jacobian]),
+        rows=list(laws),
+        unknowns=[v.declaration for v in unknowns],
+        nominal=nominal,
+        start=np.array([v.value for v in unknowns]) / nominal,
     )
 
 
@@ -193,40 +196,33 @@ def _integrals(graph: Graph) -> set[str]:
 
 def _laws(
     graph: Graph, request: TrimRequest, targets: Mapping[str, float]
-) -> tuple[list[str], list[ca.SX]]:
-    """Return the equations in words, and the expressions that must be zero, over nominal values.
+) -> Iterator[tuple[str, ca.SX]]:
+    """Yield each equation in words, and as an expression that must be zero, over nominal values.
 
     States without drift are at rest, discrete states stay the same, drifting ones have constant
     rates, and fixed signals have their values.
     """
     layout = graph.layout
-    rows: list[str] = []
-    laws: list[ca.SX] = []
     for k, state in enumerate(layout.states):
         if state.name not in request.drift:
-            rows.append(f"the rate of {state.name} = 0")
-            laws.append(graph.rates[k] / state.nominal)
+            yield f"the rate of {state.name} = 0", graph.rates[k] / state.nominal
     sampled = graph.discretes  # after the samples of all clocks, one after the other
     for update in graph.updates:
         (sampled,) = ca.substitute([update], [graph.discretes], [sampled])
     for k, discrete in enumerate(layout.discretes):
-        rows.append(f"the same {discrete.name} after a sample")
-        laws.append((sampled[k] - graph.discretes[k]) / discrete.nominal)
+        change = (sampled[k] - graph.discretes[k]) / discrete.nominal
+        yield f"the same {discrete.name} after a sample", change
     if request.drift:
         # derivatives of rates and samples with respect to time, while states follow their rates
         changes = ca.jtimes(ca.vertcat(graph.rates, sampled), graph.states, graph.rates)
         for k, variable in enumerate((*layout.states, *layout.discretes)):
-            rows.append(f"a constant rate of {variable.name}")
-            laws.append(changes[k] / variable.nominal)
-    expressions = dict(
-        zip([v.name for v in layout.states], ca.vertsplit(graph.states), strict=True)
-    )
-    expressions |= zip([v.name for v in layout.outputs], ca.vertsplit(graph.outputs), strict=True)
-    nominal = {v.name: v.nominal for v in (*layout.states, *layout.outputs)}
+            yield f"a constant rate of {variable.name}", changes[k] / variable.nominal
+    signals = (*layout.states, *layout.outputs)
+    expressions = ca.vertcat(graph.states, graph.outputs)
+    index = {v.name: k for k, v in enumerate(signals)}
     for name, value in targets.items():
-        rows.append(f"{name} = {value:g}")
-        laws.append((expressions[name] - value) / nominal[name])
-    return rows, laws
+        k = index[name]
+        yield f"{name} = {value:g}", (expressions[k] - value) / signals[k].nominal
 
 
 @np.errstate(over="ignore")  # an infinite residual is reported as no equilibrium

@@ -125,32 +125,35 @@ def _check_names(
 def _by_laws(request: FmuRequest, directional: bool) -> LinearModel | None:
     """Linearise the rates and outputs of model exchange; return None if the FMU samples within."""
     with ExchangeFmu(request.path, request.settings) as fmu:
-        states = fmu.states
-        simulated = _states_at(request, states)
+        simulated = _states_at(request, fmu.states)
         fmu.start()
         fmu.enter_continuous_time(
             request.time, fmu.get_states() if simulated is None else simulated
         )
         if fmu.samples:
             return None
-        state = fmu.get_states()
-        values = np.empty(len(request.inputs))
-        fmu.reader(request.inputs)(values)
+        inputs = np.empty(len(request.inputs))
+        fmu.reader(request.inputs)(inputs)
+        states = dict(zip(fmu.states, fmu.get_states(), strict=True))
         if directional:
             knowns = [*states, *request.inputs]
             jacobian = fmu.directional_derivatives([*fmu.rates, *request.outputs], knowns)
         else:
-            jacobian = _central_differences(fmu, request, np.array(state), values)
-    inputs = tuple(request.inputs)
+            jacobian = _central_differences(fmu, request, np.array([*states.values()]), inputs)
+    blocks = _blocks(request, tuple(states), jacobian)
+    matrices = assemble(blocks.between(request.inputs, request.outputs), request.outputs)
+    now = dict(zip(request.inputs, inputs.tolist(), strict=True))
+    point = _operating_point(request, now, states)
+    return _linear_model(request, matrices, point, _DIRECTIONAL if directional else _DIFFERENCES)
+
+
+def _blocks(request: FmuRequest, states: tuple[str, ...], jacobian: Array) -> LinearBlocks:
+    """Return the blocks of derivatives of rates and outputs by states and inputs."""
     rates, outputs = np.split(jacobian, [len(states)])
-    columns = (*states, *inputs)
+    columns = (*states, *request.inputs)
     signals = dict(zip(columns, np.eye(len(columns)), strict=True))
     signals |= zip(request.outputs, outputs, strict=True)
-    blocks = LinearBlocks(tuple(states), (), inputs, rates, (), signals)
-    matrices = assemble(blocks.between(inputs, request.outputs), request.outputs)
-    now = dict(zip(inputs, values.tolist(), strict=True))
-    point = _operating_point(request, now, dict(zip(states, state, strict=True)))
-    return _linear_model(request, matrices, point, _DIRECTIONAL if directional else _DIFFERENCES)
+    return LinearBlocks(states, (), tuple(request.inputs), rates, (), signals)
 
 
 def _states_at(request: FmuRequest, states: Sequence[str]) -> list[float] | None:
@@ -213,20 +216,20 @@ def _by_pulses(request: FmuRequest) -> LinearModel:
     }
     responses = _pulse_responses(request, levels, 0)
     delayed = _pulse_responses(request, levels, 1)
-    scale = np.abs(responses).max(axis=(1, 2), keepdims=True)  # of each output
-    scale[scale == 0.0] = 1.0
-    responses /= scale
+    largest = np.abs(responses).max(axis=(1, 2), keepdims=True)  # of each output
+    scale = np.where(largest == 0.0, 1.0, largest)
+    scaled = responses / scale
     # the response to a later pulse is the same one, later, if the model does not change with time
-    change = np.abs(delayed[:, :, 1:] / scale - responses[:, :, :-1]).max(initial=0.0)
-    order, error = _realisation_order(responses[:, :, 1:])
+    change = np.abs(delayed[:, :, 1:] / scale - scaled[:, :, :-1]).max(initial=0.0)
+    order, error = _realisation_order(scaled[:, :, 1:])
     if error > _FAITHFUL or change > _FAITHFUL:
         raise UserError(
             f"{request.model.name}: its responses are not those of a linear model of up to"
             f" {_MOST_ORDER} states that is the same at every step of {request.step:g} s; if"
             f" it samples, take a multiple of its sample period as {option('step')}"
         )
-    A, B, C = _realisation(responses, order)
-    D = responses[:, :, 0] * scale[:, :, 0]
+    A, B, C = _realisation(scaled, order)
+    D = scaled[:, :, 0] * scale[:, :, 0]
     states = tuple(f"x{k + 1}" for k in range(order))
     matrices = Matrices(A, B, C * scale[:, :, 0], D, request.step, states)
     return _linear_model(request, matrices, _operating_point(request, levels, {}), _PULSES)

@@ -119,11 +119,11 @@ def sine_sweep(
     for frequency in sweep.frequencies.tolist():
         instants, positive = simulate(frequency, sweep.amplitude)
         _, negative = simulate(frequency, -sweep.amplitude)
-        last = slice(-ceil(_CYCLES / frequency / sweep.period), None)
+        evaluated = slice(-ceil(_CYCLES / frequency / sweep.period), None)
         for name, plus, minus in zip(outputs, positive, negative, strict=True):
             # without the operating point and the even part of a nonlinearity
-            odd = (plus - minus)[last] / (2.0 * sweep.amplitude)
-            responses[name].append(_complex_amplitude(odd, instants[last], frequency))
+            odd = (plus - minus)[evaluated] / (2.0 * sweep.amplitude)
+            responses[name].append(_complex_amplitude(odd, instants[evaluated], frequency))
     return {name: np.array(values) for name, values in responses.items()}
 
 
@@ -133,15 +133,17 @@ def _sine(sweep: SineSweep, frequency: float) -> tuple[Array, Array, Array]:
     Instants, s, are counted from the operating point, before which the sine is zero; communication
     points, s, from the start of the simulation.
     """
-    steps = ceil(sweep.period / sweep.step - _ROUNDING)
+    evaluation_time = _CYCLES / frequency
+    # numbers of periods
     before = ceil(sweep.at / sweep.period - _ROUNDING)
-    cycles = _CYCLES / frequency
-    after = ceil(cycles / sweep.period) + ceil(max(cycles, sweep.settling) / sweep.period)
-    count = before + after
+    settling = ceil(max(evaluation_time, sweep.settling) / sweep.period)
+    count = before + settling + ceil(evaluation_time / sweep.period)
     instants = (np.arange(count + 1) - before) * sweep.period
-    time = np.linspace(0.0, count * sweep.period, count * steps + 1)
-    sine = np.where(instants >= 0.0, np.sin(2.0 * pi * frequency * instants), 0.0)
-    return np.asarray(instants), np.asarray(time), np.append(np.repeat(sine[:-1], steps), sine[-1])
+    samples = np.where(instants >= 0.0, np.sin(2.0 * pi * frequency * instants), 0.0)
+    steps_per_period = ceil(sweep.period / sweep.step - _ROUNDING)
+    time = np.linspace(0.0, count * sweep.period, count * steps_per_period + 1)
+    sine = np.append(np.repeat(samples[:-1], steps_per_period), samples[-1])
+    return np.asarray(instants), np.asarray(time), sine
 
 
 def _complex_amplitude(values: Array, time: Array, frequency: float) -> complex:

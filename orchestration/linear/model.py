@@ -175,11 +175,11 @@ class LinearModel(Displayable):
 
         part = self.part(input, output)
         plane = w_plane(part) if self.period else part
-        gain, phase, phase_crossover, crossover = control.margin(plane)
-        if not _is_unity(plane, crossover):  # margins by interpolation instead of polynomials
+        margins = control.margin(plane)
+        if not _is_unity(plane, margins[-1]):  # margins by interpolation instead of polynomials
             omega = 2.0 * pi * self._plane(self.frequencies(_POINTS))
-            data = control.frd(plane(1j * omega), omega, smooth=True)
-            gain, phase, phase_crossover, crossover = control.margin(data)
+            margins = control.margin(control.frd(plane(1j * omega), omega, smooth=True))
+        gain, phase, phase_crossover, crossover = margins
         at_nyquist = float(plane.D[0, 0]) if self.period else 0.0
         if at_nyquist < 0.0 and abs(np.log(-at_nyquist)) < abs(np.log(gain)):
             # half the sampling rate, infinite in the w-plane, where python-control does not look

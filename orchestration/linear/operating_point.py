@@ -140,16 +140,15 @@ def point_at(
     if not (np.isfinite(time) and time >= earliest):
         raise UserError(f"{option('at', f'{time:g}')}: a time from {earliest:g} s on")
     start = start_point(graph, settings)
-    instants = np.zeros(1) if points is None else points[points <= time]
-    inputs = {v.name: np.full(instants.size, start.inputs[v.name]) for v in graph.layout.inputs}
-    inputs |= {name: values[: instants.size] for name, values in (stimulus or {}).items()}
+    before = np.zeros(1) if points is None else points[points <= time]
+    inputs = {name: np.full(before.size, value) for name, value in start.inputs.items()}
+    inputs |= {name: values[: before.size] for name, values in (stimulus or {}).items()}
     now = {name: float(values[-1]) for name, values in inputs.items()}
-    if instants[-1] < time:
-        instants = np.append(instants, time)
-        inputs = {name: np.append(values, values[-1]) for name, values in inputs.items()}
+    instants = np.union1d(before, [time])
     if instants.size == 1:
         return replace(start, inputs=now)
-    run = (compiled or CompiledModel(graph)).run(instants, inputs, start.parameters)
+    held = {name: np.append(values, now[name])[: instants.size] for name, values in inputs.items()}
+    run = (compiled or CompiledModel(graph)).run(instants, held, start.parameters)
     end = {name: float(values[-1]) for name, values in run.signals.items()}
     return OperatingPoint(
         time,

@@ -74,15 +74,19 @@ def _draw_band(model: LinearModel, frequencies: Array, gain: Axes, phase: Axes, 
     """Shade the band of the variations of a model."""
     if not model.variations:
         return
-    curves = [_bode(one, frequencies) for one in model.variations]
-    style: dict[str, Any] = {"color": pictures.FITTED, "alpha": 0.2, "linewidth": 0.0}
-    label = f"{len(curves)} values of parameters"
-    for axis, values in ((gain, [c[0] for c in curves]), (phase, [c[1] for c in curves])):
-        axis.fill_between(frequencies, np.min(values, 0), np.max(values, 0), label=label, **style)
+
+    def fill(axis: Axes, x: Array, curves: Sequence[Array], **style: Any) -> None:
+        low = np.min(curves, axis=0)
+        high = np.max(curves, axis=0)
+        axis.fill_between(x, low, high, color=pictures.FITTED, alpha=0.2, linewidth=0.0, **style)
+
+    label = f"{len(model.variations)} values of parameters"
+    gains, phases = zip(*(_bode(one, frequencies) for one in model.variations), strict=True)
+    fill(gain, frequencies, gains, label=label)
+    fill(phase, frequencies, phases, label=label)
     time = _step_times(model)
     steps = [_step_response(one, time)[1] for one in model.variations]
-    style["step"] = "post" if model.period else None
-    step.fill_between(time, np.min(steps, 0), np.max(steps, 0), **style)
+    fill(step, time, steps, step="post" if model.period else None)
 
 
 def _label(model: LinearModel, gain: Axes, phase: Axes, step: Axes, plane: Axes) -> None:

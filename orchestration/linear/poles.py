@@ -12,7 +12,7 @@ from orchestration.reporting import plain_table
 
 
 def poles_table(A: Array, period: float = 0.0) -> Any:
-    """Return a table of poles with frequency and damping, which integrators do not have.
+    """Return a table of poles with their frequencies and, except of integrators, damping ratios.
 
     Parameters
     ----------
@@ -27,16 +27,16 @@ def poles_table(A: Array, period: float = 0.0) -> Any:
     """
     columns = ("pole", "frequency [Hz]", "damping")
     table = plain_table(None, *columns, right=columns)
-    poles, errors = _poles(A)
+    computed, errors = _poles(A)
     integrator = 1.0 if period else 0.0
-    poles = np.where(np.abs(poles - integrator) <= errors, integrator, poles)
+    poles = np.where(np.abs(computed - integrator) <= errors, integrator, computed)
     with np.errstate(divide="ignore", invalid="ignore"):
-        rates = np.log(poles) / period if period else poles
-    for pole, rate in zip(poles, rates, strict=True):
-        size = abs(rate)
-        text = f"{pole.real:.6g}" if pole.imag == 0.0 else f"{pole.real:.6g}{pole.imag:+.6g}j"
-        damping = f"{-rate.real / size:.4g}" if 0.0 < size < np.inf else ""
-        table.add_row(text, f"{size / (2.0 * pi):.4g}", damping)
+        continuous = np.log(poles) / period if period else poles  # in the s-plane
+    for pole, s in zip(poles, continuous, strict=True):
+        omega = abs(s)
+        imaginary = f"{pole.imag:+.6g}j" if pole.imag != 0.0 else ""
+        damping = f"{-s.real / omega:.4g}" if 0.0 < omega < np.inf else ""
+        table.add_row(f"{pole.real:.6g}{imaginary}", f"{omega / (2.0 * pi):.4g}", damping)
     return table
 
 

@@ -107,23 +107,20 @@ class Executor:
 
     def _make_buffers(self) -> tuple[Buffer, Buffer]:
         """Return buffers of outputs and inputs in which the ports of one call are contiguous."""
-        outputs = {name: list(self._complete_order.early[name]) for name in self._by_name}
-        inputs: dict[str, list[Port]] = {name: [] for name in self._by_name}
+        read = [*chain(*self._complete_order.early.values())]
+        written: list[Port] = []
         for operation in self._complete_order.operations:
-            read: tuple[Port, ...] = ()
-            written: tuple[Port, ...] = ()
             if isinstance(operation, Loop):
-                read = operation.outputs
-                written = operation.inputs
+                read += operation.outputs
+                written += operation.inputs
             elif isinstance(operation, Read):
-                read = operation.ports
+                read += operation.ports
             else:
-                written = operation.ports
-            for port in read:
-                outputs[port.member].append(port)
-            for port in written:
-                inputs[port.member].append(port)
-        return Buffer(chain(*outputs.values())), Buffer(chain(*inputs.values()))
+                written += operation.ports
+        members = list(self._by_name)
+        read.sort(key=lambda port: members.index(port.member))
+        written.sort(key=lambda port: members.index(port.member))
+        return Buffer(read), Buffer(written)
 
     # --- preparation
 
@@ -154,9 +151,8 @@ class Executor:
         A stage of the exchange begins with each setting of inputs; the readings after it belong to
         the same stage.
         """
-        order = self._complete_order
-        if len(due) != len(self.members):
-            order = order_exchange(self.structure, due)
+        is_complete = len(due) == len(self.members)
+        order = self._complete_order if is_complete else order_exchange(self.structure, due)
         schedule = Schedule(order, [], [], [])
         stepped: set[str] = set()
         for name in self.order:
@@ -209,14 +205,12 @@ class Executor:
 
         Its inputs from these members are updated first, then it steps, then outputs are read.
         """
-        settings = self.settings
-        fed = self.structure.fed[member.name]
-        connected = [port for port in fed if port in self._connections]
+        connected = [p for p in self.structure.fed[member.name] if p in self._connections]
         updated = []  # inputs whose sources have stepped
-        if settings.sequential:
+        if self.settings.sequential:
             updated = [port for port in connected if self._source(port).member in stepped]
         linear = []  # inputs that change linearly over the step; all others are held
-        if settings.extrapolation:
+        if self.settings.extrapolation:
             linear = [port for port in connected if self._is_real(port)]
         early = schedule.order.early[member.name]
         reads = self._reads_after_step(member, early, stepped)
@@ -224,24 +218,10 @@ class Executor:
         updated_held = [port for port in updated if port not in linear]
         if updated_held:
             calls.append(self._update_call(member, updated_held))
-        parts = max(1, int(settings.rates.get(member.name, 1)))
-        slow = member.name in self.slow
-        if linear or parts > 1 or slow:
-            # outputs that depend on inputs are read after the step, with the inputs of its end
-            set_at_end = not settings.feedthrough or len(reads) > len(early)
-            step = MemberStep(
-                member=member,
-                present_step=self.present_step,
-                inputs=self.inputs,
-                outputs=self.outputs,
-                linear=linear,
-                updated=[self._connections[port] for port in updated if port in linear],
-                parts=parts,
-                resumes=slow,
-                set_at_end=set_at_end,
-                may_go_back=settings.adaptive,
-                history=self._history(member, len(linear)),
-            )
+        if linear or self._parts(member) > 1 or member.name in self.slow:
+            updated_linear = [port for port in updated if port in linear]
+            reads_all = len(reads) > len(early)
+            step = self._member_step(member, linear, updated_linear, reads_all)
             calls.append(MemberCall(step, member, STEP))
             if linear:
                 schedule.extrapolating.append(step)
@@ -249,6 +229,31 @@ class Executor:
             calls.append(self._plain_step_call(member))
         calls += self._transfer_calls("Get", member, reads)
         schedule.steps.append((self.members.index(member), calls))
+
+    def _member_step(
+        self, member: Instance, linear: list[Port], updated: list[Port], reads_all: bool
+    ) -> MemberStep:
+        """Return a step in parts, or with linear inputs, some updated by members that have stepped.
+
+        If outputs that depend on inputs are read after it, inputs are set to those of its end.
+        """
+        return MemberStep(
+            member=member,
+            present_step=self.present_step,
+            inputs=self.inputs,
+            outputs=self.outputs,
+            linear=linear,
+            updated=[self._connections[port] for port in updated],
+            parts=self._parts(member),
+            resumes=member.name in self.slow,
+            set_at_end=reads_all or not self.settings.feedthrough,
+            may_go_back=self.settings.adaptive,
+            history=self._history(member, len(linear)),
+        )
+
+    def _parts(self, member: Instance) -> int:
+        """Return the number of steps of a member in one of the system, at least 1."""
+        return max(1, int(self.settings.rates.get(member.name, 1)))
 
     def _source(self, port: Port) -> Port:
         return self.structure.sources[port]
@@ -341,11 +346,8 @@ class Executor:
 
         It sets the inputs of the loop, and returns the values that they receive by its connections.
         """
-        closing = [self._connections[port] for port in loop.inputs]
-        targets = np.array([c.target for c in closing])
-        sources = np.array([c.source for c in closing])
-        factors = np.array([c.factor for c in closing])
-        offsets = np.array([c.offset for c in closing])
+        closing = zip(*(self._connections[port] for port in loop.inputs), strict=True)
+        targets, sources, factors, offsets = map(np.array, closing)
         disturbances = [
             (k, self._disturbances[port])
             for k, port in enumerate(loop.inputs)
@@ -378,10 +380,7 @@ class Executor:
         schedule.count += 1
         before = perf_counter()
         for number, calls in schedule.steps:
-            for call, member, request, _ in calls:
-                status = call()
-                if status:
-                    member.check_status(status, request, self.present_step)
+            self._carry_out(calls)
             after = perf_counter()
             seconds[number] += after - before
             before = after
@@ -427,7 +426,7 @@ class Executor:
             self._carry_out(calls)
 
     def update_slopes(self, schedule: Schedule) -> None:
-        """Save the slopes of the inputs over the last step."""
+        """Save the slopes of the linear inputs over the last step, in their units per second."""
         for step in schedule.extrapolating:
             step.update_slopes()
 
@@ -454,7 +453,7 @@ class Executor:
         made = sum(
             schedule.count for due, schedule in self._schedules.items() if member.name in due
         )
-        return made * max(1, int(self.settings.rates.get(member.name, 1)))
+        return made * self._parts(member)
 
 
 def _is_scaled(connection: BufferedConnection) -> bool:

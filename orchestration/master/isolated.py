@@ -109,29 +109,27 @@ def run_isolated(
     """
     # a class may be known to this process only, and no run needs it
     members = tuple(replace(m, fmu=m.fmu.resolve(), cls=None) for m in system.members)
-    system = replace(system, members=members)
+    portable = replace(system, members=members)
     with Process(limits) as process:
         try:
-            message, result = process.call(
-                _run, run, system, arguments, dict(options), callbacks={"progress": progress}
+            stop, result = process.call(
+                _run, run, portable, arguments, dict(options), callbacks={"progress": progress}
             )
         except Ended as end:
             description = process.progress.rows_description()
             points = description.points if description else ()
             message = f"{end.state.describe(points, system.name)}: {end.reason}"
-            result = _partial_run(process.progress, description, end.state.row, message)
+            partial = _partial_run(process.progress, end.state.row, message)
             if end.interrupted:
-                return result
-            raise Stopped(message, result) from end
+                return partial
+            raise Stopped(message, partial) from end
         except OSError as error:
             # FMUs may use up resources of their process, such as files
             message = f"{system.name}: {error.strerror or error}"
-            description = process.progress.rows_description()
             unwritten = process.progress.state().row
-            result = _partial_run(process.progress, description, unwritten, message)
-            raise Stopped(message, result) from error
-    if message is not None:
-        raise Stopped(message, result)
+            raise Stopped(message, _partial_run(process.progress, unwritten, message)) from error
+    if stop is not None:
+        raise Stopped(stop, result)
     complete: Run = result
     return complete
 
@@ -150,29 +148,25 @@ def _run(
         return str(stopped), stopped.run
 
 
-def _partial_run(
-    progress: SharedProgress, description: RowDescription | None, unwritten: int, message: str
-) -> Run:
+def _partial_run(progress: SharedProgress, unwritten: int, message: str) -> Run:
     """Return the rows that were computed before the process ended.
 
     Parameters
     ----------
     progress : SharedProgress
-    description : RowDescription or None
-        None if the run had not begun.
     unwritten : int
         Number of rows in the kernel's memory on disk that were not yet written to the file of rows.
     message : str
         Reason for which the process ended.
     """
     nothing = Statistics({}, 0, 0, 0, 0.0)
-    if description is None:
+    description = progress.rows_description()
+    if description is None:  # the run had not begun
         return Run(np.empty(0), {}, {}, False, message, nothing, {})
-    table = _read_rows(progress.folder, description.width)
+    written = _read_rows(progress.folder, description.width)
     more = progress.read_rows(unwritten)
-    if more is not None:
-        table = np.concatenate([table, more])
-    table = table[: len(description.points)]
+    rows = written if more is None else np.concatenate([written, more])
+    table = rows[: len(description.points)]
     return Run(
         time=np.array(description.points[: len(table)]),
         signals={name: table[:, place] for name, place in description.places.items()},

@@ -11,7 +11,6 @@ import numpy as np
 from fmus.kit.arrays import Array
 from orchestration.fmu.isolation import allocate_rows
 from orchestration.fmu.kernel import (
-    SET_WHOLE,
     Execution,
     Handler,
     KernelReturn,
@@ -192,29 +191,17 @@ class _Translation:
         )
 
     def _add_transfer(self, transfer: BufferTransfer, member: Instance, handler: Handler) -> None:
-        """Add the call of a transfer.
-
-        Reals lie one after the other from the first place on; integers and booleans are scattered
-        and are given with their places.
-        """
-        is_setting = transfer.verb == "Set"
-        kind = transfer.kind
+        """Add the call of a transfer."""
         fmu = member.fmu
-        buffer = self._executor.inputs if is_setting else self._executor.outputs
-        call = fmu.bound(f"fmi2{transfer.verb}{kind.capitalize()}")
-        owner = self._owners[member.name]
-        references = [fmu.variables[port.variable].valueReference for port in transfer.ports]
-        places = [buffer.at[port] for port in transfer.ports]
-        if kind == "real":
-            operation = library.SET_REAL if is_setting else library.GET_REAL
-            values = _buffer_place(buffer, places[0])
-            self.program.add_real(operation, call, references, values, handler, owner=owner)
-        else:
-            operation = SET_WHOLE[kind] if is_setting else library.GET_WHOLE
-            values = _buffer_place(buffer, 0)
-            self.program.add_integers(
-                operation, call, references, values, places, handler, owner=owner
-            )
+        buffer = self._executor.inputs if transfer.verb == "Set" else self._executor.outputs
+        self.program.add_transfer(
+            fmu.bound(f"fmi2{transfer.verb}{transfer.kind.capitalize()}"),
+            [fmu.variables[port.variable].valueReference for port in transfer.ports],
+            _buffer_place(buffer, 0),
+            [buffer.at[port] for port in transfer.ports],
+            handler,
+            owner=self._owners[member.name],
+        )
 
     def _enter_point(self, point: int, lag: int) -> None:
         """Set the executor to the step to a point, so that messages have its time."""

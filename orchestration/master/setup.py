@@ -212,9 +212,7 @@ def make_structure(
         for name in member.fmu.outputs
         if type_of(member.fmu.variables[name]) != "string"
     ]
-    recorded = outputs
-    if record is not None:
-        recorded = list(dict.fromkeys(system.port(text) for text in record))
+    recorded = outputs if record is None else list(dict.fromkeys(map(system.port, record)))
     compared = outputs if settings.adaptive else []  # by step doubling
     sources = {connection.target: connection.source for connection in system.connections}
     fed_inputs = (*sources, *fed)

@@ -38,9 +38,10 @@ def signal_names(system: System) -> dict[str, Port]:
     by_variable: dict[str, list[Port]] = {}
     for port in ports:
         by_variable.setdefault(port.variable, []).append(port)
-    for variable, same in by_variable.items():
-        if len({nets.get(port, str(port)) for port in same}) == 1:
-            known.setdefault(variable, same[0])
+    for variable, namesakes in by_variable.items():
+        carried = {nets.get(port, str(port)) for port in namesakes}
+        if len(carried) == 1:
+            known.setdefault(variable, namesakes[0])
     return known
 
 

@@ -10,7 +10,6 @@ from .forcing import Forcing as Forcing
 from .forcing import Points as Points
 from .hoisting import hoist as hoist
 from .instructions import carry_out as carry_out
-from .perturbed import Jacobians as Jacobians
 from .perturbed import PerturbedLaws as PerturbedLaws
 from .sensitivity import with_sensitivities as with_sensitivities
 from .tracing import Graph as Graph

@@ -19,14 +19,13 @@ from fmus.kit.arrays import Array
 from fmus.kit.component import Component
 from fmus.kit.declare import Declaration
 from fmus.kit.effects import Effect, stack
-from fmus.kit.errors import UserError
 from fmus.kit.interrupt import uninterrupted
 from fmus.kit.symbolic.tracing import Graph, trace
 
 Values = Mapping[str, float]
 _Numbers = Mapping[str, Any]  # floats, or arrays with a value for each setting
 _Laws = tuple[list[Any], list[Any]]  # rates and outputs
-# states and discrete states of an effect itself by name, (k, n), or (k, 1) if constant
+# states of an effect itself by name, (k, n), or (k, 1) if constant
 _EffectTrajectory = dict[str, Array]
 _GAMMA = 1.0 - 0.5**0.5  # makes the Rosenbrock method ROS2 for several states L-stable
 _NEAR_ZERO = 1e-6  # replaces smaller arguments of the functions phi
@@ -43,43 +42,22 @@ class Points:
     ----------
     time : ndarray, shape (1, n)
         Seconds.
-    inputs, states, discretes : ndarray, shape (k, n)
+    inputs, states : ndarray, shape (k, n)
         In the order of the layout, SI.
     """
 
     time: Array
     inputs: Array
     states: Array
-    discretes: Array
 
     @property
     def arguments(self) -> list[Array]:
         """Arrays in the order of a graph's arguments, without parameters."""
-        return [self.time, self.inputs, self.states, self.discretes]
-
-    def part(self, where: slice) -> Points:
-        """Return a slice of the points."""
-        return Points(*(values[:, where] for values in self.arguments))
-
-
-@dataclass(frozen=True)
-class StateJacobians:
-    """Derivatives of a component by its states, at n points of a trajectory.
-
-    Attributes
-    ----------
-    a : ndarray, shape (n, states, states)
-        Derivatives of the rates by the states, SI.
-    c : ndarray, shape (n, outputs, states)
-        Derivatives of the outputs by the states, SI.
-    """
-
-    a: Array
-    c: Array
+        return [self.time, self.inputs, self.states]
 
 
 class ComponentAlong:
-    """A component whose laws are evaluated along a trajectory.
+    """A component without discrete states, whose laws are evaluated along a trajectory.
 
     Parameters
     ----------
@@ -89,11 +67,6 @@ class ComponentAlong:
     begin, end : Points
         Begin and end of the step after each sample. The end is just before the next sample; that of
         the last step has no meaning.
-
-    Raises
-    ------
-    UserError
-        If rates or outputs depend on a state through a discrete state.
     """
 
     def __init__(self, cls: type[Component], parameters: Values, begin: Points, end: Points):
@@ -101,37 +74,6 @@ class ComponentAlong:
         self.begin = begin
         self.end = end
         self.parameters = _with_defaults(cls, parameters)
-        _refuse_feedback(cls, self.parameters, float(np.ptp(begin.time)))
-
-    @uninterrupted()
-    def linearised(self, at: Points) -> StateJacobians:
-        """Return the derivatives by the states at n points."""
-        graph = trace(self.cls)
-        jacobians = [ca.jacobian(e, graph.states) for e in (graph.rates, graph.outputs)]
-        known = [ca.densify(e) for e in _with_parameters(graph, jacobians, self.parameters)]
-        symbols = [graph.time, graph.inputs, graph.states, graph.discretes]
-        n = at.time.shape[1]
-        along = ca.Function("along", symbols, ca.cse(known)).map(n)
-        a, c = (np.asarray(part) for part in along(*at.arguments))
-        states = graph.states.numel()
-        outputs = graph.outputs.numel()
-        return StateJacobians(_by_point(a, (n, states, states)), _by_point(c, (n, outputs, states)))
-
-    def outputs(self, index: int) -> tuple[Array, Array]:
-        """Return an output, or a state, at begin and end of every step, each (n,), SI.
-
-        Parameters
-        ----------
-        index : int
-            Index among the outputs followed by the states.
-        """
-        state = index - len(self.cls.layout.outputs)
-        if state >= 0:
-            return self.begin.states[state], self.end.states[state]
-        begin, end = (
-            np.broadcast_to(outputs[index], self.begin.time.shape[1]) for _, outputs in self.laws
-        )
-        return begin, end
 
     @cached_property
     def laws(self) -> tuple[_Laws, _Laws]:
@@ -176,27 +118,19 @@ class EffectForcing:
     ----------
     component : ComponentAlong
     effect : type[Effect]
-
-    Raises
-    ------
-    UserError
-        If rates or outputs depend on the effect, or on a state, through a discrete state.
+        Without discrete states.
     """
 
     def __init__(self, component: ComponentAlong, effect: type[Effect]):
         self._component = component
         self._cls = stack(component.cls, effect)
         self._switch = effect.neutral
-        parameters = _with_defaults(self._cls, component.parameters)
-        self._parameters = parameters
-        duration = float(np.ptp(component.begin.time))
-        _refuse_feedback(self._cls, parameters, duration, effect)
+        self._parameters = _with_defaults(self._cls, component.parameters)
         layout = self._cls.layout
         known = component.cls.layout
         self._states = _indices_of(layout.states, known.states)
-        self._effect_states = _other_indices(len(layout.states), self._states)
+        self._effect_states = [i for i in range(len(layout.states)) if i not in self._states]
         self._outputs = _indices_of(layout.outputs, known.outputs)
-        self._effect_discretes = _without_known(layout.discretes, known.discretes)
 
     def of(self, settings: Sequence[Values]) -> Forcing:
         """Evaluate the effect in k settings along the trajectory.
@@ -261,37 +195,21 @@ class EffectForcing:
         )
 
     def _effect_trajectory(self, parameters: _Numbers, count: int) -> _EffectTrajectory:
-        """Return the states and discrete states of the effect in `count` settings."""
+        """Return the states of the effect in `count` settings."""
         layout = self._cls.layout
-        trajectory = {
-            v.name: np.broadcast_to(parameters[layout.start_of[v.name]], (count, 1))
-            for v in (*(layout.states[i] for i in self._effect_states), *self._effect_discretes)
+        names = [layout.states[i].name for i in self._effect_states]
+        start = {
+            name: np.broadcast_to(parameters[layout.start_of[name]], (count, 1)) for name in names
         }
-        if self._effect_discretes:
-            trajectory = self._sample_at_start(parameters, trajectory)
-        if self._effect_states and self._component.begin.time.shape[1] > 1:
-            trajectory = self._integrate_effect_states(parameters, trajectory, count)
-        return trajectory
-
-    def _sample_at_start(
-        self, parameters: _Numbers, trajectory: _EffectTrajectory
-    ) -> _EffectTrajectory:
-        """Return a trajectory with the discrete states after the sample at the start."""
-        at = self._component.begin.part(slice(1))
-        instance = _instance_at(self._cls, at, parameters, self._component.cls, trajectory)
-        updates = instance.laws([d.update for d in self._effect_discretes])
-        shape = next(iter(trajectory.values())).shape
-        after = {
-            d.name: np.broadcast_to(np.asarray(law(), dtype=float), shape)
-            for d, law in zip(self._effect_discretes, updates, strict=True)
-        }
-        return trajectory | after
+        if start and self._component.begin.time.shape[1] > 1:
+            return self._integrate(parameters, start, count)
+        return start
 
     @uninterrupted()
-    def _integrate_effect_states(
-        self, parameters: _Numbers, trajectory: _EffectTrajectory, count: int
+    def _integrate(
+        self, parameters: _Numbers, start: _EffectTrajectory, count: int
     ) -> _EffectTrajectory:
-        """Return a trajectory with the states of the effect, integrated in all settings at once.
+        """Return the states of the effect, integrated in all settings at once.
 
         The method is a Rosenbrock method of order 2 for any time constant. For a single state it
         is exponential, and exact if the rate is linear in the state and its arguments are linear in
@@ -300,41 +218,35 @@ class EffectForcing:
         step, so that an element that starts to yield within the step has yielded at its end.
         """
         graph = trace(self._cls)
-        constants = [d.name for d in (*graph.layout.parameters, *self._effect_discretes)]
-        values = {**parameters, **trajectory}
-        columns = [np.broadcast_to(np.asarray(values[n], float), (count, 1)) for n in constants]
+        columns = [
+            np.broadcast_to(np.asarray(parameters[p.name], float), (count, 1))
+            for p in graph.layout.parameters
+        ]
         numbers = np.hstack(columns)
         step = self._step_function(graph)
-        states = ca.SX.sym("states", len(self._effect_states), count)
+        states = ca.SX.sym("states", len(start), count)
         symbols, known = _symbols_of_row(self._component.steps)
         copies = [step(states[:, k], ca.DM(numbers[k]), known) for k in range(count)]
         function = ca.Function("all", [ca.vec(states), symbols], ca.cse([ca.vertcat(*copies)]))
-        names = [graph.layout.states[i].name for i in self._effect_states]
-        start = np.hstack([trajectory[name] for name in names]).ravel()
-        path = np.ascontiguousarray(_integrate_steps(function, start, self._component.steps).T)
-        by_setting = path.reshape(count, len(names), -1)
-        return trajectory | {name: by_setting[:, i] for i, name in enumerate(names)}
+        at_start = np.hstack(list(start.values())).ravel()
+        path = np.ascontiguousarray(_integrate_steps(function, at_start, self._component.steps).T)
+        by_setting = path.reshape(count, len(start), -1)
+        return {name: by_setting[:, i] for i, name in enumerate(start)}
 
     def _step_function(self, graph: Graph) -> ca.Function:
         """Return the function for a step of the states of the effect.
 
-        Its arguments are these states, the parameters followed by the discrete states of the
-        effect, and a row of `ComponentAlong.steps`.
+        Its arguments are these states, the parameters, and a row of `ComponentAlong.steps`.
         """
-        known = {d.name for d in self._component.cls.layout.discretes}
-        discretes = graph.layout.discretes
-        inherited = [i for i, d in enumerate(discretes) if d.name in known]
-        of_effect = _other_indices(len(discretes), inherited)
-        of_component = _entries(graph.states, self._states)
-        arguments = [graph.time, graph.inputs, of_component, _entries(graph.discretes, inherited)]
-        at_end = [ca.SX.sym("end", a.numel()) for a in arguments]
+        at_begin = ca.vertcat(graph.time, graph.inputs, _entries(graph.states, self._states))
+        at_end = ca.SX.sym("end", at_begin.numel())
         h = ca.SX.sym("h")
         states = _entries(graph.states, self._effect_states)
         rates = _entries(graph.rates, self._effect_states)
-        end_rates = ca.substitute([rates], [ca.vertcat(*arguments)], [ca.vertcat(*at_end)])[0]
+        (end_rates,) = ca.substitute([rates], [at_begin], [at_end])
         result = _rosenbrock(states, rates, end_rates, h)
-        numbers = ca.vertcat(graph.parameters, _entries(graph.discretes, of_effect))
-        return ca.Function("step", [states, numbers, ca.vertcat(h, *arguments, *at_end)], [result])
+        row = ca.vertcat(h, at_begin, at_end)
+        return ca.Function("step", [states, graph.parameters, row], [result])
 
 
 def _at_end(trajectory: _EffectTrajectory) -> _EffectTrajectory:
@@ -385,7 +297,7 @@ def _rosenbrock(states: ca.SX, rates: ca.SX, at_end: ca.SX, h: ca.SX) -> ca.SX:
     """Return the states after a step h, as expressions.
 
     For one state it is the exponential Rosenbrock-Euler method, for several it is ROS2; see
-    `EffectForcing._integrate_effect_states` for the sources.
+    `EffectForcing._integrate` for the sources.
 
     Parameters
     ----------
@@ -437,13 +349,13 @@ def _instance_at(
     known : type[Component]
         Component whose variables the points are.
     further : Mapping of str to ndarray
-        Further states and discrete states of `cls`.
+        Further states of `cls`.
     """
     component = cls()
     values_by_name = component.__dict__
     values_by_name.update(parameters)
-    groups = (known.layout.inputs, known.layout.states, known.layout.discretes)
-    for group, values in zip(groups, at.arguments[1:], strict=True):
+    groups = ((known.layout.inputs, at.inputs), (known.layout.states, at.states))
+    for group, values in groups:
         values_by_name.update(zip((v.name for v in group), values, strict=True))
     values_by_name.update(further)
     component.time = at.time[0]
@@ -487,60 +399,6 @@ def _difference(values: Sequence[Any], base: Sequence[Any], divisors: Array, at:
     return result
 
 
-@uninterrupted()
-def _refuse_feedback(
-    cls: type[Component], parameters: _Numbers, duration: float, effect: type[Effect] | None = None
-) -> None:
-    """Raise an error if rates or outputs depend on a state through a discrete state.
-
-    Discrete states that are sampled only at the start, or depend on inputs alone, are allowed.
-
-    Parameters
-    ----------
-    cls : type[Component]
-    parameters : Mapping of str to float
-    duration : float
-        Length of the trajectory, s.
-    effect : type[Effect], optional
-        Last effect of the component, which must not act through a discrete state either.
-    """
-    sampled = set()
-    for clock, members in cls.layout.sampled:
-        period = clock.period
-        if float(parameters[period] if isinstance(period, str) else period) < duration:
-            sampled |= {d.name for d in members}
-    if not sampled:
-        return
-    graph = trace(cls)
-    of_effect = set(effect.declared) if effect is not None else set()
-    expressions = ca.vertcat(graph.rates, graph.outputs)
-    (expressions,) = _with_parameters(graph, [expressions], parameters)
-    seen: set[str] = set()
-    # discrete states in rates and outputs, then discrete states in their updates, and so on
-    while read := sorted(_names_in(expressions) & (sampled - seen)):
-        seen.update(read)
-        updates = ca.vertcat(*(_update_of(graph, name) for name in read))
-        if of_effect & _names_in(updates):
-            raise UserError(f"the effect acts through {read[0]}, which is sampled")
-        (expressions,) = _with_parameters(graph, [updates], parameters)
-        if ca.depends_on(expressions, graph.states):
-            raise UserError(f"{read[0]} is sampled, and depends on a state")
-
-
-def _names_in(expressions: ca.SX) -> set[str]:
-    """Return the names of the symbols in expressions."""
-    return {symbol.name() for symbol in ca.symvar(expressions)}
-
-
-def _update_of(graph: Graph, name: str) -> ca.SX:
-    """Return the expression for the update of a discrete state."""
-    index = [d.name for d in graph.layout.discretes].index(name)
-    for update, (_, members) in zip(graph.updates, graph.layout.sampled, strict=True):
-        if name in {d.name for d in members}:
-            return update[index]
-    raise KeyError(name)
-
-
 def _indices_of(group: Sequence[Declaration], known: Sequence[Declaration]) -> list[int]:
     """Return the indices of known variables in a group, in the order of the known variables."""
     index = {variable.name: i for i, variable in enumerate(group)}
@@ -550,26 +408,3 @@ def _indices_of(group: Sequence[Declaration], known: Sequence[Declaration]) -> l
 def _entries(vector: ca.SX, indices: Sequence[int]) -> ca.SX:
     """Return entries of a vector as a column, which may be empty."""
     return ca.vec(vector[indices])
-
-
-def _other_indices(count: int, indices: Sequence[int]) -> list[int]:
-    """Return the indices below a count that are not among some indices."""
-    return [i for i in range(count) if i not in indices]
-
-
-def _without_known(group: Sequence[Any], known: Sequence[Declaration]) -> list[Any]:
-    """Return the variables of a group that are not among known ones, by name."""
-    names = {variable.name for variable in known}
-    return [variable for variable in group if variable.name not in names]
-
-
-def _with_parameters(graph: Graph, expressions: Sequence[ca.SX], values: Values) -> list[ca.SX]:
-    """Return expressions with numbers substituted for parameters."""
-    numbers = [float(values[p.name]) for p in graph.layout.parameters]
-    return list(ca.substitute(list(expressions), [graph.parameters], [ca.DM(numbers)]))
-
-
-def _by_point(side_by_side: Array, shape: tuple[int, int, int]) -> Array:
-    """Return the matrices of n points, which CasADi returns side by side, as a stack."""
-    n, height, width = shape
-    return side_by_side.reshape(height, n, width).transpose(1, 0, 2)

@@ -6,15 +6,12 @@ b w and dy = C S + d w. One simulation serves for every addition.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
-from fmus.kit.arrays import Array
 from fmus.kit.component import Component
 from fmus.kit.declare import Declaration, Started
 from fmus.kit.interrupt import uninterrupted
@@ -22,31 +19,6 @@ from fmus.kit.layout import law_of
 from fmus.kit.symbolic.tracing import Graph, trace
 
 _NUMBERS = ca.SX, float, int
-
-
-@dataclass(frozen=True)
-class Jacobians:
-    """The derivatives of a perturbed component at points of a trajectory, and values of its laws.
-
-    Attributes
-    ----------
-    a : ndarray, shape (n, states, states)
-        Derivatives of the rates by the states, SI.
-    b : ndarray, shape (n, states, laws)
-        Derivatives of the rates by the additions to the laws, SI.
-    c : ndarray, shape (n, outputs, states)
-        Derivatives of the outputs by the states, SI.
-    d : ndarray, shape (n, outputs, laws)
-        Derivatives of the outputs by the additions to the laws, SI.
-    values : ndarray, shape (n, laws)
-        Values of the laws without additions, SI; that of a law with arguments at its first call.
-    """
-
-    a: Array
-    b: Array
-    c: Array
-    d: Array
-    values: Array
 
 
 class PerturbedLaws:
@@ -87,8 +59,6 @@ class PerturbedLaws:
         self.shown: tuple[Started, ...] = (*states, *discretes) if with_shown_states else ()
         self._add_shown([state.name for state in (*layout.states, *layout.discretes)])
         self.names = list(self._additions)
-        # `_function` over n points, by n
-        self._functions_over_points: dict[int, ca.Function] = {}
 
     @uninterrupted()
     def _add_shown(self, names: Sequence[str]) -> None:
@@ -211,14 +181,6 @@ class PerturbedLaws:
             return False
         return bool(ca.jacobian(value, symbols[0]).is_constant())
 
-    @uninterrupted()
-    def acts_beside(self, law: str) -> set[str]:
-        """Return the inputs and states in the rates and outputs that depend on a law."""
-        graph = self._perturbed
-        elements = [*ca.vertsplit(graph.rates), *ca.vertsplit(graph.outputs)]
-        dependent = [e for e in elements if ca.depends_on(e, self._additions[law])]
-        return self._signals_in(ca.vertcat(ca.SX(0, 1), *dependent))
-
     def computed_from(self, signal: str) -> set[str]:
         """Return the inputs and states that a law depends on; for another signal, its own name."""
         return set(self._inside[signal]) if signal in self._values else {signal}
@@ -269,23 +231,6 @@ class PerturbedLaws:
             return False
         return bool(ca.depends_on(self._values[law], self._additions[other]))
 
-    @cached_property
-    @uninterrupted()
-    def _function(self) -> ca.Function:
-        """Function for the fields of :class:`Jacobians`, from the arguments of a graph."""
-        graph = self._perturbed
-        additions = ca.vertcat(ca.SX(0, 1), *self._additions.values())
-        expressions = [
-            ca.jacobian(graph.rates, graph.states),
-            ca.jacobian(graph.rates, additions),
-            ca.jacobian(graph.outputs, graph.states),
-            ca.jacobian(graph.outputs, additions),
-            ca.vertcat(ca.SX(0, 1), *(self._values[name] for name in self.names)).T,
-        ]
-        zero = ca.DM.zeros(additions.shape)
-        unperturbed = [ca.densify(ca.substitute(e, additions, zero)) for e in expressions]
-        return ca.Function("perturbed", graph.arguments, ca.cse(unperturbed))
-
     @uninterrupted()
     def functions(self) -> list[ca.Function]:
         """Make functions of states, inputs, time, parameters and additions to the laws.
@@ -324,76 +269,3 @@ class PerturbedLaws:
             function("output_slopes_of", outputs, slopes),
             *(function(f"update_{i}_of", update, slopes) for i, update in enumerate(updates)),
         ]
-
-    def along(
-        self,
-        time: Array,
-        parameters: Mapping[str, float],
-        inputs: Mapping[str, Array],
-        signals: Mapping[str, Array],
-    ) -> Jacobians:
-        """Linearise the component at n points of a trajectory.
-
-        Parameters
-        ----------
-        time : ndarray, shape (n,)
-            Seconds.
-        parameters : Mapping of str to float
-            Values, SI; others have their defaults. Unknown names are ignored.
-        inputs : Mapping of str to ndarray, shape (n,)
-            SI; others have their start values.
-        signals : Mapping of str to ndarray, shape (n,)
-            All states and discrete states, SI.
-
-        Returns
-        -------
-        Jacobians
-
-        Raises
-        ------
-        KeyError
-            If a state is missing.
-        """
-        layout = self.graph.layout
-        n = len(time)
-
-        def rows(group: Sequence[Declaration], values: Mapping[str, Any]) -> Array:
-            points = np.empty((n, len(group)))
-            for column, v in zip(points.T, group, strict=True):
-                column[:] = values[v.name]
-            return points
-
-        all_parameters = {p.name: p.start for p in layout.parameters} | dict(parameters)
-        all_inputs = {v.name: v.start for v in layout.inputs} | dict(inputs)
-        points = [
-            np.ascontiguousarray(time, dtype=float),
-            rows(layout.parameters, all_parameters),
-            rows(layout.inputs, all_inputs),
-            rows(layout.states, signals),
-            rows(layout.discretes, signals),
-        ]
-        states = len(layout.states)
-        outputs = len(layout.outputs)
-        laws = len(self.names)
-        shapes = ((states, states), (states, laws), (outputs, states), (outputs, laws), (1, laws))
-        return Jacobians(*self._evaluate(points, shapes))
-
-    def _evaluate(self, points: Sequence[Array], shapes: Sequence[tuple[int, int]]) -> list[Array]:
-        """Evaluate `_function` at n points with arguments (n, ...) and results (n, height, width).
-
-        CasADi reads and writes the memory of the arrays column by column, because converting its
-        matrices takes longer than the evaluation.
-        """
-        n = len(points[0])
-        if n not in self._functions_over_points:
-            self._functions_over_points[n] = self._function.map(n)
-        results = [np.zeros((n, width, height)) for height, width in shapes]
-        buffer: Any  # CasADi's stubs require a size in addition to the memoryview
-        buffer, evaluate = self._functions_over_points[n].buffer()
-        for i, argument in enumerate(points):
-            buffer.set_arg(i, argument.data)
-        for i, result in enumerate(results):
-            buffer.set_res(i, result.data)
-        evaluate()
-        *jacobians, values = (result.swapaxes(1, 2) for result in results)
-        return [*jacobians, values[:, 0]]

@@ -223,12 +223,8 @@ def _read_elf(contents: bytes) -> Library:
         name = _read_text(contents, strings + symbol.name_offset)
         if symbol.section:
             exports.add(name)
-        elif symbol.binding == _GLOBAL:
-            version = _NO_VERSION
-            if _VERSIONS in tables:
-                version = file.unpack("H", _file_offset(loaded, tables[_VERSIONS]) + 2 * k)[0]
-            if version & _VERSION_INDEX <= _NO_VERSION:
-                unsupplied.append(name)
+        elif symbol.binding == _GLOBAL and not _has_version(file, loaded, tables, k):
+            unsupplied.append(name)
     return Library(
         format="ELF",
         machines=(_ELF_MACHINES.get(machine, hex(machine)),),
@@ -236,6 +232,16 @@ def _read_elf(contents: bytes) -> Library:
         exports=frozenset(exports),
         unsupplied=tuple(sorted(unsupplied)),
     )
+
+
+def _has_version(
+    file: _ElfFile, loaded: Sequence[_Section], tables: Mapping[int, int], number: int
+) -> bool:
+    """Return whether a dynamic symbol, given by its number, has a version."""
+    if _VERSIONS not in tables:
+        return False
+    version = file.unpack("H", _file_offset(loaded, tables[_VERSIONS]) + 2 * number)[0]
+    return version & _VERSION_INDEX > _NO_VERSION
 
 
 def _dynamic_entries(dynamic: Sequence[tuple[int, ...]]) -> tuple[list[int], dict[int, int]]:

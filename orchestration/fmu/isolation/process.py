@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -165,29 +165,35 @@ class Process:
         self.busy = True
         self._send((function, arguments, list(callbacks or {})))
         watch = _Watch(self, self._limits.step_timeout)
+        answer = self._final_answer(watch, callbacks or {})
+        if answer is None:
+            raise Ended(self._describe_end(), self.progress.state(), watch.interrupted)
+        self.busy = False
+        kind, content = answer
+        if kind == "result":
+            return content
+        if kind == "interrupted":
+            raise KeyboardInterrupt
+        raise content
+
+    def _final_answer(self, watch: _Watch, callbacks: Mapping[str, Callable[..., None]]) -> Any:
+        """Execute callbacks until the process sends another message; return that, None at its end.
+
+        The first Ctrl-C is passed on to the process; the second one ends it.
+        """
         while True:
             # Ctrl-C may arrive anywhere here, not only while waiting for an answer
             try:
                 answer = self._next_answer(watch)
-                if answer is not None and answer[0] == "callback":
-                    _, name, values = answer
-                    (callbacks or {})[name](*values)
-                    continue
+                if answer is None or answer[0] != "callback":
+                    return answer
+                _, name, values = answer
+                callbacks[name](*values)
             except KeyboardInterrupt:
                 if watch.interrupted:
                     raise self.end("interrupted", interrupted=True) from None
                 watch.interrupted_at = time.monotonic()
                 self._send("interrupt")
-                continue
-            if answer is None:
-                raise Ended(self._describe_end(), self.progress.state(), watch.interrupted)
-            self.busy = False
-            kind, content = answer
-            if kind == "result":
-                return content
-            if kind == "interrupted":
-                raise KeyboardInterrupt
-            raise content
 
     def _next_answer(self, watch: _Watch) -> Any:
         """Return the next message of the process; None if it has ended without one."""

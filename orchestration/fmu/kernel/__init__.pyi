@@ -4,7 +4,6 @@ from .library import Progress as Progress
 from .library import load_exit_watch as load_exit_watch
 from .library import load_stepper as load_stepper
 from .one_fmu import PreparedRun as PreparedRun
-from .program import SET_WHOLE as SET_WHOLE
 from .program import Execution as Execution
 from .program import Handler as Handler
 from .program import KernelReturn as KernelReturn

@@ -14,7 +14,6 @@ from orchestration.fmu.instance import Fmu
 from orchestration.fmu.isolation import describe_rows
 from orchestration.fmu.kernel import library
 from orchestration.fmu.kernel.program import (
-    SET_WHOLE,
     Execution,
     Handler,
     KernelReturn,
@@ -151,7 +150,7 @@ def _add_part(program: Program, fmu: Fmu, course: Course, part: StepPart) -> Non
         references = [fmu.variable(name).valueReference for name in course.linear]
         call = fmu.bound("fmi2SetRealInputDerivatives")
         slopes = Values.in_rows(part.slopes)
-        program.add_real(library.SET_SLOPES, call, references, slopes, slopes_failed)
+        program.add_slopes(call, references, slopes, slopes_failed)
 
     def step_failed(returned: KernelReturn) -> NoReturn:
         raise fmu.step_failed(part.begins[returned.point], returned.status)
@@ -187,13 +186,8 @@ def _add_transfers(
     for kind, positions in positions_of.items():
         call = fmu.bound(f"fmi2{verb}{kind.capitalize()}")
         references = [fmu.variable(names[k]).valueReference for k in positions]
-        if kind == "real":
-            operation = library.SET_REAL if verb == "Set" else library.GET_REAL
-            program.add_real(operation, call, references, values, handler)
-        else:
-            operation = SET_WHOLE[kind] if verb == "Set" else library.GET_WHOLE
-            places = [columns.index(k) for k in positions]
-            program.add_integers(operation, call, references, values, places, handler)
+        places = [columns.index(k) for k in positions]
+        program.add_transfer(call, references, values, places, handler)
 
 
 class _TransferFailures:

@@ -19,8 +19,14 @@ from orchestration.fmu.kernel.library import Operation, Progress, ValueLink
 
 DOUBLE = ctypes.sizeof(ctypes.c_double)
 PULSE_PERIOD = 0.1  # s
-# operations that set a number of a type other than real
-SET_WHOLE = {"integer": library.SET_INTEGER, "boolean": library.SET_BOOLEAN}
+_TRANSFERS = {  # operations by FMI function
+    "fmi2SetReal": library.SET_REAL,
+    "fmi2GetReal": library.GET_REAL,
+    "fmi2SetInteger": library.SET_INTEGER,
+    "fmi2GetInteger": library.GET_WHOLE,
+    "fmi2SetBoolean": library.SET_BOOLEAN,
+    "fmi2GetBoolean": library.GET_WHOLE,
+}
 _REQUESTS = {
     library.STEP: "step",
     library.GET_REAL: "reading",
@@ -135,19 +141,81 @@ class Program:
             integers=self._address(ctypes.c_int(final)),
         )
 
-    def add_real(
+    def add_slopes(
+        self, call: partial[int], references: Sequence[int], slopes: Values, handler: Handler
+    ) -> None:
+        """Add an operation that sets the first time derivatives of inputs.
+
+        Parameters
+        ----------
+        call : functools.partial
+            The bound function ``fmi2SetRealInputDerivatives``.
+        references : sequence of int
+            Value references, shape (n,).
+        slopes : Values
+            Contiguous, in the FMU's units per second.
+        handler : callable
+            Raises the error of a failure.
+        """
+        orders = self._address((ctypes.c_int * len(references))(*[1] * len(references)))
+        self._add_values(library.SET_SLOPES, call, references, slopes, handler, integers=orders)
+
+    def add_transfer(
+        self,
+        call: partial[int],
+        references: Sequence[int],
+        values: Values,
+        places: Sequence[int],
+        handler: Handler,
+        *,
+        owner: int = 0,
+    ) -> None:
+        """Add an operation that sets or gets variables of one type.
+
+        Parameters
+        ----------
+        call : functools.partial
+            Bound function of the FMU, such as ``fmi2SetReal``.
+        references : sequence of int
+            Value references, shape (n,).
+        values : Values
+            Doubles, which the kernel converts from and to integers and booleans.
+        places : sequence of int
+            Index in the values of each variable, shape (n,); consecutive for reals.
+        handler : callable
+            Raises the error of a failure.
+        owner : int
+            Index of the FMU.
+        """
+        function: Any = call.func
+        kind = _TRANSFERS[function.__name__]
+        if kind in (library.SET_REAL, library.GET_REAL):
+            first = values.shifted(places[0])
+            self._add_values(kind, call, references, first, handler, owner)
+            return
+        count = len(references)
+        self._add_values(
+            kind,
+            call,
+            references,
+            values,
+            handler,
+            owner,
+            integers=self._address((ctypes.c_int * count)()),
+            places=self._address((ctypes.c_size_t * count)(*places)),
+        )
+
+    def _add_values(
         self,
         kind: int,
         call: partial[int],
         references: Sequence[int],
         values: Values,
         handler: Handler,
-        *,
         owner: int = 0,
+        **memory: int,
     ) -> None:
-        """Add an operation that sets or gets contiguous reals, or sets slopes of inputs."""
-        # of derivatives, which only slopes have: all are first derivatives
-        orders = self._address((ctypes.c_int * len(references))(*[1] * len(references)))
+        """Append an operation for values of variables; `memory` has the addresses it needs."""
         self._add(
             handler,
             kind,
@@ -157,55 +225,21 @@ class Program:
             count=len(references),
             values=values.address,
             stride=values.stride,
-            integers=orders,
+            **memory,
         )
 
-    def add_integers(
-        self,
-        kind: int,
-        call: partial[int],
-        references: Sequence[int],
-        values: Values,
-        places: Sequence[int],
-        handler: Handler,
-        *,
-        owner: int = 0,
-    ) -> None:
-        """Add an operation that sets or gets integers or booleans.
+    def add_links(self, kind: int, links: Sequence[ValueLink], handler: Handler) -> None:
+        """Add an operation that copies values to inputs, unless there are no links.
 
         Parameters
         ----------
         kind : int
-            Operation of the library.
-        call : functools.partial
-            Bound function of the FMU.
-        references : sequence of int
-            Value references, shape (n,).
-        values : Values
-            Doubles, which the kernel converts from and to integers.
-        places : sequence of int
-            Index in the values of each variable, shape (n,).
+            Operation of the library: ``PASS``, ``SCALE``, ``DISTURB`` or ``DRIVE``.
+        links : sequence of ValueLink
+            Source and target of each value.
         handler : callable
-            Raises the error of a failure.
-        owner : int
-            Index of the FMU.
+            Raises the error of a value that is not finite.
         """
-        count = len(references)
-        self._add(
-            handler,
-            kind,
-            call,
-            owner,
-            references=self._references(references),
-            count=count,
-            values=values.address,
-            stride=values.stride,
-            integers=self._address((ctypes.c_int * count)()),
-            places=self._address((ctypes.c_size_t * count)(*places)),
-        )
-
-    def add_links(self, kind: int, links: Sequence[ValueLink], handler: Handler) -> None:
-        """Add an operation that copies linked values to inputs, if there are any links."""
         if links:
             memory = (ValueLink * len(links))(*links)
             self._add(handler, kind, count=len(links), links=self._address(memory))
@@ -216,7 +250,7 @@ class Program:
         self._add(_cannot_fail, library.KEEP, count=count, values=rows.ctypes.data, ends=source)
 
     def add_python_call(self, handler: Handler) -> None:
-        """Add an operation that is a call of the handler."""
+        """Add an operation that the kernel leaves to Python: `handler` carries it out."""
         self._add(handler, library.CALL)
 
     def add_timer_start(self) -> None:

@@ -64,18 +64,17 @@ def fuse(system: System) -> Graph:
     symbols = {v.name: s for part in parts for v, s in _pairs(part.layout.inputs, part.inputs)}
     system_inputs = {name: ca.SX.sym(name) for name in system.inputs}
     received = _received_expressions(system, parts, system_inputs)
-    # in these the input symbols are replaced, so that they depend on states and system inputs only
-    expressions = [
-        _join(part.rates for part in parts),
-        _join(part.outputs for part in parts),
-        *_join_updates(parts),
-    ]
     order = _order_inputs(system, symbols, received)
     time = ca.SX.sym("time")
-    _, flat = ca.substitute_inplace(
+    # without the symbols of connected inputs, so that all depends on states and system inputs only
+    _, (rates, outputs, *updates) = ca.substitute_inplace(
         [*(part.time for part in parts), *(symbols[name] for name in order)],
         [*(time for _ in parts), *(received[name] for name in order)],
-        expressions,
+        [
+            _join(part.rates for part in parts),
+            _join(part.outputs for part in parts),
+            *_join_updates(parts),
+        ],
     )
     inputs = _fused_inputs(system, layout, received)
     return Graph(
@@ -87,9 +86,9 @@ def fuse(system: System) -> Graph:
         inputs=_join((system_inputs | symbols)[name] for name in inputs),
         states=_join(part.states for part in parts),
         discretes=_join(part.discretes for part in parts),
-        rates=flat[0],
-        outputs=flat[1],
-        updates=tuple(flat[2:]),
+        rates=rates,
+        outputs=outputs,
+        updates=tuple(updates),
     )
 
 

@@ -80,9 +80,10 @@ def check_shape(element: Element, name: str, member: Member, where: str) -> None
     """
     sizes = [node.get("size") for node in element.iterfind("ssc:Dimension", NAMESPACES)]
     actual = [str(size) for size in variable_of(member, name).shape]
-    # a dimension without a number is taken to be the actual one
-    completed = [size or known for size, known in zip(sizes, actual, strict=False)]
-    if sizes and not (completed == actual and len(sizes) == len(actual)):
+    agree = len(sizes) == len(actual) and all(
+        not declared or declared == size for declared, size in zip(sizes, actual, strict=True)
+    )
+    if sizes and not agree:
         given = " by ".join(size or "any" for size in sizes)
         raise UserError(
             f"{where} is declared as {given} elements, but in the FMU it has"

@@ -201,15 +201,22 @@ def _connectors_of(member: Member, ends: Container[End], definitions: Definition
     """
     model = interface(member)
     described: dict[str, Element] = {}
-    for kind, signals in (("input", model.inputs), ("output", model.outputs)):
-        for element in signals:
-            end = end_of(member, element)
-            name = end.connector
-            is_used = end in ends or End(member.name, name) in ends
-            if name not in described and (is_used or kind == "output"):
-                type_element = type_of(member, element, definitions)
-                shape = variable_of(member, name).shape
-                described[name] = connector(name, kind, type_element, shape)
+
+    def describe(kind: str, element: str) -> None:
+        """Describe the connector of a signal, unless another element of its array has it."""
+        name = end_of(member, element).connector
+        if name not in described:
+            type_element = type_of(member, element, definitions)
+            shape = variable_of(member, name).shape
+            described[name] = connector(name, kind, type_element, shape)
+
+    for element in model.inputs:
+        end = end_of(member, element)
+        whole = End(member.name, end.connector)  # a wire of the whole array
+        if end in ends or whole in ends:
+            describe("input", element)
+    for element in model.outputs:
+        describe("output", element)
     return list(described.values())
 
 

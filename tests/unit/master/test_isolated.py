@@ -34,7 +34,8 @@ def test_what_is_left_of_a_run_are_its_whole_rows(tmp_path, monkeypatch):
     recorder._file.close()
     points = [0.0, 0.5, 1.0, 1.5]
     description = RowDescription(points, 3, {"a.y": 2, "a.x": 0}, {"a.y": "m", "a.x": "N"}, {})
-    run = _partial_run(progress, description, 0, "it ended")
+    progress.describe_rows(description)
+    run = _partial_run(progress, 0, "it ended")
     assert run.time.tolist() == [0.0, 0.5]
     assert {name: values.tolist() for name, values in run.signals.items()} == {
         "a.y": [2.0, 5.0],
@@ -44,5 +45,5 @@ def test_what_is_left_of_a_run_are_its_whole_rows(tmp_path, monkeypatch):
 
 
 def test_of_a_run_that_had_not_begun_nothing_is_left(tmp_path):
-    run = _partial_run(SharedProgress(tmp_path), None, 0, "it ended")
+    run = _partial_run(SharedProgress(tmp_path), 0, "it ended")
     assert (run.time.size, run.signals, run.complete) == (0, {}, False)

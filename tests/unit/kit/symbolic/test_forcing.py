@@ -11,15 +11,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fmus.kit import Component, Discrete, Effect, Input, Output, Parameter, State, maximum, sin
+from fmus.kit import Component, Effect, Input, Output, Parameter, State, maximum, sin
 from fmus.kit.arms import lag_effect
 from fmus.kit.curves import curve
-from fmus.kit.errors import UserError
-from fmus.kit.inputs import backlash, input_offset, input_saturation
-from fmus.kit.sensors import sensor_drift, sensor_gain, sensor_lag, sensor_offset
+from fmus.kit.inputs import backlash, input_saturation
+from fmus.kit.sensors import sensor_drift, sensor_gain, sensor_offset
 from fmus.kit.symbolic.forcing import ComponentAlong, EffectForcing, Points
-from fmus.voice_coil_dma.effects import AmplifierSaturation, CoulombFriction
-from fmus.voice_coil_dma.model import VoiceCoilDma
 from tests.support.regression_model import Amplifier
 
 N = 41
@@ -55,35 +52,6 @@ class Pendulum(Component):
         return self.speed + self.angle * self.angle + 2.0 * self.torque
 
 
-class Held(Component):
-    """A lag behind an input that is sampled first, or behind itself, sampled."""
-
-    name = "held"
-    period = Parameter(0.1, "s", min=1e-3)
-    back = Parameter(0.0, "1")
-    fed = Input("1")
-    lagging = State("1", rate="lagging_rate")
-    sampled = Discrete("1", update="sample", period="period")
-    once = Discrete("1", update="read", period=1e9)
-
-    def sample(self):
-        return self.arriving() + self.back * self.lagging
-
-    def arriving(self):
-        return 1.0 * self.fed
-
-    def read(self):
-        return self.lagging
-
-    def lagging_rate(self):
-        return self.sampled + self.once - self.lagging
-
-    @Output("1")
-    def shown(self):
-        """The state."""
-        return self.lagging
-
-
 class Drained(Effect):
     """A share of gravity that is left: neutral is the most there can be, beyond is nonsense."""
 
@@ -96,13 +64,11 @@ class Drained(Effect):
         return (self.left * self.left + 1e3 * maximum(self.left - 1.0, 0.0)) * super().gravity()
 
 
-def points(inputs, states, discretes=None, step=STEP):
-    """Return begin and end of steps: held inputs, states that go on, discrete states that hold."""
-    n = inputs.shape[1]
-    time = step * np.arange(n)[np.newaxis]
-    held = np.zeros((0, n)) if discretes is None else discretes
-    begin = Points(time, inputs, states, held)
-    return begin, Points(following(time), inputs, following(states), held)
+def points(inputs, states, step=STEP):
+    """Return begin and end of steps, with inputs that are held and states that go on."""
+    time = step * np.arange(inputs.shape[1])[np.newaxis]
+    begin = Points(time, inputs, states)
+    return begin, Points(following(time), inputs, following(states))
 
 
 def following(values):
@@ -123,41 +89,6 @@ def amplified(u, linear=False, step=STEP):
     if linear:
         end = replace(end, inputs=following(begin.inputs))
     return ComponentAlong(Amplifier, {"gain": 2.0}, begin, end)
-
-
-# --- the component
-# --------------------------------------------------------------------------------------------------
-
-
-def test_a_component_is_linearised_as_on_paper():
-    begin, end = swinging()
-    for at in (begin, end):
-        found = along(begin, end, pull=3.0).linearised(at)
-        angle = at.states[0]
-        expected = np.zeros((N, 2, 2))
-        expected[:, 0, 1] = 1.0
-        expected[:, 1, 0] = -3.0 * np.cos(angle)
-        expected[:, 1, 1] = -0.5
-        assert found.a == pytest.approx(expected, abs=1e-12)
-        shown = np.stack([2.0 * angle, np.ones(N)], axis=1)[:, np.newaxis]
-        assert found.c == pytest.approx(shown, abs=1e-12)
-
-
-def test_a_component_without_states_has_empty_matrices():
-    found = amplified(np.ones(5)).linearised(amplified(np.ones(5)).begin)
-    assert found.a.shape == (5, 0, 0)
-    assert found.c.shape == (5, 1, 0)
-
-
-def test_outputs_are_those_at_begin_and_end_and_states_follow_them():
-    begin, end = swinging()
-    component = along(begin, end)
-    for place, side, at in ((0, 0, begin), (0, 1, end)):
-        angle, speed = at.states
-        expected = speed + angle**2 + 2.0 * at.inputs[0]
-        assert component.outputs(place)[side] == pytest.approx(expected, rel=1e-12)
-    assert np.array_equal(component.outputs(1)[0], begin.states[0])
-    assert np.array_equal(component.outputs(2)[1], end.states[1])
 
 
 # --- effects without states
@@ -213,7 +144,8 @@ def test_an_effect_of_an_input_comes_in_wherever_the_input_does():
 def test_sensors_show_what_they_add():
     begin, end = swinging()
     component = along(begin, end)
-    shown, _ = component.outputs(0)
+    angle, speed = begin.states
+    shown = speed + angle**2 + 2.0 * begin.inputs[0]
     elapsed = begin.time[0]
     for make, expected in (
         (sensor_gain, shown),
@@ -269,31 +201,6 @@ def test_a_lag_of_a_line_that_is_interpolated_is_the_one_on_paper(step):
     assert found.shown[:, 0, 0] == pytest.approx(expected, rel=1e-5, abs=1e-8)
 
 
-def test_a_sensor_that_lags_reads_less_by_what_is_to_come():
-    """Of a ramp of 3 per second: T r less, once it has moved for longer than the lag; for a little
-    of a lag that is stiff, r less at once.
-    """
-    lag = sensor_lag(Amplifier, "shown")
-    time = 0.02 * np.arange(201)
-    component = amplified(1.5 * time, linear=True, step=0.02)
-    found = EffectForcing(component, lag).of([{lag.neutral: 0.0}, {lag.neutral: 0.3}])
-    slow = -0.3 * 3.0 * (1.0 - np.exp(-time / 0.3))
-    assert found.shown[:, 0, 1] == pytest.approx(slow, abs=1e-6)
-    assert found.shown[30:, 0, 0] == pytest.approx(-3.0, rel=1e-5)
-    assert found.shown[0, 0, 0] == pytest.approx(0.0, abs=1e-5)
-
-
-@pytest.mark.parametrize("step", [0.001, 0.1, 10.0])
-def test_a_lag_of_10_ms_is_exact_in_steps_of_any_length(step):
-    """After a jump of 2: what is still to come, over 10 ms."""
-    lag = sensor_lag(Amplifier, "shown")
-    u = np.zeros(60)
-    u[20:] = 1.0
-    found = EffectForcing(amplified(u, step=step), lag).of([{lag.neutral: 0.0}]).shown[:, 0, 0]
-    assert found[:20] == pytest.approx(0.0, abs=1e-9)
-    assert found[20:] == pytest.approx(-200.0 * np.exp(-100.0 * step * np.arange(40)), abs=0.02)
-
-
 @pytest.mark.parametrize(("step", "error"), [(0.002, 2e-3), (0.05, 0.02)])
 def test_a_play_is_that_of_its_equations(step, error):
     """Its state follows what arrives within a hundredth of a second: a stiff and bent equation, in
@@ -329,62 +236,3 @@ def test_a_loop_over_a_state_is_that_of_bouc_and_wen():
     z = solve_ivp(rate, (0.0, 3.0), [0.0], t_eval=time, rtol=1e-8, atol=1e-10).y[0]
     assert np.ptp(z) > 1.5
     assert found.begin[:, 1, 0] == pytest.approx(-z, abs=5e-3)
-
-
-# --- what is sampled
-# --------------------------------------------------------------------------------------------------
-
-
-def held_course(**parameters):
-    discretes = np.vstack([RNG.standard_normal(N), np.zeros(N)])
-    begin, end = points(RNG.standard_normal((1, N)), RNG.standard_normal((1, N)), discretes)
-    return ComponentAlong(Held, parameters, begin, end)
-
-
-def test_what_is_sampled_of_inputs_alone_counts_as_it_is():
-    component = held_course()
-    linear = component.linearised(component.begin)
-    assert linear.a == pytest.approx(-1.0)
-    assert linear.c == pytest.approx(1.0)
-    lag = curve(Held, "lagging_rate", "lagging", "cubic", "1/s", 1.0)
-    found = EffectForcing(component, lag).of([{lag.neutral: 0.0}])
-    assert found.begin[:, 0, 0] == pytest.approx(component.begin.states[0] ** 3, rel=1e-6, abs=1e-9)
-    assert found.end[:, 0, 0] == pytest.approx(component.end.states[0] ** 3, rel=1e-6, abs=1e-9)
-
-
-def test_a_state_that_comes_back_through_a_sample_is_refused():
-    with pytest.raises(UserError, match="sampled is sampled, and depends on a state"):
-        held_course(back=1.0)
-    held_course(back=1.0, period=10.0)  # sampled at the start only
-
-
-def test_an_effect_that_acts_through_a_sample_is_refused():
-    component = held_course()
-    with pytest.raises(UserError, match="acts through sampled"):
-        EffectForcing(component, curve(Held, "arriving", "fed", "cubic", "1", 1.0))
-    with pytest.raises(UserError, match="acts through sampled"):
-        EffectForcing(component, input_offset(Held, "fed"))
-
-
-@pytest.mark.parametrize("controlled", [0.0, 1.0])
-def test_a_bench_is_refused_where_its_loop_is_closed(controlled):
-    layout = VoiceCoilDma.layout
-    shape = [np.zeros((len(group), 200)) for group in (layout.inputs, layout.states)]
-    begin, end = points(*shape, np.zeros((len(layout.discretes), 200)))
-    parameters = {"controller_on": controlled}
-    if controlled:
-        with pytest.raises(UserError, match="is sampled, and depends on a state"):
-            ComponentAlong(VoiceCoilDma, parameters, begin, end)
-        return
-    component = ComponentAlong(VoiceCoilDma, parameters, begin, end)
-    for effect in (CoulombFriction, AmplifierSaturation, input_offset(VoiceCoilDma, "tension")):
-        EffectForcing(component, effect)
-    with pytest.raises(UserError, match="acts through voltage_command"):
-        EffectForcing(component, input_offset(VoiceCoilDma, "force_reference"))
-
-
-def test_points_of_a_part_are_those_of_all_their_arrays():
-    begin, _ = swinging()
-    part = begin.part(slice(3, 7))
-    for one, whole in zip(part.arguments, begin.arguments, strict=True):
-        assert np.array_equal(one, whole[:, 3:7])

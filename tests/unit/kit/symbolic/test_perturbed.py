@@ -175,9 +175,36 @@ def by_differences(cls, laws, at, values):
     return np.array(columns).T
 
 
+class Linearised:
+    """Jacobians by states (a, c) and additions (b, d), and values of laws, at points."""
+
+    def __init__(self, laws, time, parameters, inputs, signals):
+        functions = {f.name(): f for f in laws.functions()}
+        layout = laws.graph.layout
+        rates, outputs, values = [], [], []
+        for k, now in enumerate(time):
+            at = {n: v[k] for n, v in (inputs | signals).items()}
+            arguments = [
+                [at[v.name] for v in (*layout.states, *layout.discretes)],
+                [at[v.name] for v in layout.inputs],
+                now,
+                [parameters.get(p.name, p.start) for p in layout.parameters],
+                np.zeros(len(laws.names)),
+            ]
+            rates.append([m.full() for m in functions["rate_slopes_of"](*arguments)])
+            outputs.append([m.full() for m in functions["output_slopes_of"](*arguments)])
+            values.append(functions["laws_of"](*arguments)[0].full().ravel())
+        nx = len(layout.states)
+        self.a, self.b = (np.array([r[i][:nx] for r in rates]) for i in (1, 3))
+        self.a = self.a[:, :, :nx]
+        self.c, self.d = (np.array([o[i] for o in outputs]) for i in (1, 3))
+        self.c = self.c[:, :, :nx]
+        self.values = np.array(values)
+
+
 def check_against_differences(cls, seed=3, skipped=()):
     laws, (time, parameters, inputs, signals) = PerturbedLaws(cls), points(cls, seed)
-    found, layout = laws.along(time, parameters, inputs, signals), cls.layout
+    found, layout = Linearised(laws, time, parameters, inputs, signals), cls.layout
     states = [s.name for s in layout.states]
     assert found.a.shape == (POINTS, len(states), len(states))
     assert found.d.shape == (POINTS, len(layout.outputs), len(laws.names))
@@ -232,7 +259,7 @@ def test_jacobians_of_an_input_that_arrives_as_another():
 def test_values_are_those_of_the_laws():
     laws, (time, parameters, inputs, signals) = PerturbedLaws(Chain), points(Chain, 5)
     values = dict(
-        zip(laws.names, laws.along(time, parameters, inputs, signals).values.T, strict=True)
+        zip(laws.names, Linearised(laws, time, parameters, inputs, signals).values.T, strict=True)
     )
     first, second = signals["first"], signals["second"]
     assert values["held"] == pytest.approx(inputs["drive"])
@@ -244,16 +271,6 @@ def test_values_are_those_of_the_laws():
     assert values["sampled"] == pytest.approx(inputs["fed"] + first)
 
 
-def test_what_is_not_given_is_at_its_default():
-    laws = PerturbedLaws(Chain)
-    state = {"first": np.zeros(2), "second": np.zeros(2), "kept": np.zeros(2)}
-    found = laws.along(np.zeros(2), {"somebody_elses": 1.0}, {}, state)
-    assert found.values[:, laws.names.index("constant")] == pytest.approx([0.7, 0.7])
-    assert found.values[:, laws.names.index("held")] == pytest.approx([0.3, 0.3])
-    with pytest.raises(KeyError, match="kept"):
-        laws.along(np.zeros(2), {}, {}, {"first": np.zeros(2), "second": np.zeros(2)})
-
-
 def test_laws_are_those_that_are_called_and_give_one_number():
     assert sorted(PerturbedLaws(Chain).names) == sorted(CHAIN)
     names = PerturbedLaws(Pendulum).names
@@ -262,7 +279,7 @@ def test_laws_are_those_that_are_called_and_give_one_number():
 
 def test_a_component_without_states():
     laws = PerturbedLaws(Divider)
-    found = laws.along(np.arange(3.0), {}, {"supply": np.array([1.0, 2.0, 3.0])}, {})
+    found = Linearised(laws, np.arange(3.0), {}, {"supply": np.array([1.0, 2.0, 3.0])}, {})
     assert found.a.shape == (3, 0, 0)
     assert found.b.shape == (3, 0, 2)
     assert found.d[:, 0] == pytest.approx(np.array([[1.0, 1.0], [1.0, 2.0], [1.0, 3.0]])), (
@@ -367,22 +384,6 @@ def test_what_a_law_is_computed_from(law, from_these):
 
 
 @pytest.mark.parametrize(
-    ("law", "beside"),
-    [
-        (
-            "held",
-            {"drive", "first", "second", "kept", "time"},
-        ),  # in a rate, a sum and what the time stands in
-        ("handed_on", {"first", "second", "kept", "time"}),
-        ("twice", {"second", "kept"}),
-        ("sampled", set()),  # of an update, which nothing feels at once
-    ],
-)
-def test_what_a_law_acts_beside(law, beside):
-    assert PerturbedLaws(Chain).acts_beside(law) == beside
-
-
-@pytest.mark.parametrize(
     ("signal", "of"),
     [
         ("first", {"first"}),
@@ -436,9 +437,8 @@ def test_a_law_through_another_that_an_effect_overrides():
 def test_sine_of_a_pendulum_by_hand():
     laws = PerturbedLaws(Pendulum)
     angle = np.array([0.3, -1.0])
-    found = laws.along(
-        np.zeros(2), {}, {"torque": np.zeros(2)}, {"angle": angle, "velocity": np.zeros(2)}
-    )
+    signals = {"angle": angle, "velocity": np.zeros(2)}
+    found = Linearised(laws, np.zeros(2), {}, {"torque": np.zeros(2)}, signals)
     assert found.a[:, 1, 0] == pytest.approx(-5.0 * np.cos(angle) / 0.5)
     assert found.b[:, 1, laws.names.index("friction")] == pytest.approx([-2.0, -2.0])
     assert found.values[:, laws.names.index("gravity")] == pytest.approx(
