@@ -67,14 +67,43 @@ def conclude(found: Found, inseparable: Pairs = ()) -> Conclusion:
         Pairs of causes, by their keys, that no experiment tells apart; see `equivalence`.
     """
     ranked = [entry for entry in found.compared() if not entry.comparison.is_worse]
-    best: dict[frozenset[object], Ranked] = {}
-    for entry in _near_the_likeliest(ranked, found):
-        best.setdefault(frozenset(part.source[:3] for part in entry.judged.parts), entry)
-    sets = sorted(best.items(), key=lambda item: -item[1].score)
-    top = _minimal(sets)[:_SETS]
+    near = _near_the_likeliest(ranked, found)
+    top = _best_sets(near)
     *shares, nothing = _shares(top, found.temper)
-    group = _group(_calibrated(_causes(top, shares, found, inseparable), found))
+    causes = _causes(top, shares, found, inseparable)
+    group = _group(_calibrated(causes, found))
+    if not _is_enough(group):
+        behind = _best_sets([entry for entry in ranked if entry not in near])
+        causes += _others(_causes(behind, [0.0] * len(behind), found, inseparable), causes, found)
+        group = _group(_calibrated(causes, found))
     return Conclusion(_verdict(group, found), group, nothing, found.base)
+
+
+def _best_sets(ranked: Sequence[Ranked]) -> list[Ranked]:
+    """Return the best fit of each set of sources, the best first, but of no set with a better one.
+
+    Parameters
+    ----------
+    ranked : sequence of Ranked
+        The best first.
+    """
+    best: dict[frozenset[object], Ranked] = {}
+    for entry in ranked:
+        best.setdefault(frozenset(part.source[:3] for part in entry.judged.parts), entry)
+    return _minimal(sorted(best.items(), key=lambda item: -item[1].score))[:_SETS]
+
+
+def _others(behind: Sequence[Cause], causes: Sequence[Cause], found: Found) -> list[Cause]:
+    """Return the causes that are none of others in other words.
+
+    They are behind on what is left out; but by how far the best is ahead of them it is known how
+    sure that one is, and so they are what else it may be.
+    """
+    return [
+        one
+        for one in behind
+        if not any(one.key in known.members or _is_one_with(one, known, found) for known in causes)
+    ]
 
 
 def _minimal(sets: Sequence[tuple[frozenset[object], Ranked]]) -> list[Ranked]:
@@ -234,6 +263,11 @@ def _group(causes: Sequence[Cause]) -> tuple[Cause, ...]:
     return tuple(causes[: int(np.searchsorted(reached, WEIGHTS.group)) + 1])
 
 
+def _is_enough(group: Sequence[Cause]) -> bool:
+    """Return whether a group reaches the probability of an answer."""
+    return sum(cause.probability for cause in group) >= WEIGHTS.group
+
+
 def _verdict(group: Sequence[Cause], found: Found) -> str:
     """Return the verdict; never a cause whose error rises where nothing is chosen by it.
 
@@ -243,8 +277,7 @@ def _verdict(group: Sequence[Cause], found: Found) -> str:
     if not group or group[0].score <= 0.0 or group[0].comparison.evidence <= WEIGHTS.least:
         is_missing = found.gain_where_fitted() > WEIGHTS.least or drifts(found.base)
         return "unexplained" if is_missing else "consistent"
-    reached = sum(cause.probability for cause in group)
-    if reached < WEIGHTS.group or rises(group[0].judged, found.base):
+    if not _is_enough(group) or rises(group[0].judged, found.base):
         return "unexplained"
     first = group[0].judged
     if is_lost(first, found.subject_of(first.reading)):
