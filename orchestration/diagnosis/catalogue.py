@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -22,8 +22,9 @@ from fmus.kit.effects import effect_name, unstack
 from fmus.kit.symbolic import ComponentAlong, EffectForcing, Forcing, Points
 from fmus.kit.titles import effect_title
 from orchestration.diagnosis.courses import Courses
+from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.responses import Drives, Stepped, steps_along
-from orchestration.diagnosis.runs import Linearisation
+from orchestration.diagnosis.runs import Course, Linearisation, Record, Setting
 from orchestration.diagnosis.terms import NamedTerm, Released, Shape
 from orchestration.fmu.model import catalogue
 from orchestration.identify.fitting import Scale, scale_of
@@ -114,45 +115,71 @@ def _by_forcing(along: Courses) -> Callable[[str, _Settings], Array]:
 
 
 def _by_runs(along: Courses) -> Callable[[str, _Settings], Array]:
-    """Return the function for responses (n, m, k) to an effect in k settings, by runs with it.
-
-    Without other effects of the catalogue, or each pair of them would be compiled.
-    """
-    model, setting = along.model, along.setting(along.pieces[0])
-    pairs = [(t, own) for t, own in setting.by_term() if not isinstance(t, NamedTerm)]
-    terms = tuple(t for t, _ in pairs)
-    values = np.concatenate([np.zeros(0), *(own for _, own in pairs)])
-    bare = replace(setting, free=setting.free[:0], terms=terms, values=values)
-    settings = [replace(bare, parameters=along.setting(r).parameters) for r in along.pieces]
-    starts = [course.states[0][: len(model.states)] for course in along.courses]
-    bases = [model.run(*one) for one in zip(along.pieces, settings, starts, strict=True)]
-    parts = list(zip(along.pieces, settings, starts, bases, strict=True))
-
-    def response(piece: int, term: NamedTerm, strength: float) -> Array:
-        record, plain, start, base = parts[piece]
-        own = term.values(strength)
-        changed = replace(plain, terms=(*terms, term), values=np.append(values, own))
-        run = model.run(record, changed, start, sensitive=not strength)
-        if run is None or base is None:
-            return np.full((len(record.time), len(model.outputs)), np.nan)
-        if strength:
-            return run.outputs - base.outputs
-        slopes = np.zeros_like(run.outputs)
-        slopes[:, record.measured] = run.slopes[:, :, len(values)]
-        return slopes
+    """Return the function for responses (n, m, k) to an effect in k settings, by runs with it."""
+    model = along.model
+    pieces = [
+        _Piece(model, piece, _without_effects(along.setting(piece)), course.states[0])
+        for piece, course in zip(along.pieces, along.courses, strict=True)
+    ]
 
     def responses_to(name: str, settings: _Settings) -> Array:
         effect = model.effects[name]
-        declared = _declared(effect)
+        switch = _declared(effect)[0].name
         columns = []
         for one in settings:
             term = _term(name, effect, one, 1.0, along.step)
-            strength = one[declared[0].name]
-            each = [response(piece, term, strength) for piece in range(len(parts))]
+            each = [piece.response(term, one[switch]) for piece in pieces]
             columns.append(np.concatenate(each))
         return np.dstack(columns)[:, along.measured]
 
     return responses_to
+
+
+def _without_effects(setting: Setting) -> Setting:
+    """Return a setting without terms of the catalogue, each pair of which would be compiled."""
+    pairs = [(t, own) for t, own in setting.by_term() if not isinstance(t, NamedTerm)]
+    values = np.concatenate([np.zeros(0), *(own for _, own in pairs)])
+    return replace(setting, free=setting.free[:0], terms=tuple(t for t, _ in pairs), values=values)
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """A piece of a record, over which runs with an effect are compared to one without.
+
+    Attributes
+    ----------
+    model : LawModel
+    record : Record
+    setting : Setting
+    begin : ndarray, shape (nx + nz,)
+        States and memories.
+    """
+
+    model: LawModel
+    record: Record
+    setting: Setting
+    begin: Array
+
+    def response(self, term: NamedTerm, strength: float) -> Array:
+        """Return the change (n, ny) of the outputs by an effect, at no strength its slope."""
+        plain = self.setting
+        terms, values = (*plain.terms, term), np.append(plain.values, term.values(strength))
+        run = self._run(replace(plain, terms=terms, values=values), sensitive=not strength)
+        if run is None or self._base is None:
+            return np.full((len(self.record.time), len(self.model.outputs)), np.nan)
+        if strength:
+            return run.outputs - self._base.outputs
+        slopes = np.zeros_like(run.outputs)
+        slopes[:, self.record.measured] = run.slopes[:, :, len(plain.values)]
+        return slopes
+
+    @cached_property
+    def _base(self) -> Course | None:
+        return self._run(self.setting)
+
+    def _run(self, setting: Setting, *, sensitive: bool = False) -> Course | None:
+        start = self.begin[: len(self.model.states)]
+        return self.model.run(self.record, setting, start, sensitive=sensitive)
 
 
 def _settings(

@@ -29,7 +29,7 @@ from orchestration.diagnosis.pieces import Note, pieces_of, recorded_inputs
 from orchestration.diagnosis.readings import TIME, Reading
 from orchestration.diagnosis.remainder import Remainder, drifts, remainders
 from orchestration.diagnosis.runs import Record
-from orchestration.diagnosis.search import Found, search
+from orchestration.diagnosis.search import Found, leaves_more, search
 from orchestration.diagnosis.subject import Subject, predicted, subject_of
 from orchestration.diagnosis.term_names import deviations, estimates, stems
 from orchestration.diagnosis.terms import Term
@@ -328,15 +328,8 @@ class _Data:
         if reading is not None:
             own = [reading.apply(self.law_model, record) for record in own]
             others = [reading.apply(self.law_model, record) for record in others]
-        return subject_of(
-            self.law_model,
-            own,
-            others,
-            hold,
-            options.given,
-            options.interpolate,
-            local=self.local,
-        )
+        known = hold, options.given, options.interpolate
+        return subject_of(self.law_model, own, others, *known, local=self.local)
 
 
 def _decide(
@@ -414,13 +407,8 @@ def _answer(
             base = one.judge(by_least_squares(one.base))
             found = None if base is None else Found(one, base)
         else:
-            found = search(
-                one,
-                progress,
-                deadline.is_over,
-                options.is_candidate,
-                thorough=options.thorough,
-            )
+            ways = progress, deadline.is_over, options.is_candidate
+            found = search(one, *ways, thorough=options.thorough)
         return None if found is None else (found, _concluded(found))
 
     begun = subject.judge(subject.base)
@@ -494,12 +482,10 @@ def _predicted_answer(
 
 def _is_open(answer: _Answer) -> bool:
     """Return whether no cause is found, or one that leaves more than noise."""
-    found, conclusion = answer
+    conclusion = answer[1]
     if not conclusion.is_named:
         return conclusion.verdict == "unexplained"
-    in_spreads = np.ones(len(found.subject.problem.spread))
-    left = remainders(conclusion.causes[0].judged, in_spreads)
-    return any(one.is_more_than_noise for one in left)
+    return leaves_more(conclusion.causes[0].judged)
 
 
 def _is_trusted(subject: Subject) -> bool:

@@ -138,18 +138,8 @@ class Screen:
         is_candidate: Callable[[Term], bool] = lambda term: True,
     ):
         self._along = along
-        classes = alike(along.model, along.parts)
-        shapes = _Shapes(along.model)
-        self.candidates = list(_candidates(along, classes, shapes))
-        if all(piece.gain is None for piece in along.pieces):  # an observer follows its sensors
-            self.candidates += _of_sensors(along, shapes)
-        if len(along.fitted.problem.records) == 1:  # an instant is one of a record
-            self.candidates += _changes(along, classes, shapes)
-        if named:
-            effects = named_terms(along)
-            none = np.zeros(0)
-            self.candidates += [Candidate(one.term, one.response, none, 0.0) for one in effects]
-        self.candidates = [one for one in self.candidates if is_candidate(one.term)]
+        every = _candidates(along, named)
+        self.candidates = [candidate for candidate in every if is_candidate(candidate.term)]
         self.ends = np.cumsum([0, *(c.term.coefficients for c in self.candidates)])
         self._columns, measured = self._projected()
         outputs = len(along.spread)
@@ -169,18 +159,16 @@ class Screen:
         """
         along = self._along
         stride = max(1, int(np.ceil(len(along.laws) * len(along.spread) / _ROWS)))
-        drives, effects = self._drives(), self._effects()
-        ends = np.cumsum([0, *(len(t) for t in along.times)]).tolist()
         counts = [-(-len(t) // stride) for t in along.times]
         columns = np.empty((self.ends[-1], len(along.spread), sum(counts)))
-        targets, others = [], []
-        for i, samples in enumerate(itertools.pairwise(ends)):
-            own = columns[:, :, sum(counts[:i]) : sum(counts[: i + 1])]
-            of_laws = drives.part(*samples)
-            target, free = self._rows(i, of_laws, effects[slice(*samples)], stride, own)
-            targets.append(target)
-            others.append(free)
-        target, free = (np.concatenate(parts).swapaxes(0, 1) for parts in (targets, others))
+        of_pieces = np.split(columns, np.cumsum(counts)[:-1], axis=2)
+        drives, effects = self._drives(), self._effects()
+        first, rows = 0, []
+        for i, own in enumerate(of_pieces):
+            last = first + len(along.times[i])
+            rows.append(self._rows(i, drives.part(first, last), effects[first:last], stride, own))
+            first = last
+        target, free = (np.concatenate(parts).swapaxes(0, 1) for parts in zip(*rows, strict=True))
         absent = ~np.isfinite(target).ravel()
         whole = columns.reshape(len(columns), len(absent))
         whole[:, absent] = 0.0
@@ -478,14 +466,51 @@ class _Views:
         return view.memory is not Memory.FADING or view.signal not in self._model.integrals
 
 
-def _owner(model: LawModel, classes: Sequence[str], signal: str) -> tuple[str, bool]:
-    """Return the law of a class that owns a signal, and whether it depends on it already."""
-    depends = {law: model.reads(law) for law in classes}
-    having = [law for law in classes if signal in depends[law] or signal == law]
-    if having:
-        return min(having, key=lambda law: (len(depends[law]), law in model.rates)), True
-    whole = [law for law in classes if law in model.rates]
-    return (whole or [max(classes, key=lambda law: len(depends[law]))])[0], False
+@dataclass(frozen=True, eq=False)
+class _Alike:
+    """Laws that act alike.
+
+    Attributes
+    ----------
+    model : LawModel
+    values : Mapping of str to ndarray, shape (n,)
+        Of signals along the courses.
+    sizes : dict of str to float
+        Of each law, SI: the typical size of one of them, and what does the same in the others.
+    """
+
+    model: LawModel
+    values: Mapping[str, Array]
+    sizes: dict[str, float]
+
+    @cached_property
+    def whole(self) -> str:
+        """A rate among them, which is a whole balance, or the first."""
+        return next((law for law in self.sizes if law in self.model.rates), next(iter(self.sizes)))
+
+    @cached_property
+    def amounts(self) -> dict[str, Array]:
+        """Additions (n,) of a size to each law."""
+        return {law: np.full(len(self.values[law]), size) for law, size in self.sizes.items()}
+
+    @cached_property
+    def reads(self) -> dict[str, Collection[str]]:
+        """Signals that each law depends on."""
+        return {law: self.model.reads(law) for law in self.sizes}
+
+    def owner(self, signal: str) -> tuple[str, bool]:
+        """Return the law that owns a signal, and whether it depends on it already."""
+        reads, rates = self.reads, self.model.rates
+        having = [law for law in reads if signal in reads[law] or signal == law]
+        if having:
+            return min(having, key=lambda law: (len(reads[law]), law in rates)), True
+        if self.whole in rates:
+            return self.whole, False
+        return max(reads, key=lambda law: len(reads[law])), False
+
+    def have(self, signal: Array) -> bool:
+        """Return whether one of them is in proportion to a signal (n,)."""
+        return any(_cosine(self.values[law], signal) > _SAME for law in self.sizes)
 
 
 class _Rows:
@@ -517,6 +542,7 @@ class _Shapes:
 
     def __init__(self, model: LawModel):
         self.model = model
+        self.outputs = {output.name for output in model.outputs}
         self._known: dict[object, Array] = {}
 
     def candidate(self, term: Term, view: Seen, amount: Array, depends: bool) -> Candidate:
@@ -527,35 +553,47 @@ class _Shapes:
         return Candidate(term, self._known[key], amount, words(self.model, term, depends))
 
 
-def _candidates(
-    along: Courses, classes: Sequence[Mapping[str, float]], shapes: _Shapes
-) -> Iterator[Candidate]:
-    """Yield every term that may be missing."""
-    model = along.model
-    outputs = {o.name for o in model.outputs}
+def _candidates(along: Courses, named: bool) -> Iterator[Candidate]:
+    """Yield every term that may be missing, those of the catalogue last."""
+    classes = alike(along.model, along.parts)
+    shapes = _Shapes(along.model)
     views_of = _Views(along)
-    value_of = along.values
     for actions in classes:
-        same = list(actions)
-        views = views_of.of(same)
-        done = max(_rms(value_of[law]) * action for law, action in actions.items())
-        sizes = {law: done / action or 1.0 for law, action in actions.items()}
-        whole = next((law for law in same if law in model.rates), same[0])
-        amounts = {law: np.full(len(along.laws), size) for law, size in sizes.items()}
-        if whole not in outputs:  # of an output it is one of its sensor
-            constant = Term(whole, "", Shape.CONSTANT, size=sizes[whole])
-            yield Candidate(constant, np.ones((len(along.laws), 1)), amounts[whole], 0.0)
-        yield from _of_itself(shapes, whole, value_of[whole], amounts[whole])
-        for view in views:
-            if view.signal in same and view.memory is Memory.NONE:
-                continue  # a law that acts alike is no signal of another
-            law, depends = _owner(model, same, view.signal)
-            of_sensor = law in outputs and _is_one(view, value_of[view.signal], value_of[law])
-            for term in _terms(law, view, _REMEMBERED.get(view.memory, _PLAIN), sizes[law]):
-                if not (of_sensor and term.shape is Shape.LINEAR):
-                    yield shapes.candidate(term, view, amounts[law], depends)
-        yield from _in_percent(shapes, same, views, value_of)
-        yield from _by_inputs(shapes, sizes, views, value_of)
+        largest = max(_rms(along.values[law]) * action for law, action in actions.items())
+        sizes = {law: largest / action or 1.0 for law, action in actions.items()}
+        yield from _of_class(shapes, _Alike(along.model, along.values, sizes), views_of)
+    if all(piece.gain is None for piece in along.pieces):  # an observer follows its sensors
+        yield from _of_sensors(along, shapes)
+    if len(along.fitted.problem.records) == 1:  # an instant is one of a record
+        yield from _changes(along, classes, shapes)
+    for effect in named_terms(along) if named else ():
+        yield Candidate(effect.term, effect.response, np.zeros(0), 0.0)
+
+
+def _of_class(shapes: _Shapes, same: _Alike, views_of: _Views) -> Iterator[Candidate]:
+    """Yield terms of laws that act alike."""
+    whole = same.whole
+    if whole not in shapes.outputs:  # of an output it is one of its sensor
+        constant = Term(whole, "", Shape.CONSTANT, size=same.sizes[whole])
+        amount = same.amounts[whole]
+        yield Candidate(constant, np.ones((len(amount), 1)), amount, 0.0)
+    yield from _of_itself(shapes, same)
+    views = views_of.of(list(same.sizes))
+    for view in views:
+        if view.signal not in same.sizes or view.memory is not Memory.NONE:
+            yield from _over_view(shapes, same, view)  # one that acts alike is no signal of another
+    yield from _in_percent(shapes, same, views)
+    yield from _by_inputs(shapes, same, views)
+
+
+def _over_view(shapes: _Shapes, same: _Alike, view: Seen) -> Iterator[Candidate]:
+    """Yield terms of the law that owns a signal."""
+    law, depends = same.owner(view.signal)
+    values = same.values
+    of_sensor = law in shapes.outputs and _is_one(view, values[view.signal], values[law])
+    for term in _terms(law, view, _REMEMBERED.get(view.memory, _PLAIN), same.sizes[law]):
+        if not (of_sensor and term.shape is Shape.LINEAR):
+            yield shapes.candidate(term, view, same.amounts[law], depends)
 
 
 def _is_one(view: Seen, signal: Array, output: Array) -> bool:
@@ -582,16 +620,18 @@ def _of_sensors(along: Courses, shapes: _Shapes) -> Iterator[Candidate]:
         amount = np.full(len(values), size)
         one = np.ones((len(values), 1))
         yield Candidate(offset, one, amount, words(model, offset, True))
-        for view in [
-            *views,
-            Seen("time", Memory.NONE, (), along.values["time"], along.length, 0.0),
-        ]:
+        for view in [*views, _time(along)]:
             for shape in _DRIFTS if view.signal == "time" else (Shape.LINEAR,):
                 term = SensorTerm(
                     output, view.signal, shape, view.memory, view.constants, "", size, view.scale
                 )
                 yield shapes.candidate(term, view, amount, True)
         yield from _delays(along, output, size)
+
+
+def _time(along: Courses) -> Seen:
+    """Return the time as a signal."""
+    return Seen("time", Memory.NONE, (), along.values["time"], along.length, 0.0)
 
 
 def _delays(along: Courses, output: str, size: float) -> Iterator[Candidate]:
@@ -607,68 +647,60 @@ def _delays(along: Courses, output: str, size: float) -> Iterator[Candidate]:
         yield Candidate(term, column, amount, words(model, term, True))
 
 
-def _of_itself(shapes: _Shapes, law: str, values: Array, amount: Array) -> Iterator[Candidate]:
+def _of_itself(shapes: _Shapes, same: _Alike) -> Iterator[Candidate]:
     """Yield terms of a rate that relaxes its state over the rate: its time constant is none.
 
     It differs by direction, falls with the distance from equilibrium, or is a limit of the rate.
     """
-    model = shapes.model
-    state = next((s.name for s in model.cls.layout.states if s.rate == law), None)
+    model, rate = shapes.model, same.whole
+    state = next((s.name for s in model.cls.layout.states if s.rate == rate), None)
+    values = same.values[rate]
     scale = _rms(values)
-    if state not in model.depends_on(law) or not scale:
+    if state not in model.depends_on(rate) or not scale:
         return
-    view = Seen(law, Memory.NONE, (), values, scale, 0.0)
-    for term in _terms(law, view, _OF_ITSELF, float(amount[0])):
-        yield shapes.candidate(term, view, amount, True)
+    view = Seen(rate, Memory.NONE, (), values, scale, 0.0)
+    for term in _terms(rate, view, _OF_ITSELF, same.sizes[rate]):
+        yield shapes.candidate(term, view, same.amounts[rate], True)
 
 
-def _in_percent(
-    shapes: _Shapes, same: Sequence[str], views: Sequence[Seen], value_of: Mapping[str, Array]
-) -> Iterator[Candidate]:
+def _in_percent(shapes: _Shapes, same: _Alike, views: Sequence[Seen]) -> Iterator[Candidate]:
     """Yield terms in proportion to each law of those that act alike."""
-    model = shapes.model
-    for law in same:
-        if len(same) > 1 and np.ptp(value_of[law]) == 0.0:
+    for law in same.sizes:
+        values = same.values[law]
+        if len(same.sizes) > 1 and np.ptp(values) == 0.0:
             continue
-        own = model.depends_on(law)
+        own = shapes.model.depends_on(law)
         for view in views:
-            factors = _FACTORS.get(view.memory, ())
-            is_own = view.memory is Memory.NONE and own == {view.signal}
-            if is_own or (view.signal == law and view.memory is Memory.NONE):
+            if view.memory is Memory.NONE and (own == {view.signal} or view.signal == law):
                 continue
-            for term in _terms(law, view, factors, 1.0, factor=law):
-                yield shapes.candidate(term, view, value_of[law], view.signal in own)
+            for term in _terms(law, view, _FACTORS.get(view.memory, ()), 1.0, factor=law):
+                yield shapes.candidate(term, view, values, view.signal in own)
 
 
-def _by_inputs(
-    shapes: _Shapes,
-    sizes: Mapping[str, float],
-    views: Sequence[Seen],
-    value_of: Mapping[str, Array],
-) -> Iterator[Candidate]:
+def _by_inputs(shapes: _Shapes, same: _Alike, views: Sequence[Seen]) -> Iterator[Candidate]:
     """Yield terms in proportion to an input: command times state, heat by flow over charge.
 
     Where a law is in proportion to the input, these are changes in percent of that law.
     """
     model = shapes.model
-    same = list(sizes)
-    others = {v.name for v in (*model.inputs, *model.states)}
+    variables = {v.name for v in (*model.inputs, *model.states)}
     distinct_signals = {view.signal for view in views}
+    plain = [v for v in views if v.memory is Memory.NONE and v.signal in variables]
     for factor in (v.name for v in model.inputs if v.name in distinct_signals):
-        amount = value_of[factor]
-        if any(_cosine(value_of[law], amount) > _SAME for law in same):
+        values = same.values[factor]
+        if same.have(values):
             continue
-        units = {law: size / _rms(amount) for law, size in sizes.items()}
-        additions = {law: unit * amount for law, unit in units.items()}
-        for view in views:
-            if view.memory is Memory.NONE and view.signal in others - {factor}:
-                law, depends = _owner(model, same, view.signal)
-                law = law if depends else _owner(model, same, factor)[0]
-                is_own = any(_cosine(value_of[one], view.values) > _SAME for one in same)
-                shapes_of = _PRODUCT[1:] if is_own else _PRODUCT  # in percent over the factor
-                has_both = depends and factor in model.reads(law)
-                for term in _terms(law, view, shapes_of, units[law], factor=factor):
-                    yield shapes.candidate(term, view, additions[law], has_both)
+        units = {law: size / _rms(values) for law, size in same.sizes.items()}
+        amounts = {law: unit * values for law, unit in units.items()}
+        for view in plain:
+            if view.signal == factor:
+                continue
+            owner, depends = same.owner(view.signal)
+            law = owner if depends else same.owner(factor)[0]
+            products = _PRODUCT[1:] if same.have(view.values) else _PRODUCT  # it is in percent
+            has_both = depends and factor in model.reads(law)
+            for term in _terms(law, view, products, units[law], factor=factor):
+                yield shapes.candidate(term, view, amounts[law], has_both)
 
 
 def _rms(values: Array) -> float:
@@ -686,7 +718,7 @@ def _changes(
 ) -> Iterator[Candidate]:
     """Yield changes of laws in percent at an instant, and offsets from one on."""
     model = along.model
-    view = Seen("time", Memory.NONE, (), along.values["time"], along.length, 0.0)
+    view = _time(along)
     for same in classes:
         for law in same:
             if len(same) > 1 and law in model.rates:
@@ -713,19 +745,8 @@ def _terms(
         places = tuple(np.linspace(low, high, _KNOTS)) if shape is Shape.CURVE else ()
         for width in _WIDTHS.get(shape, (1.0,)):
             wide = 2.0 if shape is Shape.DRY and view.one_sided else 1.0
-            yield Term(
-                law,
-                view.signal,
-                shape,
-                view.memory,
-                view.constants,
-                factor,
-                size,
-                view.scale,
-                view.middle,
-                width * wide,
-                places,
-            )
+            of_signal = law, view.signal, shape, view.memory, view.constants
+            yield Term(*of_signal, factor, size, view.scale, view.middle, width * wide, places)
 
 
 def other_shapes(term: Term, ends: tuple[float, float] | None = None) -> Iterator[Term]:

@@ -102,34 +102,52 @@ def seen(
     kinds : sequence of Memory
         That are tried.
     """
-    step = min(float(np.median(np.diff(t))) for t in times)
-    length = max(float(t[-1] - t[0]) for t in times)
-    constants = np.geomspace(max(3.0 * step, length / 1000.0), length / 4.0, _TIMES)
-    result = [_seen(name, Memory.NONE, (), values) for name, values in signals]
-    whole = (length,)
-    tried: dict[Memory, Sequence[float]] = {Memory.PLAY: _WAYS, Memory.DAHL: _WAYS}
-    tried |= {kind: whole for kind in kinds if kind.counts}
-    most = len(signals) * (1 + len(kinds) * _TIMES)
-    known = np.empty((most, sum(len(time) for time in times)))
-    for row, (_, values) in zip(known, signals, strict=False):
-        row[:] = _standardised(values)
+    known = _Known(len(signals) * (1 + len(kinds) * _TIMES), sum(len(time) for time in times))
+    result = []
+    for name, values in signals:
+        known.takes(values, np.inf)
+        result.append(_seen(name, Memory.NONE, (), values))
     for kind in kinds:
+        limit = _NO_MEMORY if kind is not Memory.FADING else _FADES
         for name, values in signals:
             if name == "time":
                 continue
-            for constant in tried.get(kind, constants):
-                remembered = _remembered(kind, values, times, float(constant))
-                kept = values**2 if kind is Memory.HEAT else values
-                if remembered.std() < 1e-3 * kept.std():
+            kept = values**2 if kind is Memory.HEAT else values
+            for constant in _constants(kind, times):
+                remembered = _remembered(kind, values, times, constant)
+                if remembered.std() < 1e-3 * kept.std() or not known.takes(remembered, limit):
                     continue
-                z = _standardised(remembered)
-                limit = _NO_MEMORY if kind is not Memory.FADING else _FADES
-                if np.abs(known[: len(result)] @ z).max() > limit * len(z):
-                    continue
-                known[len(result)] = z
-                own = (float(constant),)[: kind.constants]
+                own = (constant,)[: kind.constants]
                 result.append(_seen(name, kind, own, remembered, values))
     return result
+
+
+class _Known:
+    """Standardised signals (n,), at most so many, of which none repeats another."""
+
+    def __init__(self, most: int, samples: int) -> None:
+        self._rows = np.empty((most, samples))
+        self._count = 0
+
+    def takes(self, values: Array, limit: float) -> bool:
+        """Keep a signal that correlates with none by more than a limit; return whether it did."""
+        z = (values - values.mean()) / (values.std() + 1e-300)
+        if np.abs(self._rows[: self._count] @ z).max(initial=0.0) > limit * len(z):
+            return False
+        self._rows[self._count] = z
+        self._count += 1
+        return True
+
+
+def _constants(kind: Memory, times: Sequence[Array]) -> list[float]:
+    """Return the constants of a memory that are tried: s, or standard deviations of a signal."""
+    if kind in (Memory.PLAY, Memory.DAHL):
+        return list(_WAYS)
+    length = max(float(t[-1] - t[0]) for t in times)
+    if kind.counts:
+        return [length]
+    step = min(float(np.median(np.diff(t))) for t in times)
+    return np.geomspace(max(3.0 * step, length / 1000.0), length / 4.0, _TIMES).tolist()
 
 
 def remembered_by(
@@ -160,10 +178,6 @@ def _seen(
         assert base is not None
         constants = (constants[0] * float(base.std()) / scale,)
     return Seen(name, kind, constants, values, scale, middle)
-
-
-def _standardised(values: Array) -> Array:
-    return (values - values.mean()) / (values.std() + 1e-300)
 
 
 def _remembered(kind: Memory, values: Array, times: Sequence[Array], constant: float) -> Array:
