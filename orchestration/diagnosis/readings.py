@@ -198,12 +198,9 @@ class Reading:
             for number, place in enumerate(places):
                 is_input = place < len(model.inputs)
                 values[:, place] = self._meant(values[:, place], record.time, number, is_input)
-        inputs, outputs = np.split(values, [len(model.inputs)], axis=1)
-        return replace(
-            record,
-            inputs=np.ascontiguousarray(inputs),
-            outputs=np.ascontiguousarray(outputs),
-        )
+        parts = np.split(values, [len(model.inputs)], axis=1)
+        inputs, outputs = map(np.ascontiguousarray, parts)
+        return replace(record, inputs=inputs, outputs=outputs)
 
     def _meant(self, values: Array, time: Array, number: int, is_input: bool) -> Array:
         """Return the values (n,) that are meant by those of one of its columns."""
