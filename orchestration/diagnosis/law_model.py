@@ -221,9 +221,10 @@ class LawModel:
         with self._given(record, setting) as run:
             results = (states, rates, outputs, *by_laws, laws)
             self._library.linearise(ctypes.byref(run), *map(_pointer, results))
-            actions = (a.swapaxes(1, 2) for a in by_laws)
-            gains = record.gains(setting.memories)
-            part = Linearisation(rates, outputs, *actions, laws, gains=gains)
+            by_law, output_by_law = (a.swapaxes(1, 2) for a in by_laws)
+            part = Linearisation(
+                rates, outputs, by_law, output_by_law, laws, gains=record.gains(setting.memories)
+            )
             return self._with_steps(part, run, states) if self.clocks else part
 
     def _with_steps(self, part: Linearisation, run: _Run, states: Array) -> Linearisation:
