@@ -28,7 +28,7 @@ class Weights:
     fitted, left_out : float
         Weights of the gains in log likelihood. What is fitted counts half: it gains by any column.
     term : float
-        Of each term. A third of a column's cost in a record of 10,000 independent samples.
+        Of each term. Two thirds of a column's cost in a record of 10,000 independent samples.
     share_of_words, share_of_terms : float
         Of the inexact part of the gain, for each nat of words and for each term after the first:
         nats weigh nothing beside a gain of hundreds, in which no model of a few laws is exact.

@@ -14,6 +14,7 @@ from scipy.stats import norm
 from fmus.kit.arrays import Array
 from orchestration.diagnosis import Shape, Term
 from orchestration.diagnosis.comparison import (
+    WEIGHTS,
     Common,
     Comparison,
     Judged,
@@ -24,8 +25,9 @@ from orchestration.diagnosis.comparison import (
     shortfall,
     words,
 )
+from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.subject import words_of
-from orchestration.diagnosis.terms import Memory
+from orchestration.diagnosis.terms import Memory, SensorTerm
 from tests.support.diagnosed_mass import mass
 
 RNG = np.random.default_rng(5)
@@ -92,6 +94,29 @@ def test_a_change_in_a_later_record_counts_as_a_term() -> None:
     assert compare(one, judged(errors, errors), shared([150.0], [50.0])).terms == 2
 
 
+def test_evidence_is_what_both_parts_agree_on() -> None:
+    """Columns cost of what is fitted, which gains by any of them."""
+    one = replace(NONE, fitted=30.0, left_out=20.0, columns=4.0)
+    assert one.evidence == 20.0
+    assert replace(one, fitted=10.0).evidence == 6.0
+    assert replace(one, distance=3.0).evidence == 20.0
+    assert replace(one, distance=3.0, rereads=True).evidence == 17.0
+
+
+def test_between_readings_parameters_are_worth_a_diagnosis_within_a_factor_of_three() -> None:
+    """A prior of a factor of ten lets a fit of one reading go on."""
+    errors = RNG.standard_normal((200, 1))
+    half = 0.5 * (np.log(2.0) / np.log(10.0)) ** 2
+    one, other = judged(errors, errors, distance=half), judged(errors, errors)
+    counts = shared([150.0], [50.0])
+    assert compare(one, other, counts).distance == pytest.approx(half)
+    turned = replace(one, reading=Reading(ReadingKind.SIGN, ("force",), factor=-1.0))
+    within = 0.5 * (np.log(2.0) / np.log(3.0)) ** 2
+    found = compare(turned, other, counts)
+    assert found.rereads
+    assert found.distance == pytest.approx(within, rel=0.1)
+
+
 def test_the_error_of_a_rise_is_that_of_a_mean() -> None:
     """Of white errors: the deviation of the squares over the root of their number."""
     base = np.zeros((6000, 1))
@@ -142,8 +167,19 @@ def test_the_score_rises_with_gains_and_falls_with_costs(
     assert np.all(sign * np.diff(scores) > 0.0)
 
 
-def test_left_out_gains_count_for_more_than_fitted_ones() -> None:
-    assert replace(NONE, left_out=10.0).gain > replace(NONE, fitted=10.0).gain
+def test_what_is_fitted_counts_half() -> None:
+    assert replace(NONE, left_out=10.0).gain == pytest.approx(10.0)
+    assert replace(NONE, fitted=10.0).gain == pytest.approx(5.0)
+
+
+def test_strong_evidence_is_twenty_to_one() -> None:
+    """After Kass and Raftery."""
+    assert np.exp(WEIGHTS.least) == pytest.approx(20.0, rel=0.01)
+
+
+def test_a_term_costs_less_than_its_column_in_a_long_record() -> None:
+    """Two thirds of what a column costs by Schwarz in 10,000 independent samples."""
+    assert replace(NONE, terms=1).cost == pytest.approx(0.5 * np.log(10_000.0) * 2.0 / 3.0, rel=0.1)
 
 
 def test_words_and_further_terms_cost_a_share_of_what_is_inexact() -> None:
@@ -172,6 +208,55 @@ def test_plain_terms_come_first() -> None:
     assert words_of(model, called) == 0.0
     late = words(model, Term("spring", "time", Shape.SQUARE), True)
     assert late > words(model, Term("spring", "friction", Shape.CURVE), False)
+
+
+LAW = Term("spring", "x", Shape.SQUARE)
+PLAINER = {
+    "of a signal than of its past": (LAW, replace(LAW, memory=Memory.LAG, constants=(1.0,))),
+    "of one constant than of two": (
+        replace(LAW, memory=Memory.LAG, constants=(1.0,)),
+        replace(LAW, memory=Memory.TWO_LAGS, constants=(1.0, 2.0)),
+    ),
+    "of what stays than of what fades": (
+        replace(LAW, memory=Memory.LAG, constants=(1.0,)),
+        replace(LAW, memory=Memory.FADING, constants=(1.0,)),
+    ),
+    "of a signal than of all its past": (LAW, replace(LAW, memory=Memory.THROUGHPUT)),
+    "of a power than of a corner": (LAW, replace(LAW, shape=Shape.MODULUS)),
+    "of a corner than of a curve": (
+        replace(LAW, shape=Shape.MODULUS),
+        replace(LAW, shape=Shape.CURVE),
+    ),
+    "of what an output is than of its sensor": (
+        SensorTerm("spring", "spring", Shape.LINEAR),
+        SensorTerm("position", "position", Shape.LINEAR),
+    ),
+    "of a sign than of a size": (
+        Reading(ReadingKind.SIGN, ("force",), factor=-1.0),
+        Reading(ReadingKind.OFFSET, ("force",), levels=(1.0,)),
+    ),
+}
+
+
+@pytest.mark.parametrize(("plain", "other"), PLAINER.values(), ids=PLAINER)
+def test_a_part_is_plainer(plain: Reading | Term, other: Reading | Term) -> None:
+    """By at least half a nat, and by no more than strong evidence twice."""
+    more = words_of(mass(), other) - words_of(mass(), plain)
+    assert 0.5 <= more <= 2.0 * np.log(20.0)
+
+
+def test_what_a_model_receives_is_plainly_a_law_of_anything_but_its_input() -> None:
+    """Over that input it is a column that was misread."""
+    received = SimpleNamespace(
+        received=frozenset({"force_in_fmu"}),
+        laws=["force_in_fmu"],
+        plain_laws=frozenset({"force_in_fmu"}),
+        reads=lambda law: {"force"},
+    )
+    over_input, over_other = (Term("force_in_fmu", s, Shape.LINEAR) for s in ("force", "speed"))
+    sign = words_of(mass(), Reading(ReadingKind.SIGN, ("force",), factor=-1.0))
+    assert words_of(received, over_input) == pytest.approx(sign)
+    assert words_of(received, over_other) < sign
 
 
 def test_the_figure_is_of_samples_by_which_nothing_is_chosen() -> None:

@@ -12,7 +12,14 @@ from scipy.signal import lfilter, lsim
 from fmus.kit.arrays import Array
 from orchestration.diagnosis import Found, Shape, Term
 from orchestration.diagnosis.comparison import Judged, shortfall
-from orchestration.diagnosis.conclude import _in_order, _is_one_with, _minimal, _verdict, conclude
+from orchestration.diagnosis.conclude import (
+    _in_order,
+    _is_one_with,
+    _minimal,
+    _verdict,
+    conclude,
+    is_lost,
+)
 from orchestration.diagnosis.fitting import effective_samples
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.readings import Reading, ReadingKind
@@ -370,6 +377,15 @@ def test_a_cause_that_predicts_no_better_than_a_mean_is_none(
     cause = SimpleNamespace(score=50.0, comparison=comparison, probability=0.95, judged=judged)
     found = SimpleNamespace(base=base, subject_of=lambda reading: subject)
     assert _verdict([cause], found) == verdict
+
+
+@pytest.mark.parametrize(("second", "lost"), [(0.1, False), (0.9, True)])
+def test_a_model_that_predicts_one_of_its_outputs_is_not_lost(second: float, lost: bool) -> None:
+    """In shares of how much each moves; errors are slow."""
+    outputs = [SimpleNamespace(name=name) for name in ("place", "heat")]
+    fitted = SimpleNamespace(problem=SimpleNamespace(model=SimpleNamespace(outputs=outputs)))
+    one = SimpleNamespace(measuring=np.ones((40, 2)) * [0.9, second], fit=fitted)
+    assert is_lost(one, SimpleNamespace(sizes=np.ones(2))) == lost
 
 
 def test_the_reading_comes_before_terms_in_it_where_no_part_explains_half_alone() -> None:
