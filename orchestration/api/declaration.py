@@ -31,7 +31,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 REQUIRED: Any = ...
 _COLUMNS = 96  # of a docstring, as `help` indents it by four
 # the last entry ``**options`` of the section ``Parameters``, or the section after it
-_END = r"^(?:\*\*\w+|(?:Returns|Yields|Raises|Examples|References)\n-{3,})$"
+_AFTER_PARAMETERS = r"^(?:\*\*\w+|(?:Returns|Yields|Raises|Examples|References)\n-{3,})$"
 
 
 class Form(NamedTuple):
@@ -279,15 +279,15 @@ def with_options(docstring: str | None, options: Iterable[Option]) -> str | None
     if docstring is None:  # with `python -OO`
         return None
     text = cleandoc(docstring)
-    end = re.search(_END, text, re.M)
-    place = end.start() if end else len(text)
-    head = text[:place].rstrip()
-    tail = text[place:]
-    if "\nParameters\n---" not in head:
-        head += "\n\nParameters\n----------"
+    after = re.search(_AFTER_PARAMETERS, text, re.M)
+    end = after.start() if after else len(text)
+    before = text[:end].rstrip()
+    if "\nParameters\n---" not in before:
+        before += "\n\nParameters\n----------"
     entries = "\n".join(option.documented() for option in options)
-    gap = "\n" if tail.startswith("**") else "\n\n"
-    return f"{head}\n{entries}{gap}{tail}".rstrip() + "\n"
+    # an entry ``**name`` belongs to the same section, so no blank line separates it
+    gap = "\n" if text[end:].startswith("**") else "\n\n"
+    return f"{before}\n{entries}{gap}{text[end:]}".rstrip() + "\n"
 
 
 def _in_words(option: Option) -> str:

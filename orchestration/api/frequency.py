@@ -71,31 +71,39 @@ def frequency_response(
     >>> round(float(found["voltage/current"].magnitude.value[0]), 2)
     0.6
     """
-    period = optional_seconds(options["period"])
-    of = options["of"]
-    driving = options["inputs"]
     if model is None:
-        _refuse_without_model(options)
-        inputs = driving or [parts_of_ratio(ratio)[1] for ratio in of]
-        plain = _read_named_columns(record, of, inputs)
-        _check_inputs(inputs, plain.signals)
-        return estimate_responses(plain, inputs, of, period=period, band=options["band"])
-    declared = as_measured(model)
-    values = values_of(declared, options["settings"])
+        return _responses_of_columns(record, options)
+    return _responses_with_model(record, as_measured(model), options)
+
+
+def _responses_of_columns(record: Data, options: FrequencyKeywords) -> FrequencyResponse:
+    """Estimate responses of columns that are not those of a model."""
+    _refuse_without_model(options)
+    ratios = options["of"]
+    inputs = options["inputs"] or [parts_of_ratio(ratio)[1] for ratio in ratios]
+    columns = _read_named_columns(record, ratios, inputs)
+    _check_inputs(inputs, columns.signals)
+    period = optional_seconds(options["period"])
+    return estimate_responses(columns, inputs, ratios, period=period, band=options["band"])
+
+
+def _responses_with_model(
+    record: Data, declared: Model, options: FrequencyKeywords
+) -> FrequencyResponse:
+    """Estimate responses of a record and of a model that is simulated with its inputs."""
+    settings = values_of(declared, options["settings"])
     data = _signals_of_model(matching_record(record, declared, options["mapping"]), declared)
-    inputs = driving or [*declared.inputs]
-    _check_inputs(driving, data.signals)
-    subject = built(declared)
-    fed = {name: signal for name, signal in data.signals.items() if name in subject.inputs}
-    modelled = simulate(subject, data.time, fed, values, isolation=limits_of(subject.foreign))
+    _check_inputs(options["inputs"], data.signals)
+    model = built(declared)
+    stimulus = {name: signal for name, signal in data.signals.items() if name in model.inputs}
     return estimate_responses(
         data,
-        inputs,
-        of,
-        period=period,
+        options["inputs"] or [*declared.inputs],
+        options["of"],
+        period=optional_seconds(options["period"]),
         band=options["band"],
-        model=subject.title,
-        modelled=modelled,
+        model=model.title,
+        modelled=simulate(model, data.time, stimulus, settings, isolation=limits_of(model.foreign)),
     )
 
 

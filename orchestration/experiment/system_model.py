@@ -79,21 +79,17 @@ def system_model(system: System, master: Master | None = None, name: str = "") -
         If the system does not pass its check.
     """
     subject = subject_of(system, master)
-    parameters = {
-        name: signal
-        for name, signal in subject.parameters.items()
-        if name not in subject.open_inputs
-    }
+    parameters = {}
+    for key, signal in _with_names(subject.parameters).items():
+        if key not in subject.open_inputs:
+            parameters[key] = _with_start(signal, subject.settings.get(key, signal.default))
     return Model(
         name or system.name,
         Path(),
         None,
-        _with_names({**subject.inputs, **subject.open_inputs}),
-        _with_names({name: subject.outputs[name] for name in _all_outputs(system)}),
-        {
-            name: _with_start(signal, subject.settings.get(name, signal.default))
-            for name, signal in _with_names(parameters).items()
-        },
+        inputs=_with_names({**subject.inputs, **subject.open_inputs}),
+        outputs=_with_names({port: subject.outputs[port] for port in _all_outputs(system)}),
+        parameters=parameters,
         system=SystemSource(_without_classes(system), master or Master()),
         kept=tuple(subject.recorded_by_default),
         of_others=subject.foreign,

@@ -143,15 +143,17 @@ def _delayed(u: Array, lags: list[int]) -> Array:
 def _horizons(order: int, samples: int, inputs: int) -> Iterator[int]:
     """Yield the numbers of block rows to try; refuse a record that is too short for any."""
     least = order + 2
-    possible = samples // (_COLUMNS * 2 * (inputs + 1))
+    rows = 2 * (inputs + 1)  # of past and future signals, for each block row
+    possible = samples // (_COLUMNS * rows)
     if possible < least:
         raise UserError(
             f"{samples} samples are too few for {order} states and {inputs} inputs: "
-            f"at least {_COLUMNS * 2 * (inputs + 1) * least} are needed"
+            f"at least {_COLUMNS * rows * least} are needed"
         )
-    affordable = int((_WORK / samples) ** 0.5) // (2 * (inputs + 1))
+    # a QR factorisation takes the square of all rows for every sample
+    affordable = int((_WORK / samples) ** 0.5) // rows
     longest = min(possible, max(least, affordable))
-    yield from sorted({min(max(least, horizon), longest) for horizon in _HORIZONS})
+    yield from np.unique(np.clip(_HORIZONS, least, longest)).tolist()
 
 
 def _estimate_observability(u: Array, y: Array, order: int, horizon: int) -> Array:

@@ -146,17 +146,22 @@ class ReducedPredictionError:
         problem = self.problem
         polynomials, slopes = zip(*self._polynomials_and_slopes(x), strict=True)
         theta = np.zeros(problem.size)
-        theta[~problem.linear] = np.concatenate([p[1:] for p in polynomials])
-        regressors = problem.linear_slopes(problem.coefficients(theta))
-        length = np.sqrt(np.einsum("ij,ij->i", regressors, regressors))
-        length[length == 0.0] = 1.0
-        regressors /= length[:, np.newaxis]
-        *_, c, d = polynomials
-        unprojected = filtered(d, c, problem.present_output)
-        solution, weights = _least_squares(regressors, unprojected)
+        theta[~problem.linear] = np.concatenate([monic[1:] for monic in polynomials])
+        regressors, length = _normalised(problem.linear_slopes(problem.coefficients(theta)))
+        c, d = polynomials[-2:]
+        without_linear = filtered(d, c, problem.present_output)
+        solution, weights = _least_squares(regressors, without_linear)
         theta[problem.linear] = solution / length
-        errors = unprojected + solution @ regressors
+        errors = without_linear + solution @ regressors
         return _Projection(theta, errors, regressors, weights, block_diag(*slopes))
+
+
+def _normalised(rows: Array) -> tuple[Array, Array]:
+    """Scale rows (p, n) to unit length in place; return rows and lengths (p,), 1 for zeros."""
+    length = np.sqrt(np.einsum("ij,ij->i", rows, rows))
+    length[length == 0.0] = 1.0
+    rows /= length[:, np.newaxis]
+    return rows, length
 
 
 def _least_squares(regressors: Array, unprojected: Array) -> tuple[Array, Array]:

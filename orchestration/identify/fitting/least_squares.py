@@ -151,34 +151,35 @@ class _Search:
         """
         origin = self.best
         free = self.free
-        # kept for SciPy's first call: a Jacobian may cost as many simulations as coordinates
-        first_triangle = [_triangle(_columns(self._jacobian(origin), free), self._rows)]
-        if not np.isfinite(first_triangle[0]).all():
+        first_triangle = self._triangle_at(origin, self._rows)
+        if not np.isfinite(first_triangle).all():
             raise UserError("the derivatives are not finite where the search starts")
-        effect = np.linalg.norm(first_triangle[0], axis=0)
+        effect = np.linalg.norm(first_triangle, axis=0)
         error = np.sqrt(self.least)
         size = error / np.maximum(effect, error)
         start = np.full(int(free.sum()), free.sum() ** -0.5)
-        # kept for SciPy's first call, even if there is no time for another simulation
-        first_residual = [self._rows]
 
         def point_at(steps: Array) -> Array:
             point = origin.copy()
             point[free] += size * (steps - start)
             return point
 
+        # SciPy's first call needs no simulation: there may be no time for one, and a Jacobian may
+        # cost as many as there are coordinates
+        residual = _first_known(self._rows, lambda steps: self._residual_at(point_at(steps)))
+        triangle = _first_known(
+            first_triangle, lambda steps: self._triangle_at(point_at(steps), self._last)
+        )
+
         def rows(steps: Array) -> Array:
-            values = first_residual.pop() if first_residual else self._residual_at(point_at(steps))
-            self._last = values
-            return _as_one_row(values, len(start))
+            self._last = residual(steps)
+            return _as_one_row(self._last, len(start))
 
         def slopes(steps: Array) -> Array:
-            if first_triangle:
-                return first_triangle.pop() * size
-            triangle = _triangle(_columns(self._jacobian(point_at(steps)), free), self._last)
-            if not np.isfinite(triangle).all():
+            unscaled = triangle(steps)
+            if not np.isfinite(unscaled).all():
                 raise SearchEndedError("the derivatives are not finite where the search came to")
-            return triangle * size
+            return unscaled * size
 
         bounds = (start + (low - origin)[free] / size, start + (high - origin)[free] / size)
         solution = least_squares(
@@ -200,6 +201,12 @@ class _Search:
         promised = _predicted_fall(np.asarray(solution.jac)[:, active == 0], solution.fun)
         return bool(solution.success), promised
 
+    def _triangle_at(self, point: Array, values: Array) -> Array:
+        """Return the triangle of the free columns of the Jacobian at a point of some residual."""
+        slopes = self._jacobian(point)
+        # no copy if all columns are free
+        return _triangle(slopes if self.free.all() else slopes[:, self.free], values)
+
     def _residual_at(self, point: Array) -> Array:
         """Return the residual at a point; infinite if it cannot be simulated, for a step back."""
         self._tried += 1
@@ -214,9 +221,10 @@ class _Search:
         return values
 
 
-def _columns(slopes: Array, free: Mask) -> Array:
-    """Return the free columns of a Jacobian, without a copy if all are."""
-    return slopes if free.all() else slopes[:, free]
+def _first_known(value: Array, function: Function) -> Function:
+    """Return a function whose first call returns a value that is known, as others call it."""
+    known = [value]
+    return lambda q: known.pop() if known else function(q)
 
 
 def _as_one_row(values: Array, count: int) -> Array:

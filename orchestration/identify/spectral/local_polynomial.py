@@ -132,6 +132,28 @@ class Estimates:
         self.freedom.append(fit.freedom)
         self.rough.append(fit.rough(position))
 
+    def gains(self, outputs: int, with_model: bool) -> tuple[Spectrum, Spectrum | None]:
+        """Return measured responses (n, outputs), and those of a model that follow them."""
+        width = 2 * outputs if with_model else outputs
+        values = np.array(self.values, dtype=np.complex128).reshape(-1, width)
+        return values[:, :outputs], values[:, outputs:] if with_model else None
+
+    def variance(self, derivatives: Spectrum) -> Array:
+        """Return the variance (n,) of a function of the measured responses.
+
+        Parameters
+        ----------
+        derivatives : ndarray of complex, shape (n, measured)
+            Of the function, by each of the responses.
+        """
+        measured = derivatives.shape[1]
+        covariance = np.array(self.covariance).reshape(-1, measured, measured)
+        return np.einsum("ka,kab,kb->k", derivatives, covariance, derivatives.conj()).real
+
+    def is_rough(self, outputs: Sequence[int]) -> Mask:
+        """Return a mask (n,) of the lines at which the response of any of some outputs is rough."""
+        return np.array([rough[outputs].any() for rough in self.rough], dtype=bool)
+
 
 class _Fit(NamedTuple):
     """Least squares in a window, by the inputs that are active there.

@@ -304,14 +304,10 @@ def _response_of(
     driving = next((name for name in ratio if name in stretch.inputs), stretch.inputs[0])
     estimated = estimates[stretch.inputs.index(driving)]
     outputs = stretch.outputs
-    count = len(outputs)
-    width = 2 * count if with_model else count
-    gains = np.array(estimated.values, dtype=np.complex128).reshape(-1, width)
-    values, weights = _take_ratio(ratio, outputs, gains[:, :count])
-    covariance = np.array(estimated.covariance).reshape(-1, count, count)
-    variance = np.einsum("ka,kab,kb->k", weights, covariance, weights.conj()).real
-    columns = [outputs.index(name) for name in ratio if name in outputs]
-    kept = ~np.array(estimated.rough, dtype=bool).reshape(-1, count)[:, columns].any(axis=1)
+    measured, modelled = estimated.gains(len(outputs), with_model)
+    values, derivatives = _take_ratio(ratio, outputs, measured)
+    variance = estimated.variance(derivatives)
+    kept = ~estimated.is_rough([outputs.index(name) for name in ratio if name in outputs])
     frequency = np.array(estimated.lines, dtype=np.float64) / stretch.duration
     left_out = {
         _TOO_SHORT: frequency[~kept],
@@ -326,7 +322,7 @@ def _response_of(
         values[kept],
         variance[kept],
         2.0 * np.array(estimated.freedom)[kept],
-        _take_ratio(ratio, outputs, gains[:, count:])[0][kept] if with_model else None,
+        None if modelled is None else _take_ratio(ratio, outputs, modelled)[0][kept],
         {reason: at for reason, at in left_out.items() if at.size},
     )
 
