@@ -143,28 +143,34 @@ def _bars_of(comparison: Comparison, output: str) -> list[Bar]:
 
 def _draw_runs(comparison: Comparison) -> Markup:
     """Draw every output as measured, before and after the fit, and the residuals."""
-    time = comparison.record.time
-    after = comparison.after or comparison.before
     panels = []
-    for output, before in comparison.before.items():
-        signal = comparison.model.outputs[output]
-        difference = unit_of_differences(signal)
-        runs = [(_BEFORE, before, pictures.MODEL), (_FITTED, after[output], pictures.FITTED)]
-        measured = units.convert(before.measured, signal.unit, signal.display)
-        traces = [Trace("measured", time, measured, pictures.MEASURED, 3.5)]
-        residuals = []
-        for label, goodness, colour in runs:
-            is_fitted = label == _FITTED
-            values = units.convert(goodness.simulated, signal.unit, signal.display)
-            residual = units.convert(goodness.residual, signal.unit, difference)
-            traces.append(Trace(label, time, values, colour, makes_room=is_fitted))
-            residuals.append(Trace(label, time, residual, colour, makes_room=is_fitted))
-        title = _title(comparison, output)
-        panels.append(Panel(_with_unit(title, signal.display), _HEIGHT, traces))
-        panels.append(
-            Panel(_with_unit("measured − simulated", difference), _RESIDUAL_HEIGHT, residuals)
-        )
+    for output in comparison.before:
+        panels += _panels_of_output(comparison, output)
+    time = comparison.record.time
     return stacked(panels, "time [s]", _is_logarithmic(time))
+
+
+def _panels_of_output(comparison: Comparison, output: str) -> list[Panel]:
+    """Return the panel of an output, and the one of its residuals."""
+    time = comparison.record.time
+    before = comparison.before[output]
+    after = (comparison.after or comparison.before)[output]
+    signal = comparison.model.outputs[output]
+    difference = unit_of_differences(signal)
+    measured = units.convert(before.measured, signal.unit, signal.display)
+    traces = [Trace("measured", time, measured, pictures.MEASURED, 3.5)]
+    residuals = []
+    runs = [(_BEFORE, before, pictures.MODEL), (_FITTED, after, pictures.FITTED)]
+    for label, goodness, colour in runs:
+        is_fitted = label == _FITTED
+        values = units.convert(goodness.simulated, signal.unit, signal.display)
+        residual = units.convert(goodness.residual, signal.unit, difference)
+        traces.append(Trace(label, time, values, colour, makes_room=is_fitted))
+        residuals.append(Trace(label, time, residual, colour, makes_room=is_fitted))
+    return [
+        Panel(_with_unit(_title(comparison, output), signal.display), _HEIGHT, traces),
+        Panel(_with_unit("measured − simulated", difference), _RESIDUAL_HEIGHT, residuals),
+    ]
 
 
 def _is_logarithmic(time: np.ndarray) -> bool:

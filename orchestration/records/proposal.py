@@ -80,30 +80,27 @@ def propose(columns: Mapping[str, tuple[str, str]], signals: Mapping[str, str]) 
     -------
     Proposal
     """
-    units = {name: stated or guess for name, (stated, guess) in columns.items()}
-    scores = {
-        (signal, name): _score(name, units[name], signal, unit)
-        for signal, unit in signals.items()
-        for name in columns
-    }
+    units = {column: stated or guess for column, (stated, guess) in columns.items()}
+    scores = {}
+    for signal, expected in signals.items():
+        for column, unit in units.items():
+            scores[signal, column] = _score(column, unit, signal, expected)
     matched: dict[str, str] = {}
     while pair := _clearest(scores, matched):
-        signal, name = pair
-        matched[signal] = name
-    guesses = {name: guess for name, (stated, guess) in columns.items() if guess and not stated}
-    suggested = {name: f"[{guess}]" for name, guess in guesses.items()}
-    mapping = {
-        name: signal + suggested.get(name, "")
-        for signal, name in matched.items()
-        if name != signal or name in suggested
-    }
-    unmatched = [name for name in columns if name not in matched.values()]
-    missing = {
-        signal: [name for name in unmatched if scores[signal, name] > 0.0 or not units[name]]
-        for signal in signals
-        if signal not in matched
-    }
-    return Proposal(mapping, matched, missing)
+        signal, column = pair
+        matched[signal] = column
+    mapping = {}
+    for signal, column in matched.items():
+        stated, guess = columns[column]
+        suffix = f"[{guess}]" if guess and not stated else ""
+        if suffix or column != signal:
+            mapping[column] = signal + suffix
+    unmatched = [column for column in columns if column not in matched.values()]
+    candidates = {}
+    for signal in signals:
+        if signal not in matched:
+            candidates[signal] = [c for c in unmatched if scores[signal, c] > 0.0 or not units[c]]
+    return Proposal(mapping, matched, candidates)
 
 
 def _clearest(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -120,26 +120,32 @@ def read_sweep(path: Path, note: Callable[[str], None] = lambda line: None) -> S
     table = checked(SweepTable, read_toml(path), where, str(path.parent))
     stated = _read_experiment(table.experiment, path)
     model = _model_of(stated, where)
-    # values of parameters are those in the table, or drawn from a fit
-    fit = read_fitted(path.parent / table.fitted, model) if table.fitted is not None else None
     over: Mapping[str, str | Array]
-    over = _values_as_text(table) if fit is None else fit.draws(table.samples, table.seed)
+    if table.fitted is None:
+        fit = None
+        over = _values_as_text(table)
+        kind = table.design
+        usually_kept: Sequence[str] = KEPT
+    else:
+        fit = read_fitted(path.parent / table.fitted, model)
+        over = fit.draws(table.samples, table.seed)
+        kind = DRAWS
+        usually_kept = (TRACE,)
     # in a tornado a parameter keeps the value of the experiment while another one changes
-    replaced = {} if table.design == TORNADO else over
+    replaced = {} if kind == TORNADO else over
     experiment = _without_swept(stated, replaced)
     with open_subject(experiment, where) as subject:
         inputs = {name: signal for name, signal in subject.inputs.items() if name not in over}
         prepared = prepare(experiment, replace(subject, inputs=inputs), where, note)
     settings = {name: value for name, value in prepared.settings.items() if name not in replaced}
-    if fit is not None:
-        for line in fit.differences(settings):
-            note(line)
+    for line in fit.differences(settings) if fit else ():
+        note(line)
     return SweepRequest(
         model=model,
         over=over,
-        kind=table.design if fit is None else DRAWS,
-        samples=table.samples if fit is None else None,
-        keep=table.keep or list(KEPT if fit is None else (TRACE,)),
+        kind=kind,
+        samples=None if fit else table.samples,
+        keep=table.keep or [*usually_kept],
         time=prepared.time,
         inputs=prepared.inputs,
         settings=settings,

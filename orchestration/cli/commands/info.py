@@ -87,23 +87,25 @@ def _facts_of_class(name: str, cls: type[Component]) -> _Facts:
     }
     base, stacked = unstack(cls)
     added = [effect_name(effect) for effect in stacked]
-    relaxed_by = {
-        effect: _relaxed_assumption(base, effect)
-        for name, effect in known_effects(cls).items()
-        if name not in added
-    }
+    signals = {}
+    for group, variables in groups.items():
+        signals[group] = [declared_signal(variable) for variable in variables]
     return _Facts(
         name,
-        f"{summary(cls)}." if cls.__doc__ else "",
-        {group: [declared_signal(v) for v in variables] for group, variables in groups.items()},
-        cls.experiment[1],
-        cls.remark.splitlines(),
-        cls.tolerance,
-        {parameter.name: parameter.source for parameter in layout.parameters if parameter.source},
-        {preset: about.doc for preset, about in cls.presets.items()},
-        base.name,
-        added,
-        relaxed_by,
+        summary=f"{summary(cls)}." if cls.__doc__ else "",
+        signals=signals,
+        step=cls.experiment[1],
+        remarks=cls.remark.splitlines(),
+        tolerance=cls.tolerance,
+        sources={one.name: one.source for one in layout.parameters if one.source},
+        presets={preset: about.doc for preset, about in cls.presets.items()},
+        made_from=base.name,
+        laid_over=added,
+        effects={
+            effect: _relaxed_assumption(base, effect)
+            for effect_id, effect in known_effects(cls).items()
+            if effect_id not in added
+        },
     )
 
 

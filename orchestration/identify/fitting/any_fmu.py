@@ -203,18 +203,9 @@ class FmuWithDifferences:
         outputs = iter(self._run_all(point, points))
         slopes = []
         for (name, _), (low, high) in zip(steps, sides, strict=True):
-            below = next(outputs)
-            above = next(outputs)
-            if isinstance(below, UserError):
-                low = at[name]
-                below = outputs_here
-            if isinstance(above, UserError):
-                high = at[name]
-                above = outputs_here
-            if high > low:
-                slopes.append((above - below) / (high - low))
-            else:
-                slopes.append(np.full_like(outputs_here, np.nan))
+            below = (low, next(outputs))
+            above = (high, next(outputs))
+            slopes.append(_difference_quotient(below, (at[name], outputs_here), above))
         return slopes
 
     def _sides(self, name: str, value: float, step: float) -> tuple[float, float]:
@@ -243,6 +234,20 @@ class FmuWithDifferences:
         except Ended as end:
             where = end.state.describe(self._source.points(time), self._source.name)
             raise UserError(f"{where}: {end.reason}") from end
+
+
+def _difference_quotient(*runs: tuple[float, Array | UserError]) -> Array:
+    """Return the slope (n, m) between the outermost runs that did not fail; NaN if they are one.
+
+    Parameters
+    ----------
+    runs : tuples of float and ndarray, shape (n, m), or UserError
+        Rising values of a parameter, each with the outputs or the failure there.
+    """
+    valid = [(value, outputs) for value, outputs in runs if not isinstance(outputs, UserError)]
+    low, below = valid[0]
+    high, above = valid[-1]
+    return (above - below) / (high - low) if high > low else np.full_like(below, np.nan)
 
 
 def _open_in_worker(source: Source) -> None:

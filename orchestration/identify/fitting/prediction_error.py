@@ -306,44 +306,63 @@ def _minimise(
 
     Residuals are not smooth where a delay is a whole number of samples: `Problem.smooth_bounds`.
     """
-
-    def roots(q: Array) -> dict[str, tuple[Array, Array]]:
-        residual = problem.evaluate(q)[0]
-        return {
-            output: tails.deviance_roots(
-                model.whiten(residual[output], problem.present[output]), model.freedom
-            )
-            for output, model in noise.items()
-        }
-
-    def rows(q: Array) -> Array:
-        return np.concatenate([*(root for root, _ in roots(q).values()), prior.residual(q)])
-
-    def slopes(q: Array) -> Array:
-        stacked = _whitened_slopes(problem, q, noise, prior.jacobian)
-        first = 0
-        for output, (root, weight) in roots(q).items():
-            if noise[output].freedom < np.inf:
-                stacked[first : first + len(root)] *= weight[:, np.newaxis]
-            first += len(root)
-        return stacked
-
-    def search(begin: Array) -> Minimum:
-        low, high = problem.smooth_bounds(begin)
-        residual = problem.time_limited(rows)
-        tolerance = method.tolerance / problem.samples
-        trials = method.trials
-        return minimise(residual, slopes, begin, low, high, tolerance=tolerance, trials=trials)
-
-    best = search(q)
+    loss = _Loss(problem, noise, prior)
+    best = loss.minimise_smooth(q, method)
     other = problem.across_sample(best.q)
     while other is not None:
-        candidate = search(other)
-        if (rows(candidate.q) ** 2).sum() >= (rows(best.q) ** 2).sum():
+        candidate = loss.minimise_smooth(other, method)
+        if loss.cost(candidate.q) >= loss.cost(best.q):
             break
         best = candidate
         other = problem.across_sample(best.q)
     return best
+
+
+@dataclass(frozen=True)
+class _Loss:
+    """Deviance of the innovations in given noise, and of a prior, as a sum of squares."""
+
+    problem: Problem
+    noise: Mapping[str, Noise]
+    prior: _Prior
+
+    def cost(self, q: Array) -> float:
+        """Return the deviance at a point, but for terms that do not depend on it."""
+        return float((self._rows(q) ** 2).sum())
+
+    def minimise_smooth(self, start: Array, method: Method) -> Minimum:
+        """Minimise within the bounds about a start where the residuals are smooth."""
+        problem = self.problem
+        low, high = problem.smooth_bounds(start)
+        residual = problem.time_limited(self._rows)
+        tolerance = method.tolerance / problem.samples
+        return minimise(
+            residual, self._slopes, start, low, high, tolerance=tolerance, trials=method.trials
+        )
+
+    def _rows(self, q: Array) -> Array:
+        """Return signed roots of the deviance (m + r,): those of innovations, then the prior."""
+        roots = [root for root, _ in self._roots(q).values()]
+        return np.concatenate([*roots, self.prior.residual(q)])
+
+    def _slopes(self, q: Array) -> Array:
+        """Return the derivatives (m + r, p) of the rows."""
+        stacked = _whitened_slopes(self.problem, q, self.noise, self.prior.jacobian)
+        first = 0
+        for output, (root, slope) in self._roots(q).items():
+            if self.noise[output].freedom < np.inf:  # else the root is the innovation itself
+                stacked[first : first + len(root)] *= slope[:, np.newaxis]
+            first += len(root)
+        return stacked
+
+    def _roots(self, q: Array) -> dict[str, tuple[Array, Array]]:
+        """Return `tails.deviance_roots` of the innovations, by output."""
+        residual = self.problem.evaluate(q)[0]
+        roots = {}
+        for output, model in self.noise.items():
+            innovations = model.whiten(residual[output], self.problem.present[output])
+            roots[output] = tails.deviance_roots(innovations, model.freedom)
+        return roots
 
 
 def _whitened_slopes(problem: Problem, q: Array, noise: Mapping[str, Noise], below: Array) -> Array:

@@ -48,40 +48,18 @@ def draw_profiles(profiles: Sequence[Profile]) -> Figure:
 
 def _draw_profile(profile: Profile, axis: Axes) -> None:
     """Draw one profile."""
-    unit = profile.declared.unit
-    shown = profile.declared.display or unit
     low, high = _axis_ends(profile)
     wide = profile.logarithmic and high > _WIDE * low
     even = np.geomspace(low, high, 400) if wide else np.linspace(low, high, 400)
-
-    def in_unit(x: Any) -> Any:
-        return convert(x, unit, shown)
-
-    if np.isfinite(profile.standard_error) and profile.standard_error > 0.0:
-        axis.plot(
-            in_unit(even),
-            profile.parabola(even),
-            color=pictures.MODEL,
-            ls="--",
-            lw=1.2,
-            label="parabola of the ellipse",
-        )
-    values = np.union1d(even, profile.values)
-    axis.plot(
-        in_unit(values),
-        _deviance_at(profile, values),
-        color=pictures.FITTED,
-        lw=1.5,
-        label="profile",
-    )
-    axis.plot(in_unit(profile.values), profile.deviance, ".", color=pictures.FITTED)
+    _draw_deviance(profile, axis, even)
     axis.axhline(LEVEL, color="black", lw=0.8, ls=":", label=f"95 % of chi-square, {LEVEL:.2f}")
-    axis.plot(in_unit(profile.estimate), 0.0, "k^", ms=6, clip_on=False, label="estimate")
+    estimate = _displayed(profile, profile.estimate)
+    axis.plot(estimate, 0.0, "k^", ms=6, clip_on=False, label="estimate")
     for interval, name, colour, height in (
         (profile.ellipse, "ellipse", pictures.MODEL, 1.12 * LEVEL),
         (profile.interval, "profile", pictures.FITTED, 1.28 * LEVEL),
     ):
-        bar = [in_unit(float(np.clip(end, low, high))) for end in interval]
+        bar = [_displayed(profile, float(np.clip(end, low, high))) for end in interval]
         label = f"95 % interval of the {name}"
         axis.plot(bar, [height] * 2, color=colour, lw=3, solid_capstyle="butt", label=label)
         for end, x, marker in zip(interval, bar, "<>", strict=True):
@@ -89,10 +67,35 @@ def _draw_profile(profile: Profile, axis: Axes) -> None:
                 axis.plot(x, height, marker, color=colour, ms=7, clip_on=False)
     if wide:
         axis.set_xscale("log")
-    axis.set_xlim(in_unit(low), in_unit(high))
+    axis.set_xlim(_displayed(profile, low), _displayed(profile, high))
     axis.set_ylim(0.0, _TOP * LEVEL)
     axis.set_ylabel("deviance above\nthe estimate's [1]")
-    axis.set_xlabel(f"{profile.name.replace('_', ' ')}" + ("" if shown == "1" else f" [{shown}]"))
+    unit = profile.declared.display or profile.declared.unit
+    axis.set_xlabel(f"{profile.name.replace('_', ' ')}" + ("" if unit == "1" else f" [{unit}]"))
+
+
+def _draw_deviance(profile: Profile, axis: Axes, even: Array) -> None:
+    """Draw the deviance, and the parabola of the ellipse, at values (n,) of the parameter, SI."""
+    if np.isfinite(profile.standard_error) and profile.standard_error > 0.0:
+        axis.plot(
+            _displayed(profile, even),
+            profile.parabola(even),
+            color=pictures.MODEL,
+            ls="--",
+            lw=1.2,
+            label="parabola of the ellipse",
+        )
+    values = np.union1d(even, profile.values)
+    deviance = _deviance_at(profile, values)
+    axis.plot(_displayed(profile, values), deviance, color=pictures.FITTED, lw=1.5, label="profile")
+    fitted = _displayed(profile, profile.values)
+    axis.plot(fitted, profile.deviance, ".", color=pictures.FITTED)
+
+
+def _displayed(profile: Profile, value: Any) -> Any:
+    """Return a value of the parameter, SI, in its display unit."""
+    unit = profile.declared.unit
+    return convert(value, unit, profile.declared.display or unit)
 
 
 def _deviance_at(profile: Profile, values: Array) -> Array:

@@ -44,11 +44,10 @@ def read_lvm(path: Path, content: bytes) -> Table:
     last = table.columns[-1]
     if has_comments and last.name == "Comment" and _is_empty(last):
         table.columns.pop()
-    units = fields.get("Y_Unit_Label", [])
-    for index, column in enumerate(table.columns[1:]):
-        if column.unit is None and index < len(units) and column.name != "Comment":
-            column.unit = plain_unit(units[index])
-    clock = table.columns[0]
+    clock, *channels = table.columns
+    for column, unit in zip(channels, fields.get("Y_Unit_Label", []), strict=False):
+        if column.unit is None and column.name != "Comment":
+            column.unit = plain_unit(unit)
     clock.unit = "s"
     if _is_empty(clock):
         clock.cells = _clock_from_header(path, fields, len(table.rows), table.repairs)

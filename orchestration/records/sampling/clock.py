@@ -235,21 +235,11 @@ def _average_duplicates(samples: Samples) -> None:
         return
     group = np.cumsum(first) - 1
     repeated = samples.rows[~first].tolist()
-    are_identical = True
-    means = {}
-    for name, values in samples.values.items():
-        valid = ~np.isnan(values)
-        count = np.bincount(group[valid], minlength=group[-1] + 1)
-        reference = values[first][group]
-        both_missing = ~valid & np.isnan(reference)
-        are_identical = are_identical and bool(np.all((values == reference) | both_missing))
-        # the mean is computed relative to the first value, so that equal values keep their bits
-        finite_reference = np.where(np.isnan(reference), 0.0, reference)
-        total = np.bincount(
-            group[valid], weights=(values - finite_reference)[valid], minlength=group[-1] + 1
-        )
-        with np.errstate(invalid="ignore", divide="ignore"):  # 0 / 0 is NaN, a missing value
-            means[name] = finite_reference[first] + total / count
+    are_identical = all(
+        np.array_equal(values, values[first][group], equal_nan=True)
+        for values in samples.values.values()
+    )
+    means = {name: _group_means(values, first) for name, values in samples.values.items()}
     instants = int((np.bincount(group) > 1).sum())
     treatment = "identical values" if are_identical else "their values averaged"
     message = (
@@ -259,6 +249,26 @@ def _average_duplicates(samples: Samples) -> None:
     samples.keep(first)
     samples.values = means
     samples.repairs.append(Repair("duplicates", message, tuple(repeated)))
+
+
+def _group_means(values: Array, first: Mask) -> Array:
+    """Return the mean of each group of neighbouring samples without NaN; NaN for an empty one.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+    first : ndarray of bool, shape (n,)
+        True where a group begins.
+    """
+    group = np.cumsum(first) - 1
+    # relative to the first value, so that equal values keep their bits
+    reference = np.where(np.isnan(values[first]), 0.0, values[first])
+    valid = ~np.isnan(values)
+    count = np.bincount(group[valid], minlength=len(reference))
+    deviations = (values - reference[group])[valid]
+    total = np.bincount(group[valid], weights=deviations, minlength=len(reference))
+    with np.errstate(invalid="ignore", divide="ignore"):  # 0 / 0 is NaN, a missing value
+        return np.asarray(reference + total / count)
 
 
 def evenly_sampled(time: Array) -> bool:

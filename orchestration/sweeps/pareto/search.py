@@ -232,45 +232,48 @@ class _ParetoSearch:
         from scipy import optimize
 
         minimize: Any = optimize.minimize  # its stubs do not know mixed bounds
-        size = start.size
         first = np.clip(start, 0.0, 1.0)
         bound = float(self._scales(k, self._objectives.worst(first)[k]))
         if not np.isfinite(bound):
             return first
-
-        def margins(x: Array) -> Array:
-            """Return the constraints, which are met where they are not negative."""
-            values, _ = self._objectives.evaluate(np.clip(x[:size], 0.0, 1.0))
-            above_bound = self._scales(k, values[k]) - x[size]
-            above_floors = [
-                self._scales(other, values[other]) - self._scales(other, np.array(floor))
-                for other, floor in floors.items()
-            ]
-            return np.concatenate([above_bound, *above_floors])
-
-        def slopes(x: Array) -> Array:
-            """Return the derivatives of the constraints by shares and, last, by the bound."""
-            _, derivatives = self._objectives.evaluate(np.clip(x[:size], 0.0, 1.0))
-            rows = []
-            for objective in (k, *floors):
-                by_shares = derivatives[objective] / self._scales.width[objective]
-                by_bound = np.full(len(by_shares), -1.0 if objective == k else 0.0)
-                rows.append(np.column_stack([by_shares, by_bound]))
-            return np.concatenate(rows)
-
-        gradient = np.append(np.zeros(size), -1.0)
-        box: Any = [(0.0, 1.0)] * size + [(None, None)]
-        constraint: Any = {"type": "ineq", "fun": margins, "jac": slopes}
+        gradient = np.append(np.zeros(start.size), -1.0)
+        constraints = {
+            "type": "ineq",
+            "fun": partial(self._margins, k, floors),
+            "jac": partial(self._slopes_of_margins, k, floors),
+        }
         try:
             result = minimize(
-                lambda x: -x[size],
+                lambda x: -x[-1],
                 np.append(first, bound),
                 jac=lambda x: gradient,
-                bounds=box,
-                constraints=[constraint],
+                bounds=[(0.0, 1.0)] * start.size + [(None, None)],
+                constraints=[constraints],
                 method="SLSQP",
                 options={"ftol": _TOLERANCE, "maxiter": 200},
             )
         except UserError:  # a run failed
             return first
-        return np.clip(result.x[:size], 0.0, 1.0) if np.isfinite(result.x).all() else first
+        return np.clip(result.x[:-1], 0.0, 1.0) if np.isfinite(result.x).all() else first
+
+    def _margins(self, k: int, floors: dict[int, float], x: Array) -> Array:
+        """Return the constraints of `_optimise_locally`, which are met if not negative.
+
+        The variables `x` are the shares, and the bound last.
+        """
+        values, _ = self._objectives.evaluate(np.clip(x[:-1], 0.0, 1.0))
+        margins = [self._scales(k, values[k]) - x[-1]]
+        for other, floor in floors.items():
+            least = self._scales(other, np.array(floor))
+            margins.append(self._scales(other, values[other]) - least)
+        return np.concatenate(margins)
+
+    def _slopes_of_margins(self, k: int, floors: dict[int, float], x: Array) -> Array:
+        """Return the derivatives of `_margins` by the variables."""
+        _, derivatives = self._objectives.evaluate(np.clip(x[:-1], 0.0, 1.0))
+        rows = []
+        for objective in (k, *floors):
+            by_shares = derivatives[objective] / self._scales.width[objective]
+            by_bound = np.full(len(by_shares), -1.0 if objective == k else 0.0)
+            rows.append(np.column_stack([by_shares, by_bound]))
+        return np.concatenate(rows)
