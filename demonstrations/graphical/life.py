@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
+from demonstrations.graphical.clustered import clustered_covariance
 from demonstrations.graphical.quantity import GraphicalEstimate, quantity
 from demonstrations.graphical.signals import over_time
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from orchestration.identify.uncertainty import clustered_covariance, parameter_covariance
+from orchestration.identify.uncertainty import parameter_covariance
 
 _STRETCHES = 8  # clusters of points for the covariance, as errors are autocorrelated
 _FEWEST = 3  # points of a cluster

@@ -13,11 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from demonstrations.graphical.clustered import clustered_covariance
 from demonstrations.graphical.quantity import GraphicalEstimate, mean, quantity
 from demonstrations.graphical.signals import over_time
 from fmus.kit import UserError
 from fmus.kit.arrays import Array, Indices
-from orchestration.identify.uncertainty import clustered_covariance, parameter_covariance
+from orchestration.identify.uncertainty import parameter_covariance
 
 _ROUNDING = 1e-6  # of a cycle: a sample so shortly before its end is its end
 _FEWEST = 4  # samples of a cycle for an area

@@ -378,15 +378,6 @@ class Problem:
             if values[name] < least:
                 raise UserError(f"{name} is less than {least:g}, below which it tells nothing")
 
-    def sensitive_parameters(self, q: Array) -> list[str]:
-        """Return the parameters with an effect on anything that was measured, at a point."""
-        _, jacobian = self.evaluate(q)
-        return [
-            name
-            for i, name in enumerate(self.names)
-            if any(slopes[:, i].any() for slopes in jacobian.values())
-        ]
-
     def time_limited(self, residual: Callable[[Array], Array]) -> Callable[[Array], Array]:
         """Return residuals that end a search when time is up, but never at its first point.
 

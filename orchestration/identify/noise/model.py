@@ -17,7 +17,7 @@ from scipy.linalg import solve_discrete_lyapunov, solve_triangular
 from scipy.special import ndtri
 
 from fmus.kit.arrays import Array, Mask
-from orchestration.identify.filters import autoregression, moving_average
+from orchestration.identify.filters import autoregression
 from orchestration.identify.noise.autoregression import ORDER, estimate_colour, segments
 from orchestration.identify.noise.tails import heavy_tails, weights
 from orchestration.identify.probability import student_log_density
@@ -83,18 +83,6 @@ class Noise:
         if not pieces:
             return values[:0]
         return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
-
-    def whiten_from_rest(self, values: Array, present: Mask) -> Array:
-        """Filter like :meth:`whiten`, as if everything before the first sample had been zero.
-
-        The error of a simulation grows from where it starts, so that the first samples are the most
-        informative about the start.
-        """
-        numerator = [1.0, *-self.coefficients]
-        pieces = [
-            moving_average(numerator, values[a:b]) / self.deviation for a, b in segments(present)
-        ]
-        return np.concatenate(pieces) if pieces else values[:0]
 
     def weights(self, innovation: Array) -> Array:
         """Return the weights with which least squares of innovations maximises the likelihood.

@@ -1,5 +1,4 @@
 from .covariance import Covariance as Covariance
-from .covariance import clustered_covariance as clustered_covariance
 from .covariance import excess_variance as excess_variance
 from .covariance import heteroscedastic as heteroscedastic
 from .covariance import parameter_covariance as parameter_covariance

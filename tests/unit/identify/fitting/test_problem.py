@@ -186,11 +186,6 @@ def test_residuals_are_measured_minus_simulated_where_there_was_a_measurement():
     assert problem.evaluations == 1
 
 
-def test_what_has_no_trace_in_the_record_is_told():
-    problem = amplified(["gain", "unused"])
-    assert problem.sensitive_parameters(problem.position(problem.start)) == ["gain"]
-
-
 def test_values_and_intervals_stay_in_their_ranges():
     problem = amplified()
     low, high = problem.bounds()

@@ -63,23 +63,6 @@ def test_the_likelihood_is_exact_from_the_first_sample_on(coefficients, gaps):
     )
 
 
-def test_from_rest_the_first_sample_tells_where_a_walk_began():
-    """Compare with the best estimates of the start of a random walk and of white noise.
-
-    They are the first sample, and the mean.
-    """
-    present, ones = np.ones(400, dtype=bool), np.ones(400)
-    present[200] = False
-    values = 3.0 + np.cumsum(np.random.default_rng(2).standard_normal(399))
-    for colour, expected in ((1.0, np.mean(values[[0, 200]])), (0.0, values.mean())):
-        noise = Noise(np.array([colour]), 0.5)
-        column, white = (
-            noise.whiten_from_rest(ones[present], present),
-            noise.whiten_from_rest(values, present),
-        )
-        assert column @ white / (column @ column) == pytest.approx(expected)
-
-
 def test_a_likelihood_with_heavy_tails_is_student_s():
     values, everywhere = np.random.default_rng(1).standard_t(3.0, 500), np.ones(500, dtype=bool)
     noise = Noise(np.empty(0), 2.0, 3.0)
