@@ -162,13 +162,14 @@ def lag_effect(
     if kind == "hysteresis" and not _rate_law_of(component, signal):
         raise UserError(f"{kind} is over a state, which {signal!r} is not")
     size = scale or argument.nominal
-    names = names or EffectNames()
-    stem = f"{law}_{names.id or kind}"
-    names = names.with_defaults(kind, (stem, f"{stem}_constant", f"{stem}_state"))
-    amount, constant_name, state = names.variables
+    given = names or EffectNames()
+    stem = f"{law}_{given.id or kind}"
+    full = given.with_defaults(kind, (stem, f"{stem}_constant", f"{stem}_state"))
+    amount, constant_name, state = full.variables
     power = _POWERS.get(kind, 1)
-    is_loop = kind in ("hysteresis", "play")
-    family = f"{law} {'loop of' if is_loop else 'remembering'} {signal}"
+    relation = "loop of" if kind in ("hysteresis", "play") else "remembering"
+    at_once = (sampling or Sampling()).at_once
+    value, rate = _value_and_rate_laws(component, kind, signal, full.variables, at_once)
     members = {
         "__doc__": f"Adds to {law}: {ARMS[kind].text}, x = {signal}; a = 0 is the base model.",
         amount: coefficient(
@@ -177,25 +178,23 @@ def lag_effect(
             f"part of {law} that remembers {signal} (a)",
             least=0.0,
         ),
+        **_declare_constant_and_state(kind, argument, full.variables, constant, size),
+        f"{state}_rate": rate,
     }
-    members |= _declare_constant_and_state(kind, argument, names.variables, constant, size)
-    at_once = (sampling or Sampling()).at_once
-    value, rate = _value_and_rate_laws(component, kind, signal, names.variables, at_once)
-    members[f"{state}_rate"] = rate
-    amount_size = Size("{}", (amount,))
-    if kind in _MEAN_SQUARE:
-        amount_size = size_at(amount, unit, size, argument.unit, lambda x: x**power)
+    is_visible = kind not in _MEAN_SQUARE  # the coefficient is a quantity of the rig
     return additive_effect(
         component,
         law,
         value,
         members,
-        id=names.id,
-        term=Term(law, signal, ARMS[kind].text, family, names.qualifier),
-        title=generic_title(names.id, law_title(component, law)),
+        id=full.id,
+        term=Term(law, signal, ARMS[kind].text, f"{law} {relation} {signal}", full.qualifier),
+        title=generic_title(full.id, law_title(component, law)),
         assumption=f"{law} has no memory of {signal} but that of its states",
         sizes=(
-            amount_size,
+            Size("{}", (amount,))
+            if is_visible
+            else size_at(amount, unit, size, argument.unit, lambda x: x**power),
             Size(_DISPLACEMENT_PHRASE if kind in _LOOPS else _TIME_PHRASE, (constant_name,)),
         ),
     )
@@ -320,39 +319,26 @@ def _declare_constant_and_state(
     """Declare the constant of an arm, and its state, by name."""
     amount, constant_name, state = variables
     unit = argument.unit
-    if kind in _LOOPS:
-        meaning = "way until it gives (w)"
-        constant_unit = f"({unit})*s" if kind == "sliding" else unit
-    else:
-        meaning = "time constant (T)"
-        constant_unit = "s"
-    state_range: dict[str, Any] = {}
+    meaning = "way until it gives (w)" if kind in _LOOPS else "time constant (T)"
+    constant_units = {"sliding": f"({unit})*s", "hysteresis": unit, "play": unit}
+    about_state: dict[str, Any] = {"unit": unit, "nominal": size}
     if kind in _NORMALISED:
-        state_unit = "1"
-        typical = 1.0
-        state_range = {"min": -1.0, "max": 1.0}
+        about_state = {"unit": "1", "nominal": 1.0, "min": -1.0, "max": 1.0}
     elif kind in _MEAN_SQUARE:
-        state_unit = f"({unit})^2"
-        typical = size**2
-        state_range = {"min": 0.0}
-    else:
-        state_unit = unit
-        typical = size
+        about_state = {"unit": f"({unit})^2", "nominal": size**2, "min": 0.0}
     return {
         constant_name: Parameter(
             constant,
-            constant_unit,
+            constant_units.get(kind, "s"),
             min=1e-3 * min(constant, 1.0),
             max=1e9,
             nominal=constant,
             doc=f"{meaning} of {amount}",
         ),
         state: State(
-            state_unit,
             rate=f"{state}_rate",
-            nominal=typical,
             doc=f"what {amount} remembers of {argument.name}",
-            **state_range,
+            **about_state,
         ),
     }
 
@@ -385,8 +371,7 @@ def _value_and_rate_laws(
 
     def value(self: Any) -> Any:
         memory = arm.form(since_start(self), getattr(self, state), getattr(self, constant))
-        if start and kind == "lagging":
-            memory = memory + getattr(self, start)
-        return getattr(self, amount) * memory
+        whole = memory + getattr(self, start) if start and kind == "lagging" else memory
+        return getattr(self, amount) * whole
 
     return value, rate

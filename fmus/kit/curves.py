@@ -227,8 +227,8 @@ def curve(
     argument = variable(component, signal)
     size = scale or argument.nominal
     defaults = (f"{law}_{shape}", f"{law}_{shape}_width")
-    names = (names or EffectNames()).with_defaults(shape, defaults)
-    amount, width = names.variables
+    full = (names or EffectNames()).with_defaults(shape, defaults)
+    amount, width = full.variables
     typical = Constant(argument.nominal, argument.unit)
 
     def value(self: Any) -> Any:
@@ -248,11 +248,15 @@ def curve(
     if definition.width:
         doc = f"{signal} at which {law} bends (w)"
         members[width] = width_parameter(definition, argument.unit, size, doc)
-    sizes = [Size("{}", (amount,))]
+    sizes = []
     if shape in _GROWING:
-        sizes = [
-            size_at(amount, unit, size, argument.unit, lambda x: definition.form(x, 1.0, typical))
-        ]
+
+        def unit_value(x: float) -> Any:
+            return definition.form(x, 1.0, typical)
+
+        sizes.append(size_at(amount, unit, size, argument.unit, unit_value))
+    else:
+        sizes.append(Size("{}", (amount,)))
     if definition.bend:
         at_bend = (lambda w: -w) if shape == "lower_stop" else (lambda w: w)
         sizes.append(Size(definition.bend, (width,), argument.unit, at_bend))
@@ -261,9 +265,9 @@ def curve(
         law,
         value,
         members,
-        id=names.id,
-        term=Term(law, signal, definition.text, f"{law} over {signal}", names.qualifier),
-        title=generic_title(names.id, law_title(component, law)),
+        id=full.id,
+        term=Term(law, signal, definition.text, f"{law} over {signal}", full.qualifier),
+        title=generic_title(full.id, law_title(component, law)),
         assumption=f"{law} has no part {definition.text} with x = {signal}",
         sizes=tuple(sizes),
     )
@@ -366,6 +370,7 @@ def additive_effect(
     if law_of(component, law) is None:
         raise UserError(f"{_label(component)}: no law named {law!r}")
 
+    # `effect` is assigned below, before the first call
     def sum_with_value(self: Any) -> Any:
         return getattr(super(effect, self), law)() + value(self)
 

@@ -113,33 +113,27 @@ def check_term(term: LawTerm, laws: Collection[str], signals: Collection[str]) -
 
 
 @cache
-def _without(cls: type[Component], effects: tuple[type[Effect], ...]) -> type[Component]:
-    """Return the class of a component without some effects and without the terms stacked on it."""
+def _without_terms(cls: type[Component]) -> type[Component]:
+    """Return the class of a component without the terms stacked on it."""
     component, stacked = unstack(cls)
-    others = [
-        effect
-        for effect in stacked
-        if made_by(effect) is not law_term_effect and effect not in effects
-    ]
+    others = [effect for effect in stacked if made_by(effect) is not law_term_effect]
     return stack(component, *others) if others else component
 
 
-def base_value(self: Any, name: str, effects: tuple[type[Effect], ...] = ()) -> Any:
-    """Return an input, a state, the time, or a law without any terms and without some effects.
+def base_value(self: Any, name: str) -> Any:
+    """Return an input, a state, the time, or a law without any terms.
 
     Parameters
     ----------
     self : Component
         Of a stacked class.
     name : str
-    effects : tuple of type[Effect]
-        That are stacked on it, and change the law.
     """
     value = getattr(self, name)
     if not callable(value):
         return value
     stacked = next(part for part in type(self).__mro__ if "_stacked" in vars(part))
-    plain: Any = object.__new__(_without(stacked, effects))
+    plain: Any = object.__new__(_without_terms(stacked))
     vars(plain).update(vars(self))
     plain._kept = None
     return getattr(plain, name)()
@@ -159,18 +153,18 @@ def law_term_effect(component: type[Component], law: str, term: LawTerm) -> type
     Returns
     -------
     type[Effect]
-        With the parameter ``<stem>``: the coefficient, or for a curve 1 for the whole of it and
-        ``<stem>_at_<k>`` its values. Further parameters end in ``_width`` (of a shape that has
-        one), ``_time``, ``_ratio``, ``_rate`` and ``_way`` (of a memory).
+        With the parameter ``<stem>``: the coefficient of a shape, or the factor of a curve, whose
+        values at its knots are ``<stem>_at_<k>``. A shape may have a width, ``<stem>_width``;
+        constants of a memory end in ``_time``, ``_ratio``, ``_rate`` and ``_way``.
     """
     stem = term.stem
     memory = _memory(term)
 
+    # `effect` is assigned below, before the first call
     def corrected(self: Any, *arguments: Any) -> Any:
-        added = _shape_value(self, term, memory.value(self))
-        if term.factor:
-            added = added * base_value(self, term.factor)
-        return getattr(super(effect, self), law)(*arguments) + added
+        base = getattr(super(effect, self), law)(*arguments)
+        addition = _shape_value(self, term, memory.value(self))
+        return base + (addition * base_value(self, term.factor) if term.factor else addition)
 
     members = _shape_parameters(term) | memory.members
     text = f"{law} hangs on {term.signal or 'a constant'}: {term.shape} shape"
@@ -239,20 +233,22 @@ def _shape_value(self: Any, term: LawTerm, x: Any) -> Any:
     """Return the value of a term at a value of its signal, or of the memory of it."""
     amount = getattr(self, term.stem)
     if term.places:
-        low, wide = (
-            Constant(value, term.signal_unit)
-            for value in (term.places[0], term.places[1] - term.places[0])
-        )
-        last = len(term.places) - 1
-        values = [getattr(self, f"{term.stem}_at_{k}") for k in range(last + 1)]
-        # from one on: at a knot at zero a smooth table has a corner
-        place = 1.0 + minimum(maximum((x - low) / wide, 0.0), float(last))
-        return amount * smooth_table(place, [1.0 + k for k in range(last + 1)], values)
-    if term.middle:
-        x = x - Constant(term.middle, term.signal_unit)
+        return amount * _curve_value(self, term, x)
+    shifted = x - Constant(term.middle, term.signal_unit) if term.middle else x
     width = getattr(self, f"{term.stem}_width", 1.0)
     scale = Constant(term.scale, term.signal_unit)
-    return amount * _SHAPES[term.shape](x, width, scale)
+    return amount * _SHAPES[term.shape](shifted, width, scale)
+
+
+def _curve_value(self: Any, term: LawTerm, x: Any) -> Any:
+    """Return the value of a curve, constant beyond its first and last knot."""
+    first = Constant(term.places[0], term.signal_unit)
+    spacing = Constant(term.places[1] - term.places[0], term.signal_unit)
+    last = len(term.places) - 1
+    values = [getattr(self, f"{term.stem}_at_{k}") for k in range(last + 1)]
+    # from one on: at a knot at zero a smooth table has a corner
+    place = 1.0 + minimum(maximum((x - first) / spacing, 0.0), float(last))
+    return smooth_table(place, [1.0 + k for k in range(last + 1)], values)
 
 
 @dataclass(frozen=True)
@@ -356,7 +352,8 @@ def _continuous(term: LawTerm) -> _Memory:
 def _sampled(term: LawTerm) -> _Memory:
     """Return a memory without a rate, which follows its signal at sample instants.
 
-    Play keeps within a way of its signal. A Dahl element follows its movement: dz = ds - |ds| z/w.
+    With the displacement w, play stays within w of its signal s, and a Dahl element z follows its
+    change: dz = ds - |ds| z/w.
     """
     stem = term.stem
     names = {role: f"{stem}_{role}" for role in ("memory", "before", "begun", "way")}

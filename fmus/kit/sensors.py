@@ -121,18 +121,11 @@ def _make_factory(
     def make(
         component: type[Component], output: str, sampling: Sampling | None = None
     ) -> type[Effect]:
-        declared = {o.name: o for o in component.layout.measured_outputs if o.type == "real"}
-        if output not in declared:
-            label = component.name or component.__name__
-            raise UserError(
-                f"{label}: no measured output named {output!r}{suggestion(output, declared)}"
-            )
-        measured = declared[output]
-
         # `effect` is assigned below, before the first call
         def before_effect(self: Any) -> Any:
             return getattr(super(effect, self), output)()
 
+        measured = _measured_output(component, output)
         quantity = _Quantity(
             output,
             measured.unit,
@@ -159,6 +152,15 @@ def _make_factory(
     make.__name__ = make.__qualname__ = body.__name__
     make.__doc__ = f"{body.__doc__}{_ARGUMENTS}"
     return make
+
+
+def _measured_output(component: type[Component], name: str) -> Declaration:
+    """Return a real measured output; UserError if the component has none of that name."""
+    declared = {o.name: o for o in component.layout.measured_outputs if o.type == "real"}
+    if name not in declared:
+        label = component.name or component.__name__
+        raise UserError(f"{label}: no measured output named {name!r}{suggestion(name, declared)}")
+    return declared[name]
 
 
 @_measurement(

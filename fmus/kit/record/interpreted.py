@@ -133,7 +133,7 @@ class Interpreted:
     ) -> tuple[Array, Array, float]:
         """Advance from sample to sample; return outputs, states, and number of internal steps."""
         allowed = effort * len(time)
-        steps = 0.0
+        steps = 0
         outputs = np.empty((len(time), self._outputs.result.size))
         states = np.empty((len(time), self._x.size + self._z.size))
         for k, now in enumerate(time.tolist()):
@@ -146,9 +146,8 @@ class Interpreted:
                 break
             h = self._start_interval(time[k : k + 2], table[k : k + 2], linear)
             limit = int(min(MAX_STEPS, allowed - steps))
-            self._budget = limit
             try:
-                self._advance(now, now + h)
+                steps += self._advance(now, now + h, limit)
             except _ExhaustedError:
                 if limit == MAX_STEPS:
                     raise
@@ -157,8 +156,7 @@ class Interpreted:
                     " with these parameters a time constant is that much shorter than the time"
                     " between samples"
                 ) from None
-            steps += limit - self._budget
-        return outputs, states, steps
+        return outputs, states, float(steps)
 
     def _start_interval(self, times: Array, table: Array, linear: Array) -> float:
         """Set the inputs between two samples, and return the length of the interval, s."""
@@ -182,8 +180,15 @@ class Interpreted:
                 name = group[int(np.argmin(np.isfinite(values)))].name
                 raise UserError(f"'{name}' is not a finite number at t = {now:.10g} s")
 
-    def _advance(self, now: float, end: float) -> None:
-        """Advance to the next sample of the record."""
+    def _advance(self, now: float, end: float, limit: int) -> int:
+        """Advance to the next sample of the record; return the number of internal steps.
+
+        Raises
+        ------
+        _ExhaustedError
+            If there are more steps than `limit`.
+        """
+        self._budget = limit
         while now < end:
             target = end
             for i, period in enumerate(self._sample_periods):
@@ -201,6 +206,7 @@ class Interpreted:
             else:
                 self._count_step(now)
             now = target
+        return limit - self._budget
 
     def _set_time(self, now: float) -> None:
         """Set the time, and interpolate inputs at this time."""

@@ -141,13 +141,14 @@ class Linearisation:
         self._base = base
         self._extended = extended
         nominal = np.array([state.nominal for state in base.layout.states])
+        # element i, j of a matrix of states times this is that of states over their nominal values
         self._to_nominal = nominal / nominal[:, None]
-        # results of `_is_affine`, by its arguments
+        # a fit asks for the same records and discrete states again and again
         self._known_affine: dict[tuple[bool, tuple[bool, ...]], bool] = {}
-        self._last_times = np.empty(0)  # of the last record
+        self._last_times = np.empty(0)
         self._sample_times: _SampleTimes | None = None
-        # arguments of `_blocks`
-        self._start = np.zeros(1)
+        # memory from which the function of `_blocks` reads its arguments
+        self._start_time = np.zeros(1)
         self._parameters = np.zeros(len(extended.layout.parameters))
         self._first_inputs = np.zeros(len(base.layout.inputs))
         self._inputs = np.zeros(len(base.layout.inputs))
@@ -206,7 +207,7 @@ class Linearisation:
         samples = [0]
         if depends_on_inputs:
             samples = np.linspace(0, len(table) - 1, _INSPECTED).astype(int).tolist()
-        self._start[0] = start
+        self._start_time[0] = start
         self._parameters[:] = parameters
         self._first_inputs[:] = table[0]
         matrices = np.empty((len(samples), blocks.result.size))
@@ -238,16 +239,18 @@ class Linearisation:
         blocks = ca.jacobian(graph.rates, graph.states[:n])
         depends_on_inputs = graph.inputs.numel() and ca.depends_on(blocks[:n, :], graph.inputs)
         first = ca.SX.sym("first", graph.inputs.numel())
-        symbols = ca.vertcat(graph.inputs, graph.states, graph.discretes)
         states, discretes = graph.start
+
+        def at_start(expression: ca.SX, inputs: ca.SX) -> ca.SX:
+            symbols = ca.vertcat(graph.inputs, graph.states, graph.discretes)
+            return ca.substitute(expression, symbols, ca.vertcat(inputs, states, discretes))
+
         for update in graph.updates:
-            values = ca.vertcat(first, states, discretes)
-            discretes = ca.substitute(update, symbols, values)
-        values = ca.vertcat(graph.inputs, states, discretes)
-        rows = ca.densify(ca.substitute(blocks, symbols, values).T)  # CasADi stores by columns
+            discretes = at_start(update, first)
+        rows = ca.densify(at_start(blocks, graph.inputs).T)  # CasADi stores by columns
         arguments = [graph.time, graph.parameters, first, graph.inputs]
         function = ca.Function("blocks", arguments, ca.cse([rows]))
-        memory = [self._start, self._parameters, self._first_inputs, self._inputs]
+        memory = [self._start_time, self._parameters, self._first_inputs, self._inputs]
         return BufferedFunction(function, memory), bool(depends_on_inputs)
 
     def _is_affine(self, linear: bool, resampled: tuple[bool, ...]) -> bool:

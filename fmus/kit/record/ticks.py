@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -45,20 +46,25 @@ def ticks_of(time: Array, begin: float, rhythms: Sequence[Rhythm]) -> Ticks:
     rhythms : sequence of Rhythm
         Of each clock.
     """
-    instants, clocks, steps = [np.zeros(0)], [np.zeros(0, int)], [np.zeros(0, int)]
     slack = ROUNDING * float(np.abs(time).max())
-    for clock, (shift, period) in enumerate(rhythms):
-        own = slack + SAME_INSTANT * period
-        count = (time[[0, -1]] - begin - shift - own) / period
-        ticks = begin + shift + period * np.arange(max(0, np.ceil(count[0])), np.ceil(count[1]))
-        step = np.searchsorted(time - own, ticks, side="right") - 1
-        instants.append(np.where(ticks > time[step] + own, ticks, time[step]))
-        clocks.append(np.full(len(ticks), clock))
-        steps.append(step)
-    at, clock_of, step_of = (np.concatenate(a) for a in (instants, clocks, steps))
-    order = np.argsort(at, kind="stable")
+    each = [_instants(time, begin + shift, period, slack) for shift, period in rhythms]
+    at = np.concatenate([np.zeros(0), *(instants for instants, _ in each)])
+    steps = np.concatenate([np.zeros(0, int), *(step for _, step in each)])
+    counts = np.array([len(step) for _, step in each], dtype=int)
+    clocks = np.repeat(np.arange(len(each)), counts)
+    by_time = np.argsort(at, kind="stable")
     shortest = min((period for _, period in rhythms), default=0.0)
-    apart = np.diff(at[order], prepend=-np.inf) > slack + SAME_INSTANT * shortest
-    order = order[np.lexsort((clock_of[order], np.cumsum(apart)))]
-    first = np.searchsorted(step_of[order], np.arange(len(time)))
-    return Ticks(at[order], clock_of[order].astype(np.int32), first.astype(np.int32))
+    is_later = np.diff(at[by_time], prepend=-np.inf) > slack + SAME_INSTANT * shortest
+    # ticks that are one instant within rounding, in the order of the clocks
+    order = by_time[np.lexsort((clocks[by_time], np.cumsum(is_later)))]
+    first = np.searchsorted(steps[order], np.arange(len(time)))
+    return Ticks(at[order], clocks[order].astype(np.int32), first.astype(np.int32))
+
+
+def _instants(time: Array, start: float, period: float, slack: float) -> tuple[Array, Any]:
+    """Return the instants of a clock within a record, s, and the step to which each belongs."""
+    same = slack + SAME_INSTANT * period  # largest difference by rounding, s
+    first, end = np.ceil((time[[0, -1]] - start - same) / period)
+    ticks = start + period * np.arange(max(0, first), end)
+    step = np.searchsorted(time - same, ticks, side="right") - 1
+    return np.where(ticks > time[step] + same, ticks, time[step]), step

@@ -234,18 +234,12 @@ def list_laws(cls: type[Component]) -> list[LawOfModel]:
 
 
 @uninterrupted()
-def families_for(
-    cls: type[Component],
-    scales: Mapping[str, float] | None = None,
-    sampling: Sampling | None = None,
-) -> list[type[Effect]]:
+def families_for(cls: type[Component], sampling: Sampling | None = None) -> list[type[Effect]]:
     """Make the effects that fit a component's laws by their units.
 
     Parameters
     ----------
     cls : type[Component]
-    scales : Mapping of str to float, optional
-        Typical magnitudes of signals and laws, SI; by default nominal values.
     sampling : Sampling, optional
         Sampling of the record that the effects are made for.
 
@@ -255,48 +249,48 @@ def families_for(
         One for each combination of law, signal and shape.
     """
     layout = cls.layout
-    scale = {v.name: v.nominal for v in (*layout.inputs, *layout.states, *layout.outputs)}
-    scale |= dict(scales or {})
     inputs = [v.name for v in layout.inputs if v.type == "real"]
     graph = trace(cls)
     rates = {s.rate: graph.rates[i] for i, s in enumerate(layout.states)}
     definitions = {s.rate for s in layout.states if _is_definition(s.name, rates[s.rate])}
-    laws = list_laws(cls)
+    # errors of outputs are effects of sensors
+    laws = [law for law in list_laws(cls) if not law.is_output]
     effects: list[type[Effect]] = []
     for law in laws:
-        # errors of outputs are effects of sensors, and a definition cannot be wrong
-        if law.is_output or not law.unit or law.name in definitions:
-            continue
-        signals = [s for s in law.reads if not law.is_rate or s not in inputs]
-        signals += _undamped_velocities(cls, law, rates)
-        effects += _effects_of_law(cls, law, signals, scale, sampling)
-        effects += _walls(cls, law, scale, sampling)
-    for law in laws:
-        if not law.is_output and any(_same_dimension(law.unit, u) for u in ("N", "N*m")):
-            effects.append(force_offset(cls, law.name, law.unit, scale.get(law.name, 1.0)))
-            break  # only on the first force
+        if law.unit and law.name not in definitions:
+            signals = [s for s in law.reads if not law.is_rate or s not in inputs]
+            signals += _undamped_velocities(cls, law, rates)
+            effects += _effects_of_law(cls, law, signals, sampling)
+            effects += _walls(cls, law, sampling)
+    forces = [law for law in laws if any(_same_dimension(law.unit, u) for u in ("N", "N*m"))]
+    for law in forces[:1]:
+        effects.append(force_offset(cls, law.name, law.unit, _nominal(cls, law)))
     for name in inputs:
-        effects += [make(cls, name, scale[name]) for make in INPUT_CURVES]
-        effects += [make(cls, name, scale[name], sampling) for make in INPUT_MEMORIES]
+        effects += [make(cls, name) for make in INPUT_CURVES]
+        effects += [make(cls, name, sampling=sampling) for make in INPUT_MEMORIES]
     return effects
+
+
+def _nominal(cls: type[Component], law: LawOfModel) -> float:
+    """Return the nominal value of a law: that of the output of its name, else 1."""
+    return next((o.nominal for o in cls.layout.outputs if o.name == law.name), 1.0)
 
 
 def _effects_of_law(
     cls: type[Component],
     law: LawOfModel,
     signals: list[str],
-    scale: Mapping[str, float],
     sampling: Sampling | None,
 ) -> Iterator[type[Effect]]:
     """Yield the effects on a law over each signal: curves and memories."""
-    unit_of = {v.name: v.unit for v in (*cls.layout.inputs, *cls.layout.states)}
     inputs = {v.name for v in cls.layout.inputs}
-    nominal = scale.get(law.name, 1.0)
+    nominal = _nominal(cls, law)
     several = len(signals) > 1
     for signal in signals:
+        argument = variable(cls, signal)
         qualifier = f"{law.name}, {signal}" if several else law.name
         prefix = f"{law.name}_of_{signal}" if several else law.name
-        for shape, name in _shapes_for_units(law.unit, unit_of[signal]).items():
+        for shape, name in _shapes_for_units(law.unit, argument.unit).items():
             stem = f"{prefix}_{name}"
             if shape in ARMS:
                 # a rate already has a memory, its state; hysteresis needs the rate of its signal
@@ -307,10 +301,9 @@ def _effects_of_law(
                     law.name,
                     signal,
                     shape,
-                    _start_of_constant(shape, signal, scale, sampling),
+                    _start_of_constant(shape, argument, sampling),
                     law.unit,
                     nominal=nominal,
-                    scale=scale[signal],
                     names=EffectNames(name, (stem, f"{stem}_constant", f"{stem}_state"), qualifier),
                     sampling=sampling,
                 )
@@ -322,17 +315,13 @@ def _effects_of_law(
                     shape,
                     law.unit,
                     nominal,
-                    scale=scale[signal],
                     names=EffectNames(name, (stem, f"{stem}_width"), qualifier),
                     either_way=law.is_rate,
                 )
 
 
 def _walls(
-    cls: type[Component],
-    law: LawOfModel,
-    scale: Mapping[str, float],
-    sampling: Sampling | None,
+    cls: type[Component], law: LawOfModel, sampling: Sampling | None
 ) -> Iterator[type[Effect]]:
     """Yield the effect of a heat store, if a law is a flow of heat between two temperatures."""
     declared = {v.name: v for v in (*cls.layout.inputs, *cls.layout.states)}
@@ -348,9 +337,9 @@ def _walls(
         cls,
         law.name,
         (first, second),
-        _start_of_constant("leading", first, scale, sampling),
+        _start_of_constant("leading", declared[first], sampling),
         law.unit,
-        nominal=scale.get(law.name, 1.0),
+        nominal=_nominal(cls, law),
         scale=declared[first].nominal,
     )
 
@@ -365,12 +354,10 @@ def _is_definition(state: str, rate: ca.SX) -> bool:
     return bool(slope.is_constant() and at_zero.is_zero())
 
 
-def _start_of_constant(
-    kind: str, signal: str, scale: Mapping[str, float], sampling: Sampling | None
-) -> float:
+def _start_of_constant(kind: str, signal: Declaration, sampling: Sampling | None) -> float:
     """Return the start value of an arm's constant: a displacement of a loop, or a time in s."""
     if kind in _DISPLACEMENTS:
-        return _DISPLACEMENTS[kind] * scale[signal]
+        return _DISPLACEMENTS[kind] * signal.nominal
     return (sampling or Sampling()).time_constant
 
 
@@ -409,10 +396,8 @@ def _contains_shape(cls: type[Component], law: str, signal: str, shape: str) -> 
         slope = _derivative_by_parameter(instance, law, p)
         if slope is None:
             return False
-        if np.isfinite(slope).all():
-            size = np.abs(slope).max()
-            if size > 0.0:
-                columns.append(slope / size)
+        if np.isfinite(slope).all() and slope.any():
+            columns.append(slope / np.abs(slope).max())
     if not columns:
         return False
     basis = np.column_stack(columns)
@@ -510,9 +495,9 @@ def units_of_laws(cls: type[Component], laws: Iterable[str]) -> dict[str, str]:
             continue
     known = {}
     for law, values in calls.values.items():
-        law_units = [value.unit for value in values if isinstance(value, Quantity)]
-        if law_units:  # of several calls, one after which the unit is determined
-            known[law] = min(law_units, key=lambda unit: unit.is_open)
+        units_of_calls = [value.unit for value in values if isinstance(value, Quantity)]
+        if units_of_calls:  # a call after which the unit is determined comes first
+            known[law] = min(units_of_calls, key=lambda unit: unit.is_open)
     return {law: _usual_spelling(unit) for law, unit in (known | declared).items()}
 
 

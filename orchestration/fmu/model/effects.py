@@ -98,19 +98,12 @@ def known_effects(
     }
 
 
-def families(
-    cls: type[Component],
-    scales: Mapping[str, float] | None = None,
-    sampling: Sampling | None = None,
-) -> dict[str, type[Effect]]:
+def families(cls: type[Component], sampling: Sampling | None = None) -> dict[str, type[Effect]]:
     """Return generic effects for a component's laws by their units, without its catalogue.
 
     Parameters
     ----------
     cls : type[Component]
-    scales : Mapping of str to float, optional
-        Typical magnitudes of signals and laws in SI units, from which searches start; default
-        nominal values.
     sampling : Sampling, optional
         Sampling of the record for which the effects are made.
 
@@ -126,7 +119,7 @@ def families(
     catalogue_terms = {_term_key(effect) for effect in catalogue(cls).values()}
     return {
         effect_name(effect): effect
-        for effect in families_for(unstack(cls)[0], scales, sampling)
+        for effect in families_for(unstack(cls)[0], sampling)
         if _term_key(effect) not in catalogue_terms
     }
 
@@ -172,7 +165,7 @@ def find_effects(
     user_effects = {name: load_subclass(name, Effect)[2] for name in names if names_class(name)}
     known = known_effects(cls, sampling) | user_effects
     if any(name not in known for name in names):
-        known = families(cls, sampling=sampling) | known
+        known = families(cls, sampling) | known
     for name in names:
         if name not in known:
             raise UserError(
