@@ -26,12 +26,7 @@ from orchestration.diagnosis.local_values import LocalValues
 from orchestration.diagnosis.options import Deadline, Options
 from orchestration.diagnosis.search import Found
 from orchestration.diagnosis.subject import Subject, predicted, subject_of
-from orchestration.diagnosis.term_names import (
-    TermParameter,
-    interval_of,
-    stems,
-    term_parameters,
-)
+from orchestration.diagnosis.term_names import TermParameter, interval_of, stems, term_parameters
 from orchestration.diagnosis.terms import Term
 from orchestration.identify.changes import Change
 from orchestration.records import Record as MeasuredRecord

@@ -303,6 +303,19 @@ class Comparison:
         return self.gain - self.cost - share * inexact
 
 
+# features of a comparison by name, as `--explain` prints them
+FEATURES = {
+    "fitted": "gain on fitted samples [nat]",
+    "left_out": "gain on unseen samples [nat]",
+    "rise": "rise of the mean square error on unseen samples",
+    "error": "its standard error",
+    "columns": "cost of further coefficients [nat]",
+    "terms": "further terms",
+    "distance": "distance from nominal parameters [nat]",
+    "words": "prior against it [nat]",
+}
+
+
 @dataclass(frozen=True, eq=False)
 class Common:
     """Effective samples, the same in all comparisons of a diagnosis.

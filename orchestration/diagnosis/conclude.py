@@ -8,14 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orchestration.diagnosis.cause import Cause
-from orchestration.diagnosis.comparison import (
-    WEIGHTS,
-    Common,
-    Judged,
-    are_same,
-    rises,
-    shortfall,
-)
+from orchestration.diagnosis.comparison import WEIGHTS, Common, Judged, are_same, rises, shortfall
 from orchestration.diagnosis.courses import Courses, are_interchangeable
 from orchestration.diagnosis.features import confidence, features_of
 from orchestration.diagnosis.readings import Reading

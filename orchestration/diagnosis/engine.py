@@ -374,10 +374,7 @@ def _decide(
 
 
 def _designed(
-    found: Found,
-    conclusion: Conclusion,
-    records: Sequence[MeasuredRecord],
-    options: Options,
+    found: Found, conclusion: Conclusion, records: Sequence[MeasuredRecord], options: Options
 ) -> Design:
     """Design an experiment as long as the longest record; inputs with a given value keep it."""
     record = max(records, key=lambda record: float(np.ptp(record.time)))

@@ -15,14 +15,13 @@ from fmus.kit.sensors import transport_delay
 from orchestration.diagnosis.fitting import Fit
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.term_names import (
-    FORMS,
     seen_unit,
     sentence,
     shape_text,
     stems,
     term_parameters,
 )
-from orchestration.diagnosis.terms import DelayTerm, Memory, NamedTerm, Shape, Term
+from orchestration.diagnosis.terms import FORMS, DelayTerm, NamedTerm, Shape, Term
 
 _ADDITIONS = 4  # place of the additions to laws among the arguments of a model's functions
 
@@ -117,7 +116,6 @@ def law_term(fitted: Fit, stem: str, term: Term) -> LawTerm:
     model = problem.model
     step = min(float(np.median(np.diff(record.time))) for record in problem.records)
     amount = term_parameters(model.cls, stem, term)[0]
-    is_sampled = term.memory in (Memory.PLAY, Memory.DAHL)
     return LawTerm(
         term.law,
         term.signal,
@@ -132,7 +130,7 @@ def law_term(fitted: Fit, stem: str, term: Term) -> LawTerm:
         0.0 if term.shape is Shape.CURVE else float(term.middle),
         term.factor,
         tuple(float(term.middle + term.scale * place) for place in term.places),
-        step / problem.substeps if is_sampled else 0.0,
+        step / problem.substeps if term.memory.is_sampled else 0.0,
         _is_held(model, term.law),
     )
 

@@ -14,13 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fmus.kit.arrays import Array, single_threaded
-from orchestration.diagnosis.comparison import (
-    WEIGHTS,
-    Comparison,
-    Judged,
-    common_of,
-    compare,
-)
+from orchestration.diagnosis.comparison import WEIGHTS, Comparison, Judged, common_of, compare
 from orchestration.diagnosis.fitting import (
     SMALL,
     Fit,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,14 +27,19 @@ class Remainder:
         Root mean square over that of the output about its mean.
     noise_widths : float or None
         Root mean square over the standard deviation of the noise; None for an output without noise.
-    correlation : float
-        Of neighbouring samples.
+    tests : Mapping of str to float
+        Results of `TESTS` by name.
     """
 
     output: str
     share: float
     noise_widths: float | None
-    correlation: float
+    tests: Mapping[str, float]
+
+    @property
+    def correlation(self) -> float:
+        """Correlation of neighbouring samples."""
+        return self.tests["correlation"]
 
     @property
     def is_slow(self) -> bool:
@@ -66,7 +72,8 @@ def remainders(judged: Judged, sizes: Array) -> tuple[Remainder, ...]:
         noise = noise_of(error)
         widths = size / noise if noise > 1e-6 * size else None
         share = size / float(sizes[j])
-        result.append(Remainder(output.name, share, widths, _neighbours(error)))
+        tests = {name: test(error) for name, test in TESTS.items()}
+        result.append(Remainder(output.name, share, widths, tests))
     return tuple(result)
 
 
@@ -92,3 +99,7 @@ def _neighbours(error: Array) -> float:
     if not np.isfinite(products).any() or not square > 0.0:
         return 0.0
     return float(np.clip(np.nanmean(products) / square, -1.0, 1.0))
+
+
+# residual tests: functions of the error (n,) of an output, by name in tables and in JSON
+TESTS: dict[str, Callable[[Array], float]] = {"correlation": _neighbours}

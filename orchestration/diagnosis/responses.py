@@ -170,12 +170,7 @@ class Stepped:
     smooth: bool
 
     def responses(
-        self,
-        start: Array,
-        driven: Array,
-        direct: Array,
-        drives: Drives,
-        out: Array | None = None,
+        self, start: Array, driven: Array, direct: Array, drives: Drives, out: Array | None = None
     ) -> Array:
         """Return the responses (m, ny, columns).
 
@@ -210,12 +205,7 @@ class Stepped:
 
 
 def kalman_gains(
-    start: Array,
-    transitions: Array,
-    shown: Array,
-    pushes: Array,
-    variance: Array,
-    measured: Mask,
+    start: Array, transitions: Array, shown: Array, pushes: Array, variance: Array, measured: Mask
 ) -> Array:
     """Return the gains (n, nx, ny) of a Kalman filter; zero of outputs that are not measured.
 

@@ -26,6 +26,7 @@ from orchestration.diagnosis.responses import Drives, Projection, Response, resp
 from orchestration.diagnosis.runs import Linearisation
 from orchestration.diagnosis.signals import Seen, alike_signals, distinct, seen
 from orchestration.diagnosis.terms import (
+    FORMS,
     KNOTS,
     DelayTerm,
     Memory,
@@ -65,18 +66,6 @@ _DRIFTS = (Shape.LINEAR, Shape.ROOT, Shape.SQUARE)  # of a sensor, over the time
 _PRODUCT = (Shape.LINEAR, Shape.SQUARE, Shape.CURVE)  # of a term in proportion to an input
 _DELAYS, _LATEST = 6, 16.0  # of an output; the longest is so small a part of the record
 _PLACES = 24  # instants of a record at which a law may have changed
-_WIDTHS = {
-    Shape.DRY: (0.05, 0.4),
-    Shape.DEAD_ZONE: (0.4, 1.0),
-    Shape.ABOVE: (0.5,),
-    Shape.BELOW: (0.5,),
-}
-_OTHER_WIDTHS = {  # from which other shapes of a term are fitted, in scales
-    Shape.DRY: 0.3,
-    Shape.DEAD_ZONE: 0.6,
-    Shape.ABOVE: 0.6,
-    Shape.BELOW: 0.6,
-}
 _RANGE = -2.0, 2.0  # of a signal whose curve has no knots yet, in scales
 _KNOTS, _MORE_KNOTS = 9, KNOTS  # of a curve; of one that bends more than the first can
 _RATIO = 4.0  # of two lags, from which a search starts
@@ -192,12 +181,7 @@ class Screen:
         return Drives(values.stacked, amounts.stacked, np.array(rows, dtype=int).reshape(-1, 3).T)
 
     def _rows(
-        self,
-        piece: int,
-        drives: Drives,
-        effects: Array,
-        stride: int,
-        out: Array,
+        self, piece: int, drives: Drives, effects: Array, stride: int, out: Array
     ) -> tuple[Array, Array]:
         """Return the errors (m, ny) of a piece and the columns (m, ny, o) of what is fitted anyway.
 
@@ -743,7 +727,7 @@ def _terms(
         if shape is Shape.CURVE and high - low <= 0.2:
             continue
         places = tuple(np.linspace(low, high, _KNOTS)) if shape is Shape.CURVE else ()
-        for width in _WIDTHS.get(shape, (1.0,)):
+        for width in FORMS[shape].widths:
             wide = 2.0 if shape is Shape.DRY and view.one_sided else 1.0
             of_signal = law, view.signal, shape, view.memory, view.constants
             yield Term(*of_signal, factor, size, view.scale, view.middle, width * wide, places)
@@ -774,7 +758,7 @@ def other_shapes(term: Term, ends: tuple[float, float] | None = None) -> Iterato
         if is_product and shape is Shape.LINEAR:
             continue
         places = tuple(np.linspace(low, high, _KNOTS)) if shape is Shape.CURVE else ()
-        yield replace(term, shape=shape, width=_OTHER_WIDTHS.get(shape, 1.0), places=places)
+        yield replace(term, shape=shape, width=FORMS[shape].width, places=places)
 
 
 def other_memories(term: Term) -> Iterator[Term]:

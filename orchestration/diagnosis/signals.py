@@ -258,7 +258,4 @@ _OF_RECORDS: dict[Memory, Callable[[Array, Array, float, Indices], Array]] = {
     Memory.INTEGRAL: _integral,
     Memory.THROUGHPUT: _throughput,
 }
-_OF_RECORD: dict[Memory, Callable[[Array, float], Array]] = {
-    Memory.PLAY: _play,
-    Memory.DAHL: _dahl,
-}
+_OF_RECORD: dict[Memory, Callable[[Array, float], Array]] = {Memory.PLAY: _play, Memory.DAHL: _dahl}

@@ -284,11 +284,7 @@ def start_prior(problem: Problem, record: Record) -> StartPrior:
 
 
 def thinned(
-    problem: Problem,
-    record: Record,
-    q: Array,
-    most: int = _MOST,
-    unseen: Array | float = _UNSEEN,
+    problem: Problem, record: Record, q: Array, most: int = _MOST, unseen: Array | float = _UNSEEN
 ) -> Record:
     """Return a record of fewer samples, if the model at `q` (p,) sees no difference.
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,50 +14,20 @@ from fmus.kit.curves import in_brackets, per
 from fmus.kit.symbolic import list_laws
 from fmus.kit.titles import law_title, within_sentence
 from orchestration.diagnosis.fitting import Fit, final_curvature
-from orchestration.diagnosis.terms import DelayTerm, Memory, NamedTerm, SensorTerm, Shape, Term
+from orchestration.diagnosis.terms import (
+    FORMS,
+    MEMORIES,
+    DelayTerm,
+    Memory,
+    NamedTerm,
+    SensorTerm,
+    Shape,
+    Term,
+)
 from orchestration.identify.uncertainty import Estimate
 
 _UNDETERMINED = 0.7  # of its prior deviation, from which on a coordinate is not determined
 _INTERVAL = 1.96  # deviations of 95 %
-
-
-class Form(NamedTuple):
-    """A shape as a formula of x, with the power of x in its coefficient's unit."""
-
-    text: str
-    power: float
-
-
-FORMS = {
-    Shape.CONSTANT: Form("a", 0.0),
-    Shape.LINEAR: Form("a x", 1.0),
-    Shape.MODULUS: Form("a |x|", 1.0),
-    Shape.SQUARE: Form("a x^2", 2.0),
-    Shape.ODD_SQUARE: Form("a x |x|", 2.0),
-    Shape.CUBE: Form("a x^3", 3.0),
-    Shape.ROOT: Form("a sign(x) sqrt(|x|/s)", 0.0),  # FMI knows no root of a unit
-    Shape.DRY: Form("a tanh(x/w)", 0.0),
-    Shape.DEAD_ZONE: Form("a (x - clip(x, -w, w))", 1.0),
-    Shape.ABOVE: Form("a max(x - w, 0)", 1.0),
-    Shape.BELOW: Form("a min(x + w, 0)", 1.0),
-    Shape.EXPONENTIAL: Form("a (exp(x/w) - 1)", 0.0),
-    Shape.LEVELLING: Form("a (1 - exp(-x/w))", 0.0),
-    Shape.SINH: Form("a sinh(x/w)", 0.0),
-    Shape.STEP: Form("a step(x - w)", 0.0),
-    Shape.CURVE: Form("a curve", 0.0),
-}
-_OVER = {
-    Memory.NONE: "{}",
-    Memory.LAG: "lagging {}",
-    Memory.FADING: "changes of {}",
-    Memory.TWO_LAGS: "{} with a lag that depends on its direction",
-    Memory.RATE_LIMIT: "{} limited in its rate",
-    Memory.PLAY: "{} with play",
-    Memory.DAHL: "{} with pre-sliding",
-    Memory.HEAT: "the lagging square of {}",
-    Memory.INTEGRAL: "the integral of {}",
-    Memory.THROUGHPUT: "the throughput of {}",
-}
 
 
 @dataclass(frozen=True)
@@ -125,7 +94,7 @@ def term_parameters(cls: type[Component], stem: str, term: Term) -> list[TermPar
     scale = term.size / term.scale**power
     amount = [f"{stem}_at_{k}" for k in range(len(term.places))] or [stem]
     result = [TermParameter(name, scale, False, per(unit, signal, power)) for name in amount]
-    for name in _constants(term.memory):
+    for name in MEMORIES[term.memory].constants:
         is_signal = name == "way"
         constant_unit = {"way": signal, "rate": per(signal, "s"), "ratio": "1"}.get(name, "s")
         factor = term.scale if is_signal or name == "rate" else 1.0
@@ -133,14 +102,6 @@ def term_parameters(cls: type[Component], stem: str, term: Term) -> list[TermPar
     if term.shape.has_width:
         result.append(TermParameter(f"{stem}_width", term.scale, True, signal))
     return result
-
-
-def _constants(memory: Memory) -> tuple[str, ...]:
-    """Return the names of the constants of a memory."""
-    if memory in (Memory.PLAY, Memory.DAHL):
-        return ("way",)
-    names = ("time", "rate") if memory is Memory.RATE_LIMIT else ("time", "ratio")
-    return names[: memory.constants]
 
 
 def unit_of(cls: type[Component], name: str) -> str:
@@ -152,14 +113,11 @@ def unit_of(cls: type[Component], name: str) -> str:
 
 
 def seen_unit(cls: type[Component], term: Term) -> str:
-    """Return the SI unit of the signal of a term as its shape has it.
-
-    Of heat it is the square, of an integral the product with a second.
-    """
-    unit = unit_of(cls, term.signal)
-    if term.memory.counts:
-        return "s" if unit == "1" else f"{in_brackets(unit)}*s"
-    return unit if unit == "1" or term.memory is not Memory.HEAT else f"{in_brackets(unit)}^2"
+    """Return the SI unit of the signal of a term as its shape has it: that of its memory."""
+    unit, of_memory = unit_of(cls, term.signal), MEMORIES[term.memory].unit
+    if unit == "1":
+        return "s" if term.memory.counts else unit
+    return of_memory.format(in_brackets(unit)) or unit
 
 
 def estimates(fitted: Fit, terms: Mapping[str, Term]) -> dict[str, Estimate]:
@@ -297,7 +255,7 @@ def sentence(cls: type[Component], term: Term) -> str:
     if term.signal == "time" and term.shape is Shape.STEP:
         return f"{law} changes at {term.width * term.scale:.4g} s"
     signal = "time" if term.signal == "time" else within_sentence(law_title(cls, term.signal))
-    seen = _OVER[term.memory].format(signal)
+    seen = MEMORIES[term.memory].text.format(signal)
     if not term.factor:
         return f"{law} over {seen}"
     if term.factor == term.law:

@@ -6,10 +6,12 @@ import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 
 from fmus.kit.arrays import Array
+from fmus.kit.law_terms import ABRUPT, ROUNDED, STEEPEST
 from orchestration.identify.fitting import Scale
 
 KNOTS = 13  # of a curve at most, as in free_run.c
@@ -70,10 +72,94 @@ class Memory(IntEnum):
 
     @property
     def constants(self) -> int:
-        """Constants that are searched with it, in their logarithm."""
-        if self is Memory.NONE or self.counts:
-            return 0
-        return 2 if self in (Memory.TWO_LAGS, Memory.RATE_LIMIT) else 1
+        """The number of constants that are searched with it, in their logarithm."""
+        return len(MEMORIES[self].constants)
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether a term sees its signal less what it remembers."""
+        return self in (Memory.FADING, Memory.TWO_LAGS, Memory.RATE_LIMIT)
+
+    @property
+    def is_sampled(self) -> bool:
+        """Whether it has no rate, but follows its signal from sample to sample."""
+        return self in (Memory.PLAY, Memory.DAHL)
+
+
+class Form(NamedTuple):
+    """A shape as a function of the signal x, with a width w.
+
+    Attributes
+    ----------
+    text : str
+        For people, with its coefficient a and a typical size s of the signal.
+    source : str
+        In Python, as `fmus.kit.law_terms` computes it.
+    power : float
+        Of x in the coefficient's unit.
+    widths : tuple of float
+        From which a screen proposes it, in scales of the signal.
+    width : float
+        From which it is fitted in place of another shape.
+    """
+
+    text: str
+    source: str
+    power: float = 0.0
+    widths: tuple[float, ...] = (1.0,)
+    width: float = 1.0
+
+
+_RISE, _FALL = (f"exp(minimum({power}, {STEEPEST}))" for power in ("x / {w}", "-x / {w}"))
+FORMS = {
+    Shape.CONSTANT: Form("a", "1.0"),
+    Shape.LINEAR: Form("a x", "x", 1.0),
+    Shape.MODULUS: Form("a |x|", "absolute(x)", 1.0),
+    Shape.SQUARE: Form("a x^2", "x * x", 2.0),
+    Shape.ODD_SQUARE: Form("a x |x|", "x * absolute(x)", 2.0),
+    Shape.CUBE: Form("a x^3", "x * x * x", 3.0),
+    # FMI knows no root of a unit
+    Shape.ROOT: Form(
+        "a sign(x) sqrt(|x|/s)", f"x / sqrt((absolute(x) + {ROUNDED} * {{s}}) * {{s}})"
+    ),
+    Shape.DRY: Form("a tanh(x/w)", "tanh(x / {w})", 0.0, (0.05, 0.4), 0.3),
+    Shape.DEAD_ZONE: Form(
+        "a (x - clip(x, -w, w))", "(x - clip(x, -{w}, {w}))", 1.0, (0.4, 1.0), 0.6
+    ),
+    Shape.ABOVE: Form("a max(x - w, 0)", "maximum(x - {w}, 0.0)", 1.0, (0.5,), 0.6),
+    Shape.BELOW: Form("a min(x + w, 0)", "minimum(x + {w}, 0.0)", 1.0, (0.5,), 0.6),
+    Shape.EXPONENTIAL: Form("a (exp(x/w) - 1)", f"({_RISE} - 1.0)"),
+    Shape.LEVELLING: Form("a (1 - exp(-x/w))", f"(1.0 - {_FALL})"),
+    Shape.SINH: Form("a sinh(x/w)", f"0.5 * ({_RISE} - {_FALL})"),
+    Shape.STEP: Form("a step(x - w)", f"(0.5 + 0.5 * tanh((x - {{w}}) / ({ABRUPT} * {{s}})))"),
+    # no knot is at zero
+    Shape.CURVE: Form("a curve", "smooth_table(knot, range(1, {end}), {table}_VALUES)"),
+}
+
+
+class MemoryKind(NamedTuple):
+    """A memory in words, with the names of its constants, and the unit of what it keeps.
+
+    The unit is made of that of its signal, in brackets.
+    """
+
+    text: str
+    constants: tuple[str, ...] = ()
+    unit: str = ""
+
+
+MEMORIES = {
+    Memory.NONE: MemoryKind("{}"),
+    Memory.LAG: MemoryKind("lagging {}", ("time",)),
+    Memory.FADING: MemoryKind("changes of {}", ("time",)),
+    Memory.TWO_LAGS: MemoryKind("{} with a lag that depends on its direction", ("time", "ratio")),
+    Memory.RATE_LIMIT: MemoryKind("{} limited in its rate", ("time", "rate")),
+    Memory.PLAY: MemoryKind("{} with play", ("way",)),
+    Memory.DAHL: MemoryKind("{} with pre-sliding", ("way",)),
+    Memory.HEAT: MemoryKind("the lagging square of {}", ("time",), "{}^2"),
+    Memory.INTEGRAL: MemoryKind("the integral of {}", (), "{}*s"),
+    Memory.THROUGHPUT: MemoryKind("the throughput of {}", (), "{}*s"),
+}
 
 
 class TermStructure(ctypes.Structure):

@@ -49,10 +49,7 @@ class FmuResponse:
 
 
 def identify_responses(
-    fmu: FmuWithDifferences,
-    given: SimulationInput,
-    outputs: Sequence[str],
-    moved: Sequence[str],
+    fmu: FmuWithDifferences, given: SimulationInput, outputs: Sequence[str], moved: Sequence[str]
 ) -> dict[tuple[str, str], FmuResponse]:
     """Identify the responses of outputs to inputs.
 

@@ -13,7 +13,7 @@ from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.fitting import Fit
 from orchestration.diagnosis.runs import Course
-from orchestration.diagnosis.terms import Memory, NamedTerm, Term
+from orchestration.diagnosis.terms import NamedTerm, Term
 from orchestration.reporting import pictures
 
 _POINTS = 200  # of a curve
@@ -179,12 +179,12 @@ def signal_samples(fitted: Fit, signal: str) -> Array:
 def _samples(fitted: Fit, term: Term) -> Array:
     """Return the values (n,) of a term's signal, or of the memory of it."""
     values = signal_samples(fitted, term.signal)
-    if term.memory is Memory.NONE:
+    if not term.has_memory:
         return values
-    remembering = [t for t in fitted.terms if t.memory is not Memory.NONE]
+    remembering = [t for t in fitted.terms if t.has_memory]
     at = len(fitted.problem.model.states) + remembering.index(term)
     memory = np.concatenate([course.states[:, at] for course in _courses(fitted)])
-    return values - memory if term.memory is Memory.FADING else memory
+    return values - memory if term.memory.is_behind else memory
 
 
 def _courses(fitted: Fit) -> list[Course]:

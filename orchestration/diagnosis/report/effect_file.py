@@ -15,7 +15,6 @@ import numpy as np
 
 from fmus.kit import Component, UserError
 from fmus.kit.declare import ParameterDeclaration
-from fmus.kit.law_terms import ABRUPT, ROUNDED, STEEPEST
 from fmus.kit.layout import law_of
 from fmus.kit.titles import capitalised
 from orchestration.diagnosis.extension import extended_component, law_term
@@ -23,30 +22,9 @@ from orchestration.diagnosis.fitting import Fit
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.report.curves import signal_samples
 from orchestration.diagnosis.term_names import sentence, shape_text, term_parameters
-from orchestration.diagnosis.terms import DelayTerm, Memory, NamedTerm, Shape, Term
+from orchestration.diagnosis.terms import FORMS, DelayTerm, Memory, NamedTerm, Term
 from orchestration.reporting import option
 
-# as `fmus.kit.law_terms` computes them: x is the signal, w a width, s a typical size
-FORMULAS = {
-    Shape.CONSTANT: "1.0",
-    Shape.LINEAR: "x",
-    Shape.MODULUS: "absolute(x)",
-    Shape.SQUARE: "x * x",
-    Shape.ODD_SQUARE: "x * absolute(x)",
-    Shape.CUBE: "x * x * x",
-    Shape.ROOT: f"x / sqrt((absolute(x) + {ROUNDED} * {{s}}) * {{s}})",
-    Shape.DRY: "tanh(x / {w})",
-    Shape.DEAD_ZONE: "(x - clip(x, -{w}, {w}))",
-    Shape.ABOVE: "maximum(x - {w}, 0.0)",
-    Shape.BELOW: "minimum(x + {w}, 0.0)",
-    Shape.EXPONENTIAL: f"(exp(minimum(x / {{w}}, {STEEPEST})) - 1.0)",
-    Shape.LEVELLING: f"(1.0 - exp(minimum(-x / {{w}}, {STEEPEST})))",
-    Shape.SINH: (
-        f"0.5 * (exp(minimum(x / {{w}}, {STEEPEST})) - exp(minimum(-x / {{w}}, {STEEPEST})))"
-    ),
-    Shape.STEP: f"(0.5 + 0.5 * tanh((x - {{w}}) / ({ABRUPT} * {{s}})))",
-    Shape.CURVE: "smooth_table(knot, range(1, {end}), {table}_VALUES)",  # no knot is at zero
-}
 _NAMES = (
     *("absolute", "clip", "Discrete", "Effect", "exp", "maximum", "minimum", "Parameter"),
     *("smooth_table", "sqrt", "State", "tanh", "where"),
@@ -243,7 +221,7 @@ class _Class:
             step = _number((high - low) / (len(term.places) - 1))
             ends = f"{_number(low)}, {_number(high)}"
             yield f"        knot = 1.0 + (clip(x, {ends}) - {_number(low)}) / {step}"
-        formula = FORMULAS[term.shape].format(
+        formula = FORMS[term.shape].source.format(
             w=f"self.{self._stem}_width",
             s=_number(self._given.scale),
             table=self._stem.upper(),
@@ -263,9 +241,9 @@ class _Class:
         memory = f"self.{self._stem}_memory"
         now = self._value(term.signal)
         text = now
-        if term.memory in (Memory.FADING, Memory.TWO_LAGS, Memory.RATE_LIMIT):
+        if term.memory.is_behind:
             text = f"{now} - {memory}"
-        elif term.memory in (Memory.PLAY, Memory.DAHL) and not self._given.is_held:
+        elif term.memory.is_sampled and not self._given.is_held:
             text = f"self.{self._stem}_memory_update()"
         elif term.has_memory:
             text = memory
@@ -292,7 +270,7 @@ class _Class:
             return
         now = self._plain_value(term.signal)
         yield self._state_line(memory, self._start(), f"memory of {term.signal}")
-        if term.memory not in (Memory.PLAY, Memory.DAHL):
+        if not term.memory.is_sampled:
             yield from ("", f"    def {memory}_rate(self):", *self._rate_lines(now))
             return
         if term.memory is Memory.DAHL:

@@ -10,12 +10,7 @@ import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from orchestration.diagnosis.comparison import (
-    WEIGHTS,
-    Comparison,
-    Judged,
-    compare,
-)
+from orchestration.diagnosis.comparison import FEATURES, WEIGHTS, Comparison, Judged, compare
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.fitting import fit, nominal_point, weights_of
 from orchestration.diagnosis.report import wording
@@ -113,20 +108,9 @@ class Explanation(Displayable):
         yield self.sentence
         columns = ("feature", f"{one} over {other}")
         table = plain_table("comparison", *columns, right=columns[1:])
-        comparison = self.comparison
-        rows = {
-            "gain on fitted samples [nat]": comparison.fitted,
-            "gain on unseen samples [nat]": comparison.left_out,
-            "rise of the mean square error on unseen samples": comparison.rise,
-            "its standard error": comparison.error,
-            "cost of further coefficients [nat]": comparison.columns,
-            "further terms": comparison.terms,
-            "distance from nominal parameters [nat]": comparison.distance,
-            "prior against it [nat]": comparison.words,
-            "lead in score [nat]": self.lead,
-        }
-        for name, value in rows.items():
-            table.add_row(name, f"{value:.4g}")
+        for name, title in FEATURES.items():
+            table.add_row(title, f"{getattr(self.comparison, name):.4g}")
+        table.add_row("lead in score [nat]", f"{self.lead:.4g}")
         yield table
         figures = ("score [nat]", "error on unseen samples")
         table = plain_table("candidates", "candidate", "terms", *figures, right=figures)

@@ -54,7 +54,7 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
                 "output": one.output,
                 "share": one.share,
                 "noise_widths": one.noise_widths,
-                "correlation": one.correlation,
+                **one.tests,
                 "pace": "slow" if one.is_slow else "fast",
             }
             for one in diagnosis.remainders

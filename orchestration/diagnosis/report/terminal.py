@@ -8,9 +8,11 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from fmus.kit.titles import in_words
 from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.law_map import LawMap
+from orchestration.diagnosis.remainder import TESTS
 from orchestration.diagnosis.report import wording
 from orchestration.diagnosis.term_names import memory_text, sentence, shape_text
 from orchestration.diagnosis.terms import Term
@@ -20,11 +22,11 @@ from orchestration.reporting import plain_table
 Rows = Sequence[Sequence[str]]
 GROUP_HEAD = ("probability", "cause", "error", "shape", "memory", "together with")
 LADDER_HEAD = ("model", "error")
-REMAINDER_HEAD = ("output", "error", "noise widths", "pace", "correlation")
+REMAINDER_HEAD = ("output", "error", "noise widths", "pace", *map(in_words, TESTS))
 PARAMETER_HEAD = ("parameter", "value", "95 % interval", "nominal")
 LAW_HEAD = ("law over signal", "gain", "shape", "memory")
 _ROWS = 10  # of the map of laws
-_FIGURES = ("gain", "probability", "error", "noise widths", "value", "nominal", REMAINDER_HEAD[-1])
+_FIGURES = ("gain", "probability", "error", "value", "nominal", "noise widths", *REMAINDER_HEAD[4:])
 
 
 def overview(diagnosis: Diagnosis) -> Group:
@@ -78,12 +80,7 @@ def law_rows(law_map: LawMap) -> Rows:
     """Return a row for each law over a signal, the largest gain first."""
     cls = law_map.diagnosis.subject.problem.model.cls
     return [
-        (
-            sentence(cls, one.term),
-            f"{one.gain:.1f}",
-            shape_text(one.term),
-            memory_text(one.term),
-        )
+        (sentence(cls, one.term), f"{one.gain:.1f}", shape_text(one.term), memory_text(one.term))
         for one in law_map.entries
     ]
 
@@ -138,7 +135,7 @@ def remainder_rows(diagnosis: Diagnosis) -> Rows:
             wording.error_text(one.share),
             wording.noise_widths(one),
             "slow" if one.is_slow else "fast",
-            f"{one.correlation:.2f}",
+            *(f"{one.tests[name]:.2f}" for name in TESTS),
         )
         for one in diagnosis.remainders
     ]

@@ -181,10 +181,7 @@ def _is_computed(cls: type[Component], name: str) -> bool:
 
 
 def _declarations(
-    member: str,
-    cls: type[Component],
-    received: Mapping[str, Connection],
-    values: Mapping[str, Any],
+    member: str, cls: type[Component], received: Mapping[str, Connection], values: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Return the variables of a member under their names in the whole."""
     layout = cls.layout

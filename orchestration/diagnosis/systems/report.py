@@ -173,7 +173,7 @@ def _output_summary(output: MemberOutput) -> dict[str, Any]:
         "fit_percent_before": _fit_percent(output.before),
         "fit_percent": _fit_percent(output.after),
         "noise_widths": output.remainder.noise_widths,
-        "correlation": output.remainder.correlation,
+        **output.remainder.tests,
     }
 
 

@@ -30,4 +30,6 @@ def test_noise_is_told_from_a_slow_error():
     [(0.9, 3.0, True), (0.9, None, True), (0.9, 1.2, False), (0.1, 3.0, False)],
 )
 def test_more_than_noise_is_slow_and_large(correlation, widths, more):
-    assert Remainder("position", 0.1, widths, correlation).is_more_than_noise is more
+    assert (
+        Remainder("position", 0.1, widths, {"correlation": correlation}).is_more_than_noise is more
+    )

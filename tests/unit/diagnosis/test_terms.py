@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orchestration.diagnosis import Shape, Term
-from orchestration.diagnosis.terms import Memory
+from orchestration.diagnosis.terms import FORMS, MEMORIES, Memory
 from tests.support.diagnosed_mass import mass
 
 NARROW = {Shape.CONSTANT, Shape.LINEAR, Shape.MODULUS, Shape.SQUARE, Shape.ODD_SQUARE}
@@ -73,3 +73,10 @@ def test_names_become_positions() -> None:
 def test_a_term_prints_as_a_sum() -> None:
     term = Term("spring", "x", Shape.CUBE, Memory.LAG, (0.25,), factor="spring")
     assert str(term) == "spring += cube(lag of x [0.25]) * spring"
+
+
+def test_every_shape_and_memory_has_a_row() -> None:
+    assert set(FORMS) == set(Shape)
+    assert set(MEMORIES) == set(Memory)
+    for shape, form in FORMS.items():
+        assert ("{w}" in form.source) is shape.has_width, shape

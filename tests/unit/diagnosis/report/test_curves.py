@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lsim
 
 from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.report.curves import (
@@ -13,6 +14,7 @@ from orchestration.diagnosis.report.curves import (
     term_curves,
 )
 from orchestration.diagnosis.terms import Memory, Shape, Term
+from tests.support.fitted_terms import fitted
 from tests.support.oscillator import (
     DRY,
     diagnosis_read_as,
@@ -20,6 +22,7 @@ from tests.support.oscillator import (
     misread,
     oscillator_record,
 )
+from tests.support.oscillator_model import Oscillator
 
 
 def test_the_curve_of_a_term_is_the_friction_that_was_hidden(dry):
@@ -33,17 +36,31 @@ def test_the_curve_of_a_term_is_the_friction_that_was_hidden(dry):
 def test_a_curve_goes_over_the_memory_of_its_signal():
     lag = Term("friction", "velocity", Shape.LINEAR, Memory.LAG, (0.5,), size=1.0, scale=1.0)
     diagnosis = diagnosis_with(oscillator_record(1, dry=1.5), (lag,))
-    fitted = diagnosis.found.fits[0].fit
-    (curve,) = term_curves(fitted, {"lag": lag}).values()
-    constant = float(np.exp(fitted.values_of(lag)[1]))
-    record = fitted.problem.records[0]
-    course = fitted.problem.run(record, fitted.point, fitted.terms, fitted.point.starts[0], False)
+    fit = diagnosis.found.fits[0].fit
+    (curve,) = term_curves(fit, {"lag": lag}).values()
+    constant = float(np.exp(fit.values_of(lag)[1]))
+    record = fit.problem.records[0]
+    course = fit.problem.run(record, fit.point, fit.terms, fit.point.starts[0], False)
     velocity, memory = course.states[:, 1], curve.samples
     # the lag's own equation, by differences
     rate = np.gradient(memory, record.time)
     expected = (velocity - memory) / constant
     assert np.abs(rate - expected)[1:-1].max() < 0.05 * np.abs(expected).max()
-    assert addition(fitted, lag, np.array([2.0])) == pytest.approx(2.0 * fitted.values_of(lag)[:1])
+    assert addition(fit, lag, np.array([2.0])) == pytest.approx(2.0 * fit.values_of(lag)[:1])
+
+
+@pytest.mark.parametrize("memory", [Memory.FADING, Memory.TWO_LAGS, Memory.RATE_LIMIT])
+def test_a_curve_goes_over_what_a_memory_is_behind(memory):
+    # both lags are the same, and no rate is as fast as the limit
+    constants = (0.3, {Memory.TWO_LAGS: 1.0}.get(memory, 1e4))[: memory.constants]
+    term = Term("friction", "velocity", Shape.LINEAR, memory, constants, size=1.0, scale=1.0)
+    fit = fitted(Oscillator, [term], [[0.2, *np.log(constants)]])
+    (curve,) = term_curves(fit, {"term": term}).values()
+    record = fit.problem.records[0]
+    course = fit.problem.run(record, fit.point, fit.terms, fit.point.starts[0], False)
+    velocity = course.states[:, 1]
+    _, expected, _ = lsim(([0.3, 0.0], [0.3, 1.0]), velocity - velocity[0], record.time)
+    assert np.abs(curve.samples - expected).max() < 0.01 * np.abs(expected).max()
 
 
 def test_courses_are_the_record_and_its_models(dry):

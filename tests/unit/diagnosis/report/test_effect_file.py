@@ -11,7 +11,7 @@ import pytest
 from fmus.kit import Component, UserError, stack
 from fmus.kit.titles import titled
 from orchestration.diagnosis.fitting import Fit
-from orchestration.diagnosis.report.effect_file import FORMULAS, effect_source
+from orchestration.diagnosis.report.effect_file import effect_source
 from orchestration.diagnosis.term_names import stems
 from orchestration.diagnosis.terms import Memory, NamedTerm, SensorTerm, Shape, Term
 from tests.support.fitted_terms import fitted, one_of_shape, run_fmu
@@ -139,7 +139,3 @@ def test_what_is_no_term_of_a_law_is_refused(terms, reason):
     fit = fitted(Oscillator, [], [])
     with pytest.raises(UserError, match=reason):
         effect_source(fit, stems(terms), "swing.csv")
-
-
-def test_every_shape_has_a_formula():
-    assert set(FORMULAS) == set(Shape)

@@ -128,7 +128,9 @@ def test_every_verdict_has_a_next_step(dry, verdict, step):
     ],
 )
 def test_what_is_left_is_said_to_be_more_than_noise_if_it_is(correlation, widths, end):
-    text = wording.remainder_sentence(Remainder("position", 0.05, widths, correlation))
+    text = wording.remainder_sentence(
+        Remainder("position", 0.05, widths, {"correlation": correlation})
+    )
     assert text == f"Left in position: 5 % of its standard deviation, {widths} noise widths, {end}"
 
 
@@ -149,7 +151,8 @@ def test_a_run_that_starts_elsewhere_is_to_be_started_there():
 
 
 def test_what_is_more_than_noise_is_said_before_what_is_larger(dry):
-    noise, slow = Remainder("position", 0.3, 1.0, 0.0), Remainder("force", 0.1, 4.0, 0.9)
+    noise = Remainder("position", 0.3, 1.0, {"correlation": 0.0})
+    slow = Remainder("force", 0.1, 4.0, {"correlation": 0.9})
     one = replace(dry)
     one.__dict__.update(remainders=(noise, slow))
     assert "Left in force: 10 %" in wording.support(one)
