@@ -113,27 +113,31 @@ def check_term(term: LawTerm, laws: Collection[str], signals: Collection[str]) -
 
 
 @cache
-def _without_terms(cls: type[Component]) -> type[Component]:
-    """Return the class of a component without the terms stacked on it."""
+def _without(cls: type[Component], effects: tuple[type[Effect], ...]) -> type[Component]:
+    """Return the class of a component without some effects and without the terms stacked on it."""
     component, stacked = unstack(cls)
-    others = [effect for effect in stacked if made_by(effect) is not law_term_effect]
+    terms = [effect for effect in stacked if made_by(effect) is law_term_effect]
+    others = [effect for effect in stacked if effect not in (*terms, *effects)]
     return stack(component, *others) if others else component
 
 
-def base_value(self: Any, name: str) -> Any:
-    """Return an input, a state, the time, or a law without any terms.
+def base_value(self: Any, name: str, effects: tuple[type[Effect], ...] = ()) -> Any:
+    """Return an input, a state, the time, or a law without any terms and without some effects.
 
     Parameters
     ----------
     self : Component
         Of a stacked class.
     name : str
+    effects : tuple of type[Effect]
+        That are stacked on it, and change the law: those of a file by `--effect-out` leave out each
+        other.
     """
     value = getattr(self, name)
     if not callable(value):
         return value
     stacked = next(part for part in type(self).__mro__ if "_stacked" in vars(part))
-    plain: Any = object.__new__(_without_terms(stacked))
+    plain: Any = object.__new__(_without(stacked, effects))
     vars(plain).update(vars(self))
     plain._kept = None
     return getattr(plain, name)()
