@@ -15,15 +15,18 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fmus import component
-from orchestration.cli.real_time import status
+from orchestration.cli.real_time import _admit, status
 from orchestration.experiment import results
-from orchestration.experiment.live import Moment
+from orchestration.experiment.live import Moment, RigEnd
+from orchestration.master import RealTime
 from orchestration.records import read_record
+from orchestration.rig.response_times import ResponseTimes
 from orchestration.system import Member, Port, System, ssp
 from tests.support.command import here, on_terminal, posix, ppy, refused
 from tests.support.master.sleeper import build_sleeper
@@ -106,6 +109,27 @@ def test_what_tells_of_a_link_is_recorded_whatever_the_experiment_names(folder):
     assert in_real_time(folder, "--out", "run.csv", "--set", "duration=0.05").returncode == 0
     header = (folder / "run.csv").read_text().splitlines()[0]
     assert header == "time [s],characters [1],voltage_age [1],link_state [1]"
+
+
+@pytest.mark.parametrize(("given", "lag"), [(None, 0.1), (0.5, 0.5)])
+def test_a_run_with_several_rigs_pauses_no_longer_than_the_shortest_watchdog_allows(
+    given, lag, monkeypatch
+):
+    """By half of each, unless a pause is given."""
+    watchdogs = {"tcp://one": 0.6, "tcp://two": 0.2, "tcp://three": 0.4}
+
+    def linked(endpoint, *_):
+        return SimpleNamespace(endpoint=endpoint, close=lambda: None)
+
+    def measured(link, step):
+        return ResponseTimes(step, np.full(9, 1e-4), watchdogs[link.endpoint])
+
+    monkeypatch.setattr("fmus.rig_proxy.Link", linked)
+    monkeypatch.setattr("orchestration.rig.measure_response_times", measured)
+    rigs = [RigEnd(endpoint, "") for endpoint in watchdogs]
+    pace = _admit(RealTime(), rigs, 0.01, given)
+    assert pace.lag == pytest.approx(lag)
+    assert not pace.makes_up
 
 
 def test_status():

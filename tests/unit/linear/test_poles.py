@@ -5,6 +5,7 @@ import io
 import numpy as np
 import pytest
 from rich.console import Console
+from scipy.linalg import expm
 
 from orchestration.linear.poles import poles_table
 
@@ -36,6 +37,15 @@ def test_an_integrator_has_no_damping_however_its_pole_is_rounded(poles, period,
     at_rest = [[f"{rest:g}", "0"]] * sum(np.diag(poles) == rest)
     assert [row for row in rows if len(row) < 3] == at_rest
     assert [row[2] for row in rows if len(row) == 3] == ["1"] * (3 - len(at_rest))
+
+
+@pytest.mark.parametrize("period", [0.0, 0.01])
+def test_an_oscillation_has_its_frequency_and_damping_however_it_is_sampled(period):
+    """Of 3 Hz, damped by a quarter."""
+    rate = 2.0 * np.pi * 3.0
+    A = np.array([[0.0, 1.0], [-(rate**2), -2.0 * 0.25 * rate]])
+    rows = [line.split() for line in told(expm(A * period) if period else A, period).splitlines()]
+    assert [row[1:] for row in rows[-2:]] == 2 * [["3", "0.25"]]
 
 
 def test_a_slow_pole_beside_a_fast_one_keeps_its_damping():

@@ -52,6 +52,17 @@ def test_a_smaller_tolerance_gives_a_smaller_error(chain, extrapolation):
     assert errors[0] > 2 * errors[1] > 4 * errors[2]
 
 
+@pytest.mark.parametrize("extrapolation", [0, 1])
+def test_what_is_kept_of_a_step_are_its_halves(chain, extrapolation):
+    """Where no error is too large: what the whole step went through is gone, slopes as well."""
+    halves = np.linspace(0.0, 4.0, 17)
+    fixed = run(chain, halves, extrapolation=extrapolation)
+    adaptive = run(chain, halves[::2], tolerance=0.9, extrapolation=extrapolation)
+    assert (adaptive.statistics.steps, adaptive.statistics.rollbacks) == (8, 0)
+    for name in ("a.position", "b.position"):
+        assert adaptive.signals[name] == pytest.approx(fixed.signals[name][::2], rel=1e-12)
+
+
 def test_steps_are_short_where_something_happens_and_long_where_nothing_does(member):
     """A jump from outside at 5 s; in between everything settles."""
     time = np.array([0.0, 5.0, 10.0])

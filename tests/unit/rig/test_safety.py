@@ -62,6 +62,16 @@ def test_a_ramp_close_to_the_limit_is_not_refused_for_jitter(seed, pause):
         assert commands.take([0.95 * 2.0 * pause * number], arrives, 0.2) == []
 
 
+@pytest.mark.parametrize("pause", [0.2, 1.0, 1e5])
+def test_after_a_pause_a_jump_is_no_larger(pause):
+    """A budget fills for 0.2 s at most, at 2 A/s."""
+    commands = CommandFilter({"current": "A"}, {"current": Limit(rate=2.0)})
+    assert commands.take([0.0], 0.0, 0.2) == []
+    (refusal,) = commands.take([0.5], pause, 0.2)
+    assert "faster than 2 A/s" in refusal
+    assert commands.take([0.4], pause, 0.2) == []
+
+
 def test_sessions_that_follow_each_other_are_no_way_around_a_rate():
     """Again and again from zero as far as it goes: the output keeps to the limit all the time, by
     the differences between one write and the next.

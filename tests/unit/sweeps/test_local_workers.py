@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+from concurrent.futures import Future
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +13,11 @@ import pytest
 import orchestration as ppy
 from fmus.kit import UserError
 from orchestration.fmu.isolation.limits import Limits
+from orchestration.fmu.isolation.process import Ended
+from orchestration.fmu.isolation.shared_progress import ProgressState
+from orchestration.sweeps.chunking import Chunks
+from orchestration.sweeps.local_workers import _run_in_parallel
+from orchestration.sweeps.task import Outcomes
 from tests.support import misbehaving
 from tests.support.hosts import MINIMAL_PYTHONFMU_SOURCE, build_pythonfmu
 from tests.support.processes import children, of_fmus
@@ -53,6 +60,36 @@ def test_workers_end_with_an_interrupt(lag):
             progress=interrupt,
         )
     assert children() <= before
+
+
+def test_a_chunk_whose_worker_ends_is_halved_until_the_case_is_alone():
+    """Of workers that end at a case of 3; every other case has an outcome, and has it once."""
+    source = SimpleNamespace(points=lambda time: time, name="fragile.fmu")
+    task = SimpleNamespace(time=TIME, outputs=("x",), keep=("last",), source=source)
+    cases = np.arange(8.0)[:, np.newaxis]
+
+    def submit(values):
+        future = Future()
+        if 3.0 in values:
+            future.set_exception(Ended("it ended", ProgressState("step", 0, 0, (0, 0, 0))))
+        else:
+            numbers = values[:, :, np.newaxis]
+            future.set_result(Outcomes(numbers, np.empty((len(values), 0, 1)), {}))
+        return future
+
+    chunks = Chunks(task, range(8))
+    for _ in range(2):  # until one has four of the cases
+        chunks.adapt(4, 1e-9)
+    found = list(_run_in_parallel(submit, task, cases, chunks, 1))
+    assert max(len(rows) for rows, _ in found) > 1
+    numbers = {
+        row: number
+        for rows, outcomes in found
+        for row, number in zip(rows, outcomes.numbers[:, 0, 0].tolist(), strict=True)
+    }
+    assert sorted(row for rows, _ in found for row in rows) == list(range(8))
+    assert np.isnan(numbers.pop(3))
+    assert numbers == {row: float(row) for row in range(8) if row != 3}
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ answer.
 
 from __future__ import annotations
 
+import os
 import time
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 import orchestration as ppy
 from orchestration.fmu.isolation.limits import Limits
 from orchestration.fmu.isolation.pool import Pool
+from orchestration.fmu.isolation.process import Ended
 from orchestration.fmu.isolation.shared_progress import SharedProgress
 from tests.support.hosts import build_one_state_fmu
 
@@ -57,6 +59,13 @@ def test_a_process_whose_function_fails_is_asked_again():
             pool.submit(wrong, "told").result()
         assert pool.submit(later, 0.0, 3).result() == 3
         assert len(pool._started) == 1
+
+
+def test_a_process_that_has_ended_is_replaced():
+    with Pool(Limits(), 1, begin) as pool:
+        with pytest.raises(Ended, match="exit status 3"):
+            pool.submit(os._exit, 3).result()
+        assert pool.submit(later, 0.0, 2).result() == 2
 
 
 @pytest.mark.slow

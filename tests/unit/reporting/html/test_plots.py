@@ -47,7 +47,8 @@ def test_a_thinned_line_keeps_its_extremes():
 
 def test_a_line_is_broken_at_a_gap_only():
     even, uneven = np.arange(20.0), np.logspace(0.0, 4.0, 60)
-    for x in (even, uneven, even[:2]):
+    rare = np.append(even, [120.0, 220.0])  # a step of many, as long as the one after it
+    for x in (even, uneven, rare, even[:2]):
         assert np.array_equal(break_at_gaps(x, x)[1], x)
     x, y = break_at_gaps(np.delete(np.arange(60.0), np.s_[20:40]), np.ones(40))
     assert np.flatnonzero(np.isnan(y)).tolist() == [20]

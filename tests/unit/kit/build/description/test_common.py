@@ -13,7 +13,7 @@ from fmus.kit.build.description import Capabilities, describe_fmi2, describe_fmi
 from fmus.kit.symbolic import trace
 from fmus.ppy_actuator.effects import EFFECTS
 from tests.support.kit_models import GUID
-from tests.support.kit_samples import Divider
+from tests.support.kit_samples import Adder, Divider
 
 ROOT = Path(__file__).parents[5]
 CAN = Capabilities(
@@ -72,3 +72,16 @@ def test_date_that_is_none_is_refused(monkeypatch, given, describe):
         match=r"^SOURCE_DATE_EPOCH = '.*': seconds since 1970 are wanted.* to 253402300799$",
     ):
         root_of(describe, Divider)
+
+
+def test_only_real_numbers_vary_continuously(describe):
+    """FMI 2.0.4, section 2.2.7: other types change at events alone."""
+    root = root_of(describe, Adder)
+    reals = {v.get("name") for v in root.iter("Float64")}
+    reals |= {v.getparent().get("name") for v in root.iter("Real")} - {None}
+    variables = [v for v in root.iter() if v.get("variability") is not None]
+    continuous = {v.get("name") for v in variables if v.get("variability") == "continuous"}
+    assert continuous - {"time"} <= reals
+    assert {v.get("variability") for v in variables if v.get("name") in ("lacking", "off")} == {
+        "discrete"
+    }
