@@ -459,13 +459,8 @@ def _predicted_answer(
 ) -> _Answer:
     """Return the answer by predictions where free runs explain nothing.
 
-    Parameters
-    ----------
-    plain : tuple of Found and Conclusion
-        By free runs, unless the model is unstable.
-    first : tuple of Found and Conclusion
-        By an observer that is chosen by the fit without terms.
-    answer_of : callable
+    `plain` is by free runs, unless the model is unstable; `first` is by the observer that was
+    chosen by the fit without terms.
     """
     is_trusted = _is_trusted(first[0].subject)
     if first[1].verdict == "consistent" or (is_trusted and first[1].verdict != "unexplained"):

@@ -894,41 +894,76 @@ def fit_start(
         With the local values.
     start : ndarray, shape (nx,)
     """
-    common, nx = len(point.q) - local, len(prior.mean)
-    if not nx + local:
+    nothing = np.zeros(local + len(prior.mean))
+    if not nothing.size:
         return point, prior.mean
-    root = np.sqrt(weight)
-    mean = np.append(problem.mean[common:], prior.mean)
-    deviation = np.append(problem.deviation[common:], prior.deviation)
-    places = problem.columns(record.group)
-    own = np.array([np.flatnonzero(places == common + i)[0] for i in range(local)], dtype=int)
+    search = _StartSearch(problem, point, terms, record, prior, np.sqrt(weight), local)
+    begun = search.evaluate(nothing)
+    if begun is None:
+        return None
+    found, _ = _downhill(search.evaluate, np.add, (nothing, begun), _START_STEPS, FLAT)
+    return search.at(found)
 
-    def at(z: Array) -> tuple[Point, Array]:
-        place = mean + z * deviation
-        q = np.append(point.q[:common], place[:local])
-        return replace(point, q=np.clip(q, *problem.bounds)), place[local:]
 
-    def evaluate(z: Array) -> Evaluated | None:
-        here, start = at(z)
-        setting = replace(problem.setting(here, terms, record.group), free=problem.searched[own])
+@dataclass(frozen=True, eq=False)
+class _StartSearch:
+    """The cost of a record by local values and start states z, in prior deviations.
+
+    It has the arguments of `fit_start`, and the root (ny,) of the weight.
+    """
+
+    problem: Problem
+    point: Point
+    terms: Sequence[Term]
+    record: Record
+    prior: StartPrior
+    root: Array
+    local: int
+
+    @cached_property
+    def of_point(self) -> slice:
+        """Coordinates of the point that are searched."""
+        return slice(len(self.point.q) - self.local, None)
+
+    @cached_property
+    def deviation(self) -> Array:
+        """Prior deviations of local values and start states."""
+        return np.append(self.problem.deviation[self.of_point], self.prior.deviation)
+
+    @cached_property
+    def free(self) -> Indices:
+        """Positions of the parameters of the local values."""
+        places = self.problem.columns(self.record.group).tolist()
+        searched = range(len(self.point.q))[self.of_point]
+        return self.problem.searched[np.array([places.index(k) for k in searched], dtype=int)]
+
+    def at(self, z: Array) -> tuple[Point, Array]:
+        """Return the point, within bounds, and the start states."""
+        mean = np.append(self.problem.mean[self.of_point], self.prior.mean)
+        local, start = np.split(mean + z * self.deviation, [self.local])
+        q = self.point.q.copy()
+        q[self.of_point] = local
+        return replace(self.point, q=np.clip(q, *self.problem.bounds)), start
+
+    def evaluate(self, z: Array) -> Evaluated | None:
+        """Return the cost with its derivatives by z; None if the model runs away."""
+        problem, record = self.problem, self.record
+        point, start = self.at(z)
+        setting = replace(problem.setting(point, self.terms, record.group), free=self.free)
         course = problem.model.run(record, setting, start, sensitive=True)
         if course is None:
             return None
-        e = ((record.outputs - course.outputs) / problem.spread * root)[:, record.measured].ravel()
-        searched = np.r_[:local, course.slopes.shape[2] - nx : course.slopes.shape[2]]
-        factors = np.append(problem.slopes(here.q)[common:], np.ones(nx)) * deviation
-        rows = course.slopes[:, :, searched] * factors
-        rows = (rows * (root / problem.spread)[record.measured, None]).reshape(-1, len(factors))
+        errors = (record.outputs - course.outputs) / problem.spread * self.root
+        factors = np.append(problem.slopes(point.q)[self.of_point], np.ones(len(start)))
+        # between local values and start states are values of the terms
+        searched = np.r_[: self.local, -len(start) : 0]
+        rows = course.slopes[:, :, searched] * (factors * self.deviation)
+        rows *= (self.root / problem.spread)[record.measured, np.newaxis]
+        e = errors[:, record.measured].ravel()
         present = np.isfinite(e)
-        e, rows = e[present], rows[present]
+        e, rows = e[present], rows.reshape(-1, len(z))[present]
         cost = 0.5 * float(e @ e + z @ z)
         return Evaluated(cost, rows.T @ rows + np.eye(len(z)), rows.T @ e - z, (e,))
-
-    at_mean = evaluate(np.zeros(local + nx))
-    if at_mean is None:
-        return None
-    found, _ = _downhill(evaluate, np.add, (np.zeros(local + nx), at_mean), _START_STEPS, FLAT)
-    return at(found)
 
 
 def final_curvature(fitted: Fit) -> Array:

@@ -344,17 +344,9 @@ def _on_all_samples(found: Found) -> Found:
 def _refitted(
     found: Found, whole: Subject, read: Sequence[Subject], others: Sequence[Judged] = ()
 ) -> Found:
-    """Return the fits among which a conclusion is drawn, fitted anew.
+    """Return the fits among which a conclusion is drawn, and others, fitted anew.
 
-    Parameters
-    ----------
-    found : Found
-    whole : Subject
-        Of the file as it was read.
-    read : sequence of Subject
-        Of the file in other readings.
-    others : sequence of Judged
-        Further fits that are fitted anew.
+    To the whole of the file as it was read, and in other readings of it.
     """
     finalists = _finalists(found)
     finalists += [one for one in others if one not in finalists]
@@ -714,15 +706,9 @@ def _beside(point: Point, terms: Sequence[Term], amounts: Sequence[float | Array
 
 
 class _Quota:
-    """Counts sets of terms, of which few have the same first term, and fewer are trends.
+    """Counts sets of terms, of which few have the same first term, and fewer are trends."""
 
-    Parameters
-    ----------
-    most : Mapping of int to int
-        Sets without an effect of the catalogue, by their number of terms.
-    """
-
-    def __init__(self, most: Mapping[int, int]) -> None:
+    def __init__(self, most: Mapping[int, int]) -> None:  # sets by their number of terms
         self._most = most
         self._taken: Counter[object] = Counter()
 

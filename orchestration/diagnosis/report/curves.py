@@ -178,13 +178,17 @@ def signal_samples(fitted: Fit, signal: str) -> Array:
 
 def _samples(fitted: Fit, term: Term) -> Array:
     """Return the values (n,) of a term's signal, or of the memory of it."""
-    values = signal_samples(fitted, term.signal)
     if not term.has_memory:
-        return values
+        return signal_samples(fitted, term.signal)
+    memory = memory_samples(fitted, term)
+    return signal_samples(fitted, term.signal) - memory if term.memory.is_behind else memory
+
+
+def memory_samples(fitted: Fit, term: Term) -> Array:
+    """Return the state (n,) of a term's memory over the fitted records."""
     remembering = [t for t in fitted.terms if t.has_memory]
     at = len(fitted.problem.model.states) + remembering.index(term)
-    memory = np.concatenate([course.states[:, at] for course in _courses(fitted)])
-    return values - memory if term.memory.is_behind else memory
+    return np.concatenate([course.states[:, at] for course in _courses(fitted)])
 
 
 def _courses(fitted: Fit) -> list[Course]:

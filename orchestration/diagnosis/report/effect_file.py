@@ -11,8 +11,6 @@ import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from fmus.kit import Component, UserError
 from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.layout import law_of
@@ -20,7 +18,7 @@ from fmus.kit.titles import capitalised
 from orchestration.diagnosis.extension import extended_component, law_term
 from orchestration.diagnosis.fitting import Fit
 from orchestration.diagnosis.law_model import LawModel
-from orchestration.diagnosis.report.curves import signal_samples
+from orchestration.diagnosis.report.curves import memory_samples, signal_samples
 from orchestration.diagnosis.term_names import sentence, shape_text, term_parameters
 from orchestration.diagnosis.terms import FORMS, DelayTerm, Memory, NamedTerm, Term
 from orchestration.reporting import option
@@ -120,12 +118,7 @@ def _seen_changed(
 ) -> set[str]:
     """Return the laws that a term sees without any terms, and that its class would see with some.
 
-    Parameters
-    ----------
-    model : LawModel
-    term : Term
-    below, terms : collection of Term
-        Of the classes before its own, and all.
+    Its class stands behind those of the terms below it.
     """
     changed = set()
     for name in _seen(term) & set(model.laws):
@@ -269,7 +262,8 @@ class _Class:
         if not term.has_memory:
             return
         now = self._plain_value(term.signal)
-        yield self._state_line(memory, self._start(), f"memory of {term.signal}")
+        start = float(memory_samples(self._fitted, term)[0])
+        yield self._state_line(memory, start, f"memory of {term.signal}")
         if not term.memory.is_sampled:
             yield from ("", f"    def {memory}_rate(self):", *self._rate_lines(now))
             return
@@ -290,16 +284,6 @@ class _Class:
             )
         about = f"start={_number(start)}, nominal={_number(self._term.scale)}, doc={doc!a}"
         return f"    {name} = {kind}({self._given.signal_unit!a}, {moves}, {about})"
-
-    def _start(self) -> float:
-        """Return the memory at the first sample of the first record."""
-        fit = self._fitted
-        first, start = fit.problem.records[0], fit.point.starts[0]
-        course = fit.problem.run(first, fit.point, fit.terms, start, False)
-        assert course is not None, "a fit runs over its records"
-        remembering = [term for term in fit.terms if term.has_memory]
-        place = len(self._model.states) + remembering.index(self._term)
-        return float(np.asarray(course.states)[0, place])
 
     def _rate_lines(self, now: str) -> Iterator[str]:
         """Yield the body of the rate of a memory."""

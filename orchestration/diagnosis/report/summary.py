@@ -34,7 +34,7 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
         "verdict": diagnosis.verdict,
         "headline": f"{wording.headline(diagnosis)}. {wording.support(diagnosis)}".strip(),
         "next_step": wording.next_step(diagnosis),
-        "baseline": {"holdout_fit_percent": {n: _fit_percent(v) for n, v in before.items()}},
+        "baseline": {"holdout_fit_percent": {n: wording.fit_percent(v) for n, v in before.items()}},
         "parameters": {n: e.to_dict() for n, e in diagnosis.parameters.items()},
         "changed": list(diagnosis.changed),
         "causes": [cause_figures(diagnosis, cause) for cause in lead],
@@ -65,10 +65,6 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
         ],
         **({"experiment": experiment.as_json()} if experiment else {}),
     }
-
-
-def _fit_percent(error: float | None) -> float | None:
-    return None if error is None else 100.0 * (1.0 - error)
 
 
 def law_figures(law_map: LawMap) -> list[dict[str, Any]]:

@@ -156,6 +156,11 @@ def noise_widths(one: Remainder) -> str:
     return f"{one.noise_widths:.1f}" if one.noise_widths < 10.0 else f"{one.noise_widths:.0f}"
 
 
+def fit_percent(error: float | None) -> float | None:
+    """Return the share of an output that a model follows, by its error over the spread."""
+    return None if error is None else 100.0 * (1.0 - error)
+
+
 def remainder_sentence(one: Remainder) -> str:
     """Return what is left of an output."""
     widths = noise_widths(one)

@@ -170,15 +170,11 @@ def _member_summary(member: MemberDiagnosis) -> dict[str, Any]:
 
 def _output_summary(output: MemberOutput) -> dict[str, Any]:
     return {
-        "fit_percent_before": _fit_percent(output.before),
-        "fit_percent": _fit_percent(output.after),
+        "fit_percent_before": wording.fit_percent(output.before),
+        "fit_percent": wording.fit_percent(output.after),
         "noise_widths": output.remainder.noise_widths,
         **output.remainder.tests,
     }
-
-
-def _fit_percent(error: float | None) -> float | None:
-    return None if error is None else 100.0 * (1.0 - error)
 
 
 def _parameter(parameter: MemberParameter) -> dict[str, Any]:
