@@ -24,13 +24,12 @@ from orchestration.identify import presentation
 from orchestration.identify.fitting import (
     FitResult,
     FmuWithDifferences,
-    Method,
     Problem,
     Subject,
     fit_in_noise,
-    fit_prediction_error,
+    fit_output_error,
 )
-from orchestration.identify.noise import Noise, fit_autoregression
+from orchestration.identify.noise import fit_autoregression
 from orchestration.identify.uncertainty import (
     LEVEL,
     Coordinate,
@@ -50,8 +49,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import RenderableType
 
-# The parameters have no prior, and their values are the result: search on to where rounding begins.
-_METHOD = Method(tolerance=1e-6, passes=5, settled=1e-3)
 # standard error of a logarithm whose parameter is hardly determined
 _VAGUE = float(np.log(10.0) / ndtri(0.975))
 _COUPLED = 0.9  # correlation beyond which an interval of one parameter alone is misleading
@@ -284,9 +281,7 @@ class Likelihood:
             nonlocal fits
             fits += 1
             progress(f"profile of {name}, fit {fits}")
-            q, deviance = fit_in_noise(
-                problem, np.clip(start, low, high), self.fitted.noise, _METHOD
-            )
+            q, deviance = fit_in_noise(problem, np.clip(start, low, high), self.fitted.noise)
             return q, (deviance - least) / (colour * LEVEL)
 
         problem.held = [i]
@@ -338,13 +333,9 @@ def fit_grey_box(
     """
     if len(set(names)) < len(names):
         raise UserError(f"a parameter to fit is named twice in {', '.join(names)}")
-    problem = Problem(cls, time, inputs, measured, names, fixed or {}, order=0)
+    problem = Problem(cls, time, inputs, measured, names, fixed or {})
     _check_problem(problem)
-    noise = {
-        output: Noise(np.empty(0), float(np.nanstd(y)) or 1.0)
-        for output, y in problem.measured.items()
-    }
-    fitted = fit_prediction_error(problem, problem.position(problem.start), noise, method=_METHOD)
+    fitted = fit_output_error(problem, problem.position(problem.start))
     spread = _coloured_covariance(problem, fitted)
     intervals = problem.intervals(fitted.q, spread.standard_errors)
     estimates = {}
@@ -392,10 +383,9 @@ def _coloured_covariance(problem: Problem, fitted: FitResult) -> Covariance:
     noise = []
     for output, model in fitted.noise.items():
         information = np.sqrt(model.information)
-        weighted.append(information * model.whiten(slopes[output], problem.present[output]))
+        weighted.append(information * (slopes[output] / model.deviation))
         score = fitted.weights[output] * fitted.innovation[output] / information
-        coefficients, variance = fit_autoregression(score)
-        noise.append(Noise(coefficients, np.sqrt(variance)))
+        noise.append(fit_autoregression(score))
     return sandwich_covariance(fitted.covariance, weighted, noise)
 
 

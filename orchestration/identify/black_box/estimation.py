@@ -21,7 +21,7 @@ from orchestration.identify.black_box.search import (
     optimum,
     refine,
 )
-from orchestration.identify.noise import Noise, fit_autoregression
+from orchestration.identify.noise import fit_autoregression
 from orchestration.identify.uncertainty import Covariance, parameter_covariance, sandwich_covariance
 
 # A model without an offset is not searched if it costs more than so many times what BIC grants for
@@ -283,9 +283,7 @@ def _estimate_covariance(
     bread = parameter_covariance(jacobian.T @ jacobian)
     if problem.orders.has_noise_model:
         return replace(bread, matrix=variance * bread.matrix)
-    coefficients, innovation_variance = fit_autoregression(residual)
-    noise = Noise(coefficients, float(np.sqrt(innovation_variance)))
-    return sandwich_covariance(bread, [jacobian], [noise])
+    return sandwich_covariance(bread, [jacobian], [fit_autoregression(residual)])
 
 
 def _make_model(

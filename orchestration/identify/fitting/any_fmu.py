@@ -116,8 +116,8 @@ class FmuWithDifferences:
         Parameters
         ----------
         given : SimulationInput
-            Parameters that were not named at first are ignored, and so are effort and tolerance:
-            the integrator is the FMU's own.
+            Parameters that were not named at first are ignored, and so is the effort: the
+            integrator is the FMU's own.
 
         Returns
         -------

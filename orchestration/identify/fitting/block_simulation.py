@@ -27,8 +27,6 @@ class BlockwiseModel:
     model : CompiledModel
     names : sequence of str
         Those p of the model's parameters by which derivatives are kept, in this order.
-    linear : bool or collection of str
-        Inputs that are interpolated between samples.
     measured : collection of str, optional
         Outputs and states of which a simulation in blocks has derivatives; all unless given.
     """
@@ -37,11 +35,9 @@ class BlockwiseModel:
         self,
         model: CompiledModel,
         names: Sequence[str],
-        linear: bool | Collection[str],
         measured: Collection[str] | None = None,
     ):
         self._model = model
-        self._linear = linear
         self._measured = measured
         columns = [model.names.index(name) for name in names]
         # a slice of the first ones, as they usually are, is no copy
@@ -97,14 +93,7 @@ class BlockwiseModel:
 
     def _simulate_piece(self, given: SimulationInput) -> Trajectory:
         """Simulate in one piece, with derivatives by all parameters of the model."""
-        return self._model.run(
-            given.time,
-            given.inputs,
-            given.parameters,
-            self._linear,
-            given.effort,
-            given.tolerance,
-        )
+        return self._model.run(given.time, given.inputs, given.parameters, effort=given.effort)
 
     def _empty_trajectory(self, n: int) -> Trajectory:
         """Return a trajectory of n samples, to be filled."""

@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.kit import Component, Effect, stack
-from fmus.kit.arrays import Array, Indices, Mask
+from fmus.kit.arrays import Array, Mask
 from fmus.kit.effects import made_by, unstack
-from fmus.kit.record import CompiledModel, Trajectory, with_knots
+from fmus.kit.record import CompiledModel, Trajectory
 from fmus.kit.sensors import transport_delay
 from orchestration.identify.fitting.block_simulation import BlockwiseModel
 from orchestration.identify.fitting.simulation_input import SimulationInput
@@ -35,9 +35,6 @@ class DelayedModel:
     cls : type[Component]
     sensitivities : sequence of str
         Parameters by which derivatives are taken.
-    linear : bool or collection of str
-        Inputs that are smooth, all or those named (`smooth_inputs`); others are held until the next
-        sample.
     measured : collection of str, optional
         Outputs and states of which a long simulation has derivatives; all unless given.
 
@@ -53,7 +50,6 @@ class DelayedModel:
         self,
         cls: type[Component],
         sensitivities: Sequence[str],
-        linear: bool | Collection[str] = False,
         measured: Collection[str] | None = None,
     ):
         base, effects = unstack(cls)
@@ -63,11 +59,10 @@ class DelayedModel:
         self.layout = cls.layout
         self.delays = {delay.output: delay.neutral for delay in delays}
         self._histories = {delay.output: _history_of(delay) for delay in delays}
-        self._linear = linear
         self._names = list(sensitivities)
         names = tuple(name for name in sensitivities if name not in of_delays)
         model = _compiled(base, others, names)
-        self._undelayed = BlockwiseModel(model, names, linear, measured)
+        self._undelayed = BlockwiseModel(model, names, measured)
         self._known = {p.name for p in model.layout.parameters}
 
     def run(self, given: SimulationInput) -> Trajectory:
@@ -89,21 +84,19 @@ class DelayedModel:
         time = given.time
         parameters = given.parameters
         known = {name: value for name, value in parameters.items() if name in self._known}
-        clock, fed, samples = with_knots(time, given.inputs, self._linear)
-        undelayed = replace(given, time=clock, inputs=fed, parameters=known)
+        undelayed = replace(given, parameters=known)
         if not self.delays:
-            trajectory = self._undelayed.run(undelayed)
-            return trajectory if samples == slice(None) else _select_instants(trajectory, samples)
+            return self._undelayed.run(undelayed)
         pasts = {
             output: _earlier_instants(time, parameters[name])
             for output, name in self.delays.items()
             if parameters[name] > 0.0
         }
-        # all instants that are shown, read for a derivative, or integrated to
+        # all instants that are shown, or read for a derivative
         earlier = [instants for past in pasts.values() for instants in (past.then, past.near)]
-        instants = np.unique(np.concatenate([time, *earlier, clock]))
-        resampled = self._resample(clock, fed, instants)
-        trajectory = self._undelayed.run(replace(undelayed, time=instants, inputs=resampled))
+        instants = np.unique(np.concatenate([time, *earlier]))
+        held = _held(time, given.inputs, instants)
+        trajectory = self._undelayed.run(replace(undelayed, time=instants, inputs=held))
         return self._with_delays(_Undelayed(instants, trajectory), pasts, time, parameters)
 
     def _with_delays(
@@ -160,21 +153,6 @@ class DelayedModel:
             states[history.state] = parameters.get(history.level, 0.0) + rate * (time - time[0])
         return states
 
-    def _resample(
-        self, clock: Array, inputs: Mapping[str, Array], instants: Array
-    ) -> dict[str, Array]:
-        """Return inputs at other instants: smooth ones interpolated, others of the last sample."""
-        smooth = inputs if self._linear is True else self._linear or ()
-        latest = np.searchsorted(clock, instants, "right") - 1
-        resampled = {}
-        for name, given in inputs.items():
-            values = np.broadcast_to(np.asarray(given, dtype=float), len(clock))
-            if name in smooth:
-                resampled[name] = np.interp(instants, clock, values)
-            else:
-                resampled[name] = values[latest]
-        return resampled
-
     def _order_slopes(self, slopes: Array, by_delay: Mapping[str, Array]) -> Array:
         """Return the derivatives by the parameters of the model and of the delays, in their order.
 
@@ -193,6 +171,15 @@ class DelayedModel:
             else:
                 columns.append(by_delay.get(name, np.zeros(len(slopes))))
         return np.column_stack(columns) if columns else slopes
+
+
+def _held(time: Array, inputs: Mapping[str, Array], instants: Array) -> dict[str, Array]:
+    """Return inputs at other instants, held from sample to sample."""
+    latest = np.searchsorted(time, instants, "right") - 1
+    held = {}
+    for name, values in inputs.items():
+        held[name] = np.broadcast_to(np.asarray(values, dtype=float), len(time))[latest]
+    return held
 
 
 class _History(NamedTuple):
@@ -235,7 +222,10 @@ class _Undelayed(NamedTuple):
 
     def at(self, some: Array) -> Trajectory:
         """Return the simulation at some of its instants."""
-        return _select_instants(self.trajectory, np.searchsorted(self.instants, some))
+        at = np.searchsorted(self.instants, some)
+        signals = {name: values[at] for name, values in self.trajectory.signals.items()}
+        slopes = {name: values[at] for name, values in self.trajectory.sensitivities.items()}
+        return replace(self.trajectory, signals=signals, sensitivities=slopes)
 
     def signal(self, output: str, some: Array) -> Array:
         """Return an output (n,) at some of the instants, (n,)."""
@@ -280,15 +270,6 @@ def _earlier_instants(time: Array, delay: float) -> _EarlierInstants:
     near = np.where(following - then > step, then + step, then - step)
     before = time - delay < time[0]
     return _EarlierInstants(then, np.where(before, then, near), before)
-
-
-def _select_instants(trajectory: Trajectory, at: slice | Indices) -> Trajectory:
-    """Return a simulation at some of its instants."""
-    return replace(
-        trajectory,
-        signals={name: values[at] for name, values in trajectory.signals.items()},
-        sensitivities={name: values[at] for name, values in trajectory.sensitivities.items()},
-    )
 
 
 _Key = tuple[type[Component], tuple[type[Effect], ...]]

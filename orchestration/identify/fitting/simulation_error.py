@@ -1,8 +1,4 @@
-"""Errors of a free run, pooled over outputs by the size of their noise (output-error method).
-
-Nothing is assumed of the noise but its size, so that no noise model can explain a part that the
-simulation should explain (Ljung: System Identification, section 7.2).
-"""
+"""Errors of a free run, pooled over outputs by the size of their noise (output-error method)."""
 
 from __future__ import annotations
 
@@ -20,18 +16,13 @@ _FINE = 1e-4  # of the spread of an output: least noise that it is weighted by
 
 def error_scales(problem: Problem) -> dict[str, float]:
     """Return the size of the noise of every output, robustly from its third differences."""
+    scales = {}
     for output, y in problem.measured.items():
-        if output not in problem.error_scales:
-            fine = _FINE * float(np.nanstd(y))
-            problem.error_scales[output] = max(noise_std(y, 3), fine) or 1.0
-    return problem.error_scales
+        scales[output] = max(noise_std(y, 3), _FINE * float(np.nanstd(y))) or 1.0
+    return scales
 
 
-def pooled_error(
-    residual: Mapping[str, Array],
-    scales: Mapping[str, float],
-    weights: Mapping[str, Array] | None = None,
-) -> float:
+def pooled_error(residual: Mapping[str, Array], scales: Mapping[str, float]) -> float:
     """Return the root mean square error of all outputs, each over the size of its noise.
 
     Parameters
@@ -40,17 +31,9 @@ def pooled_error(
         By output.
     scales : Mapping of str to float
         See `error_scales`.
-    weights : Mapping of str to ndarray, shape (m,), optional
-        Weights of all samples; equal by default.
     """
     scaled = np.concatenate([error / scales[output] for output, error in residual.items()])
-    counted = np.concatenate(
-        [
-            weights[output] if weights is not None else np.ones_like(error)
-            for output, error in residual.items()
-        ]
-    )
-    return float(np.sqrt((counted * scaled**2).sum() / counted.sum()))
+    return float(np.sqrt(np.mean(scaled**2)))
 
 
 def error_at(problem: Problem, q: Array) -> float:

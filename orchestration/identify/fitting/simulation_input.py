@@ -12,7 +12,7 @@ from fmus.kit.arrays import Array
 
 @dataclass(frozen=True)
 class SimulationInput:
-    """A stimulus, the parameters of a model, and the limits of its integrator.
+    """A stimulus, the parameters of a model, and the effort of its integrator.
 
     Attributes
     ----------
@@ -23,15 +23,12 @@ class SimulationInput:
     parameters : Mapping of str to float
     effort : float
         Internal steps per sample, on average, beyond which the model has become too stiff.
-    tolerance : float
-        Accuracy of an internal step, if the model's own need not be reached.
     """
 
     time: Array
     inputs: Mapping[str, Array]
     parameters: Mapping[str, float]
     effort: float = 1e6
-    tolerance: float = 0.0
 
     def over(self, rows: slice) -> SimulationInput:
         """Return the input over some of its samples."""

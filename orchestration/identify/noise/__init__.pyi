@@ -1,7 +1,6 @@
 from . import tails as tails
-from .autoregression import ORDER as ORDER
+from .autoregression import Autoregression as Autoregression
 from .autoregression import fit_autoregression as fit_autoregression
-from .autoregression import segments as segments
 from .autoregression import yule_walker as yule_walker
 from .ljung_box import WHITENESS_SAMPLES as WHITENESS_SAMPLES
 from .ljung_box import Whiteness as Whiteness
@@ -10,4 +9,3 @@ from .model import Noise as Noise
 from .model import estimate_noise as estimate_noise
 from .model import noise_samples as noise_samples
 from .model import noise_std as noise_std
-from .model import white_noise as white_noise

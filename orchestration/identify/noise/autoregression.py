@@ -2,87 +2,61 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from dataclasses import dataclass
 
 import numpy as np
 
-from fmus.kit.arrays import Array, Mask
+from fmus.kit.arrays import Array
+from orchestration.identify.filters import autoregression
 
-ORDER = 4  # highest order that is tried
+_ORDER = 4  # highest order that is tried
 
 
-def segments(present: Mask) -> list[tuple[int, int]]:
-    """Return the stretches of a record without a gap.
+@dataclass(frozen=True)
+class Autoregression:
+    """``e[k] = sum_i coefficients[i] e[k-1-i] + deviation w[k]`` with white w of unit variance.
 
-    Parameters
+    Attributes
     ----------
-    present : ndarray of bool, shape (n,)
-
-    Returns
-    -------
-    list of tuple of int
-        First and one past the last, as positions among the samples that are present.
+    coefficients : ndarray, shape (p,)
+    deviation : float
+        Standard deviation of an innovation, in the unit of the series.
     """
-    where = np.flatnonzero(present)
-    breaks = np.flatnonzero(np.diff(where) > 1) + 1
-    ends = [0, *breaks.tolist(), len(where)]
-    return [(a, b) for a, b in pairwise(ends) if b > a]
+
+    coefficients: Array
+    deviation: float
+
+    def backwards(self, values: Array) -> Array:
+        """Filter the columns of a Jacobian by the autoregression, backwards in time.
+
+        With e = H w the scores J'e have the covariance J'HH'J var(w), and this is H'J times the
+        deviation of w (Ljung: System Identification, section 9.4).
+
+        Parameters
+        ----------
+        values : ndarray, shape (m, p)
+
+        Returns
+        -------
+        ndarray, shape (m, p)
+        """
+        reversed_result = autoregression([1.0, *-self.coefficients], values[::-1])
+        return np.asarray(self.deviation * reversed_result[::-1])
 
 
-def estimate_colour(residual: Array, present: Mask, order: int = ORDER) -> Array:
-    """Return the coefficients of the autoregression of a residual, its order chosen by BIC.
-
-    Parameters
-    ----------
-    residual : ndarray, shape (m,)
-    present : ndarray of bool, shape (n,)
-        Where it was measured; m of them.
-    order : int
-        Highest that is considered.
-
-    Returns
-    -------
-    ndarray, shape (p,)
-    """
-    if order == 0 or not residual.any():
-        return np.empty(0)
-    n = len(residual)
-    ends = segments(present)
-    lags = range(_highest_order(order, n) + 1)
-    with np.errstate(over="ignore", invalid="ignore"):  # of one that runs away, as below
-        covariance = [
-            sum(float(residual[a : b - k] @ residual[a + k : b]) for a, b in ends if b - a > k)
-            for k in lags
-        ]
-    return yule_walker(np.array(covariance) / n, n)[0]
-
-
-def _highest_order(order: int, samples: int) -> int:
-    """Return the highest order up to `order` that a number of samples allows."""
-    return min(order, max(samples // 10, 0))
-
-
-def fit_autoregression(values: Array, most: int = ORDER) -> tuple[Array, float]:
+def fit_autoregression(values: Array) -> Autoregression:
     """Fit a stationary autoregression by Yule-Walker, its order chosen by BIC.
 
     Parameters
     ----------
     values : ndarray, shape (n,)
         A series; its mean is taken as zero.
-    most : int
-        Highest order considered.
-
-    Returns
-    -------
-    coefficients : ndarray, shape (p,)
-        ``e[k] = sum_i coefficients[i] e[k-1-i] + w[k]``.
-    variance : float
-        Of the innovations w.
     """
     n = len(values)
-    lags = range(_highest_order(most, n) + 1)
-    covariance = np.array([values[: n - lag] @ values[lag:] for lag in lags]) / n
-    return yule_walker(covariance, n)
+    highest = min(_ORDER, n // 10)
+    covariance = np.array([values[: n - lag] @ values[lag:] for lag in range(highest + 1)]) / n
+    coefficients, variance = yule_walker(covariance, n)
+    return Autoregression(coefficients, float(np.sqrt(variance)))
 
 
 def yule_walker(covariance: Array, n: int) -> tuple[Array, float]:
@@ -97,8 +71,9 @@ def yule_walker(covariance: Array, n: int) -> tuple[Array, float]:
 
     Returns
     -------
-    coefficients, variance
-        As of :func:`fit_autoregression`.
+    coefficients : ndarray, shape (p,)
+    variance : float
+        Of the innovations.
 
     Raises
     ------

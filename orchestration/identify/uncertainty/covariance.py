@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmus.kit.arrays import Array, Mask
-from orchestration.identify.noise import Noise
+from orchestration.identify.noise import Autoregression
 
 # eigenvalue of the scaled matrix, relative to the largest, below which it is zero but for rounding
 _SINGULAR = 1e-10
@@ -60,7 +60,7 @@ class Covariance:
         return correlations
 
 
-def parameter_covariance(information: Array, prior: ArrayLike = 0.0) -> Covariance:
+def parameter_covariance(information: Array) -> Covariance:
     """Invert a normal matrix (Ljung: System Identification, section 9.4).
 
     It is scaled to a unit diagonal first, so that units do not decide which directions are
@@ -71,24 +71,21 @@ def parameter_covariance(information: Array, prior: ArrayLike = 0.0) -> Covarian
     ----------
     information : ndarray, shape (p, p)
         Normal matrix of whitened derivatives.
-    prior : float or ndarray, shape (p,)
-        Precision of a Gaussian prior of every parameter, zero for none.
 
     Returns
     -------
     Covariance
     """
-    known = information + np.diag(np.broadcast_to(prior, len(information)))
     # an observed information may have a diagonal below zero where the data tell nothing, and one
     # that is not finite where a simulation runs away
-    scale = np.sqrt(np.maximum(np.diag(known), 0.0))
+    scale = np.sqrt(np.maximum(np.diag(information), 0.0))
     unidentifiable = ~((scale > _UNSEEN) & np.isfinite(scale))
-    matrix = np.zeros_like(known)
+    matrix = np.zeros_like(information)
     seen = np.flatnonzero(~unidentifiable)
     if seen.size:
         block = np.ix_(seen, seen)
         size = np.outer(scale[seen], scale[seen])
-        values, directions = np.linalg.eigh(known[block] / size)
+        values, directions = np.linalg.eigh(information[block] / size)
         regular = values > _SINGULAR * values[-1]
         inverse = (directions[:, regular] / values[regular]) @ directions[:, regular].T
         matrix[block] = inverse / size
@@ -123,7 +120,7 @@ def _blocks(rows: int) -> Iterator[slice]:
 
 
 def sandwich_covariance(
-    bread: Covariance, jacobian: Iterable[Array], noise: Iterable[Noise]
+    bread: Covariance, jacobian: Iterable[Array], noise: Iterable[Autoregression]
 ) -> Covariance:
     """Return the covariance of parameters fitted as if residuals were white (Ljung, section 9.4).
 
@@ -136,7 +133,7 @@ def sandwich_covariance(
         Inverse of the normal matrix that was fitted with.
     jacobian : iterable of ndarray, shape (m, p)
         Of the residual of every output, weighted as it was fitted.
-    noise : iterable of Noise
+    noise : iterable of Autoregression
         Of these residuals.
 
     Returns

@@ -1,4 +1,4 @@
-"""Several runs: division of a file into runs, and runs joined into one record."""
+"""Division of a file into runs."""
 
 import lazy_loader
 

@@ -7,7 +7,7 @@ import pytest
 
 from orchestration.identify.fitting.problem import Problem
 from orchestration.identify.fitting.simulation_error import error_at, error_scales, pooled_error
-from tests.support.several import TRUE, Cell, measured, voltage
+from tests.support.cell import TRUE, Cell, measured, voltage
 
 NOISE = 2e-3
 

@@ -7,7 +7,7 @@ import numpy as np
 from orchestration.identify.fitting.simulation_input import SimulationInput
 
 TIME = np.arange(5.0)
-WHOLE = SimulationInput(TIME, {"u": TIME**2, "level": np.float64(3.0)}, {"tau": 1.5}, 50.0, 1e-9)
+WHOLE = SimulationInput(TIME, {"u": TIME**2, "level": np.float64(3.0)}, {"tau": 1.5}, 50.0)
 
 
 def test_a_part_has_its_samples_of_every_input_and_all_else_of_the_whole():
@@ -17,7 +17,7 @@ def test_a_part_has_its_samples_of_every_input_and_all_else_of_the_whole():
         "u": [1.0, 4.0],
         "level": [3.0, 3.0],
     }
-    assert (part.parameters, part.effort, part.tolerance) == ({"tau": 1.5}, 50.0, 1e-9)
+    assert (part.parameters, part.effort) == ({"tau": 1.5}, 50.0)
 
 
 def test_another_course_of_an_input_leaves_the_first_alone():

@@ -11,7 +11,7 @@ import pytest
 import statsmodels.api as sm
 from scipy.linalg import toeplitz
 
-from orchestration.identify.noise.model import Noise
+from orchestration.identify.noise import Autoregression
 from orchestration.identify.uncertainty.covariance import (
     excess_variance,
     parameter_covariance,
@@ -38,16 +38,6 @@ def test_standard_errors_are_those_of_least_squares(units):
     )
 
 
-def test_a_prior_adds_its_precision():
-    information, prior = REGRESSORS.T @ REGRESSORS, np.array([0.0, 1.0, 100.0, 0.0])
-    assert parameter_covariance(information, prior).matrix == pytest.approx(
-        np.linalg.inv(information + np.diag(prior)), rel=1e-9
-    )
-    assert parameter_covariance(information, 2.0).matrix == pytest.approx(
-        np.linalg.inv(information + 2.0 * np.eye(4)), rel=1e-9
-    )
-
-
 def test_what_the_data_do_not_determine_is_named_and_the_others_are_none_the_worse():
     a, b, c, _ = REGRESSORS.T
     columns = np.column_stack([a, 1e6 * a, b, np.zeros(500), c])
@@ -61,15 +51,6 @@ def test_what_the_data_do_not_determine_is_named_and_the_others_are_none_the_wor
     assert not found.matrix[3].any()
 
 
-def test_a_prior_determines_what_the_data_do_not():
-    columns = np.column_stack([REGRESSORS[:, 0], REGRESSORS[:, 0]])
-    found = parameter_covariance(columns.T @ columns, 1.0)
-    assert not found.unidentifiable.any()
-    assert found.standard_errors == pytest.approx(
-        np.sqrt(0.5), rel=1e-3
-    )  # the difference is as uncertain as before
-
-
 @pytest.mark.parametrize("size", [0, 1])
 def test_nothing_known_of_nothing(size):
     found = parameter_covariance(np.zeros((size, size)))
@@ -81,7 +62,7 @@ def test_nothing_known_of_nothing(size):
 def test_a_sandwich_is_the_covariance_under_coloured_noise(colour):
     n = 2000
     columns = np.column_stack([np.sin(np.arange(n) / 40.0), np.ones(n), RANDOM.standard_normal(n)])
-    noise = Noise(np.array([colour]) if colour else np.empty(0), 0.3)
+    noise = Autoregression(np.array([colour]) if colour else np.empty(0), 0.3)
     process = 0.09 / (1.0 - colour**2) * toeplitz(colour ** np.arange(n))
     half = np.linalg.inv(columns.T @ columns) @ columns.T
     found = sandwich_covariance(

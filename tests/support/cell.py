@@ -1,19 +1,13 @@
-"""Several records of one cell, made without the kit: the exact solution of its equations under held
-current.
-"""
+"""A record of a cell, made without the kit: the exact solution under a held current."""
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 
 from fmus.kit import Component, Input, Output, Parameter, State
-from orchestration.records.runs import MeasuredRun
 from tests.support.measured import Measured
 
 STEP = 0.1  # s
-GAP = 32  # samples between two records
 TRUE = {"R0": 0.03, "R1": 0.02, "tau1": 4.0}
 
 
@@ -60,34 +54,3 @@ def measured(seed: int, start: float, noise: float = 1e-3, samples: int = 400) -
     clean = voltage(i, start, 3.3, **TRUE)
     drawn = noise * np.random.default_rng(seed).standard_normal(samples)
     return Measured(STEP * np.arange(samples), {"current": i}, {"voltage": clean + drawn})
-
-
-STARTS = {"a": -6.0, "b": 2.0, "c": 8.0, "d": -3.0, "e": 5.0, "f": 0.0}
-OCVS = {"a": 3.20, "b": 3.25, "c": 3.31, "d": 3.38, "e": 3.42, "f": 3.29}
-
-
-class Joined(NamedTuple):
-    """Records one after the other, with a gap of some samples between them."""
-
-    time: np.ndarray
-    inputs: dict[str, np.ndarray]
-    measured: dict[str, np.ndarray]
-    runs: tuple[MeasuredRun, ...]
-
-
-def several(labels: str = "abcdef") -> Joined:
-    """Records joined to one, each with its own start."""
-    parts = [measured(k, STARTS[label]) for k, label in enumerate(labels)]
-    count = len(parts[0].time)
-    pace = count + GAP
-    runs = tuple(
-        MeasuredRun(label, k * pace, k * pace + count, k * pace * STEP)
-        for k, label in enumerate(labels)
-    )
-    whole = runs[-1].last
-    inputs, outputs = np.zeros(whole), np.full(whole, np.nan)
-    for run, part in zip(runs, parts, strict=True):
-        inputs[run.first : run.last + GAP] = part.inputs["current"][-1]
-        inputs[run.samples] = part.inputs["current"]
-        outputs[run.samples] = part.outputs["voltage"]
-    return Joined(STEP * np.arange(whole), {"current": inputs}, {"voltage": outputs}, runs)

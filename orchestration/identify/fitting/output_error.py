@@ -1,0 +1,346 @@
+"""The output-error method: parameters and the white noise of every output, fitted in turn.
+
+The model runs free over the record; its residual is weighted by its size (Ljung: System
+Identification, section 7.2). Noise is Gaussian or of Student's t distribution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.kit.arrays import Array
+from orchestration.identify.fitting.least_squares import Minimum, minimise
+from orchestration.identify.fitting.problem import Problem
+from orchestration.identify.fitting.simulation_error import error_at
+from orchestration.identify.noise import Noise, tails
+from orchestration.identify.uncertainty import (
+    Covariance,
+    heteroscedastic,
+    parameter_covariance,
+    weighted_square,
+)
+
+# Fall of the sum of squared innovations, of variance 1, below which a search ends: where rounding
+# begins, as the values are the result.
+_TOLERANCE = 1e-6
+_TRIALS = 200  # points that the search of a pass tries
+_PASSES = 5  # of parameters in given noise, and of the noise of the residual
+_SETTLED = 1e-3  # fall of BIC from one pass to the next below which no further one is made
+_CURVED = 0.1  # of the expected curvature, below which the observed one is chance
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """Fitted parameters, noise, residuals and their statistics.
+
+    Attributes
+    ----------
+    q : ndarray, shape (p,)
+        Searched coordinates.
+    values : dict of str to float
+        Parameters by name, SI.
+    noise : dict of str to Noise
+        By output, of the residual.
+    residual : dict of str to ndarray, shape (m,)
+        Measured minus simulated.
+    innovation : dict of str to ndarray, shape (m,)
+        The residual over its deviation.
+    weights : dict of str to ndarray, shape (m,)
+        Weights of innovations; about 1, and small for outliers in heavy tails.
+    information : ndarray, shape (p, p)
+        Of all innovations on the searched coordinates (Fisher).
+    converged : bool
+        True if the search ended by itself.
+    covariance : Covariance
+        Of the searched coordinates.
+    """
+
+    q: Array
+    values: dict[str, float]
+    noise: dict[str, Noise]
+    residual: dict[str, Array]
+    innovation: dict[str, Array]
+    weights: dict[str, Array]
+    information: Array
+    converged: bool
+    covariance: Covariance
+
+
+def fit_output_error(problem: Problem, start: Array) -> FitResult:
+    """Fit the searched parameters of a problem, and the noise of its outputs in turn.
+
+    The fit scores at least as well as its start, each in the noise that is estimated there.
+
+    Parameters
+    ----------
+    problem : Problem
+    start : ndarray, shape (p,)
+        Searched coordinates to begin with.
+
+    Returns
+    -------
+    FitResult
+
+    Raises
+    ------
+    UserError
+        If the simulation fails where the search starts.
+    """
+    low, high = problem.bounds()
+    at_start = _pass_at_start(problem, np.clip(start, low, high))
+    begin = np.clip(_move_off_bounds(problem, start), low, high)
+    size = {name: Noise(float(np.nanstd(y)) or 1.0) for name, y in problem.measured.items()}
+    best = _iterate(problem, _one_pass(problem, begin, size))
+    # tails are estimated by more than the likelihood: passes may end less likely than they begin
+    if at_start and at_start.bic < best.bic:
+        converged = best.minimum.converged
+        best = replace(at_start, minimum=at_start.minimum._replace(converged=converged))
+    return _assess(problem, best)
+
+
+def _move_off_bounds(problem: Problem, start: Array) -> Array:
+    """Return a start off the bounds, where steps of the search would be small.
+
+    A start near a bound may be right: it is moved only if its free run is then no farther from
+    the record. A start at a bound is always moved.
+    """
+    inside = problem.inside(start)
+    low, high = problem.bounds()
+    only_from_bounds = np.where((start <= low) | (start >= high), inside, start)
+    if np.array_equal(inside, only_from_bounds):
+        return inside
+    return min((inside, only_from_bounds), key=lambda q: error_at(problem, q))
+
+
+def fit_in_noise(problem: Problem, q: Array, noise: Mapping[str, Noise]) -> tuple[Array, float]:
+    """Fit in noise that is given; return the end, (p,), and the deviance there.
+
+    Raises
+    ------
+    UserError
+        If the simulation fails where the search starts.
+    """
+    end = _minimise(problem, q, noise).q
+    return end, problem.deviance(noise, problem.evaluate(end)[0])
+
+
+def _minimise(problem: Problem, q: Array, noise: Mapping[str, Noise]) -> Minimum:
+    """Minimise in given noise, and again beyond the sample at which a delay ends a search.
+
+    Residuals are not smooth where a delay is a whole number of samples: `Problem.smooth_bounds`.
+    """
+    loss = _Loss(problem, noise)
+    best = loss.minimise_smooth(q)
+    other = problem.across_sample(best.q)
+    while other is not None:
+        candidate = loss.minimise_smooth(other)
+        if loss.cost(candidate.q) >= loss.cost(best.q):
+            break
+        best = candidate
+        other = problem.across_sample(best.q)
+    return best
+
+
+@dataclass(frozen=True)
+class _Loss:
+    """Deviance of the innovations in given noise, as a sum of squares."""
+
+    problem: Problem
+    noise: Mapping[str, Noise]
+
+    def cost(self, q: Array) -> float:
+        """Return the deviance at a point, but for terms that do not depend on it."""
+        return float((self._rows(q) ** 2).sum())
+
+    def minimise_smooth(self, start: Array) -> Minimum:
+        """Minimise within the bounds about a start where the residuals are smooth."""
+        low, high = self.problem.smooth_bounds(start)
+        tolerance = _TOLERANCE / self.problem.samples
+        return minimise(
+            self._rows, self._slopes, start, low, high, tolerance=tolerance, trials=_TRIALS
+        )
+
+    def _rows(self, q: Array) -> Array:
+        """Return signed roots (m,) of the deviance of every innovation."""
+        return np.concatenate([root for root, _ in self._roots(q).values()])
+
+    def _slopes(self, q: Array) -> Array:
+        """Return the derivatives (m, p) of the rows."""
+        stacked = _whitened_slopes(self.problem, q, self.noise)
+        first = 0
+        for output, (root, slope) in self._roots(q).items():
+            if self.noise[output].freedom < np.inf:  # else the root is the innovation itself
+                stacked[first : first + len(root)] *= slope[:, np.newaxis]
+            first += len(root)
+        return stacked
+
+    def _roots(self, q: Array) -> dict[str, tuple[Array, Array]]:
+        """Return `tails.deviance_roots` of the innovations, by output."""
+        residual = self.problem.evaluate(q)[0]
+        roots = {}
+        for output, model in self.noise.items():
+            innovation = residual[output] / model.deviation
+            roots[output] = tails.deviance_roots(innovation, model.freedom)
+        return roots
+
+
+def _whitened_slopes(problem: Problem, q: Array, noise: Mapping[str, Noise]) -> Array:
+    """Return the Jacobians of all outputs over their deviations, one below the other, (m, p).
+
+    They are divided one by one into the result, as a second copy of all takes much memory.
+    """
+    jacobian = problem.evaluate(q)[1]
+    stacked = np.empty((sum(len(jacobian[output]) for output in noise), len(q)))
+    first = 0
+    for output, model in noise.items():
+        last = first + len(jacobian[output])
+        np.divide(jacobian[output], model.deviation, out=stacked[first:last])
+        first = last
+    return stacked
+
+
+@dataclass(frozen=True)
+class _Pass:
+    """The end of a pass, and the noise that is estimated from the residual there.
+
+    Attributes
+    ----------
+    minimum : Minimum
+    residual : dict of str to ndarray, shape (n,)
+        Measured minus simulated, by output, SI.
+    noise : dict of str to Noise
+    innovation : dict of str to ndarray, shape (m,)
+        The residual over its deviation.
+    bic : float
+        Bayesian information criterion.
+    """
+
+    minimum: Minimum
+    residual: dict[str, Array]
+    noise: dict[str, Noise]
+    innovation: dict[str, Array]
+    bic: float
+
+
+def _one_pass(problem: Problem, q: Array, noise: Mapping[str, Noise]) -> _Pass:
+    """Fit in noise that is given, from a point, and estimate the noise at the end."""
+    return _end_pass(problem, _minimise(problem, q, noise))
+
+
+def _iterate(problem: Problem, first: _Pass) -> _Pass:
+    """Repeat passes until BIC falls by less than `_SETTLED`; return the best pass.
+
+    Each begins where the last one ended, with the noise that was estimated there.
+    """
+    fitted = first
+    for _ in range(_PASSES - 1):
+        before = fitted
+        fitted = _one_pass(problem, before.minimum.q, before.noise)
+        if before.bic - fitted.bic < _SETTLED:
+            return min(before, fitted, key=lambda f: f.bic)
+    return fitted
+
+
+def _end_pass(problem: Problem, minimum: Minimum) -> _Pass:
+    """Return the pass that ends at a point, with the noise estimated from the residual there."""
+    residual = problem.evaluate(minimum.q)[0]
+    noise = problem.noise(residual)
+    innovation = {name: residual[name] / model.deviation for name, model in noise.items()}
+    deviance = float(sum(model.deviance(innovation[name]) for name, model in noise.items()))
+    parameters = len(minimum.q) + sum(model.parameters for model in noise.values())
+    bic = deviance + parameters * float(np.log(problem.samples))
+    return _Pass(minimum, residual, noise, innovation, bic)
+
+
+def _pass_at_start(problem: Problem, q: Array) -> _Pass | None:
+    """Return a pass without a search; None if its point cannot be simulated."""
+    return None if error_at(problem, q) == np.inf else _end_pass(problem, Minimum(q, False))
+
+
+def _assess(problem: Problem, end: _Pass) -> FitResult:
+    """Return the result of a fit, with the covariance of its parameters."""
+    q = end.minimum.q
+    noise = end.noise
+    innovation = end.innovation
+    weights = {
+        output: tails.weights(innovation[output], model.freedom) for output, model in noise.items()
+    }
+    jacobian = _whitened_slopes(problem, q, noise)
+    score = np.concatenate([weights[output] * innovation[output] for output in noise])
+    curvature = _curvature(noise, innovation)
+    information = weighted_square(jacobian, curvature.expected)
+    return FitResult(
+        q,
+        problem.values(q),
+        noise,
+        end.residual,
+        innovation,
+        weights,
+        information,
+        converged=end.minimum.converged,
+        covariance=_covariance(jacobian, score, curvature, information),
+    )
+
+
+class _Curvature(NamedTuple):
+    """Second derivative of the loss by every innovation, (m,): as expected, and as it is."""
+
+    expected: Array
+    observed: Array
+
+
+def _curvature(noise: Mapping[str, Noise], innovation: Mapping[str, Array]) -> _Curvature:
+    """Return the curvature of the loss at the innovations of all outputs."""
+    expected = [
+        np.full_like(innovation[output], model.information) for output, model in noise.items()
+    ]
+    observed = [
+        tails.curvature(innovation[output], model.freedom) for output, model in noise.items()
+    ]
+    return _Curvature(np.concatenate(expected), np.concatenate(observed))
+
+
+def _covariance(
+    jacobian: Array, score: Array, curvature: _Curvature, information: Array
+) -> Covariance:
+    """Return the covariance of the parameters, corrected for noise of varying level.
+
+    The curvature of the log-likelihood is the observed one, unless it is not clearly positive, as
+    may happen by chance with few samples in heavy tails. It is then the expected one (Fisher).
+
+    Parameters
+    ----------
+    jacobian : ndarray, shape (m, p)
+        Of all innovations.
+    score : ndarray, shape (m,)
+        Derivative of the loss by every innovation.
+    curvature : _Curvature
+    information : ndarray, shape (p, p)
+        Expected curvature.
+    """
+    observed = weighted_square(jacobian, curvature.observed)
+    if not _is_positive(observed, information):
+        plain = parameter_covariance(information)
+        return heteroscedastic(plain, jacobian, score, curvature.expected)
+    bread = parameter_covariance(observed)
+    return heteroscedastic(bread, jacobian, score, curvature.observed)
+
+
+def _is_positive(observed: Array, expected: Array) -> bool:
+    """Return whether an observed information is clearly positive in every direction.
+
+    Both are scaled by the diagonal of the expected information; then their least eigenvalues are
+    compared.
+    """
+    scale = np.sqrt(np.diag(expected))
+    seen = (scale > 0.0) & np.isfinite(scale)
+    size = np.outer(scale[seen], scale[seen])
+
+    def least(information: Array) -> float:
+        return float(np.linalg.eigvalsh(information[np.ix_(seen, seen)] / size).min(initial=1.0))
+
+    return least(observed) > _CURVED * least(expected)
