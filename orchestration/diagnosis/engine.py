@@ -557,12 +557,7 @@ def _refusal(data: _Data, read: Reading | None) -> str:
 
 
 def _check_count(data: _Data, subject: Subject) -> None:
-    """Raise an error unless the records leave samples to judge the model by.
-
-    Raises
-    ------
-    UserError
-    """
+    """Raise an error unless the records leave samples to judge the model by."""
     samples, rank = subject.samples, subject.rank
     if samples <= rank:
         raise UserError(
@@ -573,12 +568,7 @@ def _check_count(data: _Data, subject: Subject) -> None:
 
 
 def _check_rank(data: _Data, answer: _Answer) -> None:
-    """Raise an error if the records say nothing of the model in any way to read them.
-
-    Raises
-    ------
-    UserError
-    """
+    """Raise an error if the records say nothing of the model in any way to read them."""
     found, conclusion = answer
     subject = found.subject
     is_misread = any(cause.reading is not None for cause in conclusion.causes)

@@ -82,10 +82,8 @@ class Options:
         for name, values in (("hold", self.hold), ("fit", self.fit), ("each", self.each)):
             unknown = next((value for value in values if value not in parameters), None)
             if unknown is not None:
-                raise UserError(
-                    f"{option(name, [unknown])}: no parameter named {unknown!r}; there are"
-                    f" {', '.join(parameters)}"
-                )
+                hint = suggestion(unknown, parameters)
+                raise UserError(f"{option(name, [unknown])}: no parameter named {unknown!r}{hint}")
         both = next((name for name in self.fit if name in self.hold), None)
         if both is not None:
             raise UserError(f"{option('fit', [both])}: {both} is held by {option('hold', [both])}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -59,40 +59,51 @@ def pieces_of(
     UserError
         If a value is no measurement, or no record has an output that can be used.
     """
-    pieces, faults, notes = [], [], []
+    pieces, faults = [], []
+    notes: list[Note] = []
     named = zip(records, labels or record_labels(records), strict=True)
     for group, (record, label) in enumerate(named):
         channels, found = _screened(record, model, given)
-        inputs, outputs = _columns(channels, model)
-        spans = _spans(channels.time, model)
-        for number, (first, last) in enumerate(spans, 1):
-            piece = Record(
-                np.ascontiguousarray(channels.time[first:last] - channels.time[first]),
-                np.ascontiguousarray(inputs[first:last]),
-                np.ascontiguousarray(outputs[first:last]),
-                (False,) * inputs.shape[1],
-                f"{label}.{number}" if len(spans) > 1 else label,
-                float(record.time[0] - channels.time[first]),
-                group=group,
-            )
-            pieces.append(model.simulated(piece))
         of = where or (f"in {record.source.name}, " if len(records) > 1 else "")
         faults += [(fault, f"{of}{fault.sentence}") for fault in found]
-        for name, value in absent_inputs(record, model, given).items():
-            unit = next(v.unit for v in model.recorded if v.name == name)
-            text = (
-                f"{name} is not in {record.source.name}: it is taken to be {value:g} {unit}"
-                f" throughout; {option('settings', f'{name}=...')} says otherwise"
-            )
-            notes.append(("absent_input", name, text))
-        if len(spans) > 1:
-            text = f"{record.source.name} has gaps in its time: it is {len(spans)} records"
+        notes += _notes_on_absent(record, model, given)
+        cut = _cut(channels, model, float(record.time[0]), label)
+        pieces += [model.simulated(replace(piece, group=group)) for piece in cut]
+        if len(cut) > 1:
+            text = f"{record.source.name} has gaps in its time: it is {len(cut)} records"
             notes.append(("gaps", record.label, text))
     faults.sort(key=lambda item: (not item[0].discredits, item[0].is_evidence))
     told = [(fault.code, fault.channel, text) for fault, text in faults]
     if records:
         _check_outputs(model, pieces, list(dict.fromkeys(text for _, _, text in told)))
     return pieces, list(dict.fromkeys([*told, *notes]))
+
+
+def _cut(channels: Channels, model: LawModel, begin: float, label: str) -> list[Record]:
+    """Return the pieces between gaps of a run that began at a time, s."""
+    inputs, outputs = _columns(channels, model)
+    spans = _spans(channels.time, model)
+    pieces = []
+    for number, (first, last) in enumerate(spans, 1):
+        start = channels.time[first]
+        own = channels.time[first:last] - start, inputs[first:last], outputs[first:last]
+        name = f"{label}.{number}" if len(spans) > 1 else label
+        held = (False,) * inputs.shape[1]
+        pieces.append(Record(*own, held, name, float(begin - start)))
+    return pieces
+
+
+def _notes_on_absent(
+    record: MeasuredRecord, model: LawModel, given: Mapping[str, float]
+) -> Iterator[Note]:
+    """Yield notes on inputs that a record lacks."""
+    units = {v.name: v.unit for v in model.recorded}
+    for name, value in absent_inputs(record, model, given).items():
+        text = (
+            f"{name} is not in {record.source.name}: it is taken to be {value:g} {units[name]}"
+            f" throughout; {option('settings', f'{name}=...')} says otherwise"
+        )
+        yield "absent_input", name, text
 
 
 def _check_outputs(model: LawModel, pieces: Sequence[Record], faults: Sequence[str]) -> None:

@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 
 from fmus.kit.arrays import Array
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit.errors import UserError
 from orchestration.diagnosis.engine import Diagnosis, diagnose
 from orchestration.diagnosis.foreign.component import Fitted, Names, output_correction, reals
 from orchestration.diagnosis.foreign.fmu_model import FmuModel, FmuRuns
@@ -25,7 +25,6 @@ from orchestration.identify import fit_model
 from orchestration.identify.fitting import SimulationInput
 from orchestration.records import Record
 from orchestration.records.sampling import gaps
-from orchestration.reporting import option
 
 _T = TypeVar("_T")
 _RESPONSES = 3  # times at most that responses to inputs are identified
@@ -90,7 +89,7 @@ def diagnose_fmu(
         If the FMU cannot be simulated over a record, or a parameter cannot be fitted.
     """
     settings, options = settings or {}, options or Options()
-    _check(fmu, options)
+    options.held(fmu.parameters)
     measured = _measured_outputs(fmu, [*records, *holdouts])
     at = {}
     if options.fit:
@@ -232,20 +231,6 @@ class _Subject:
 def _renamed(by_name: Mapping[str, _T], names: Mapping[str, str]) -> dict[str, _T]:
     """Return values by other names."""
     return {names[name]: value for name, value in by_name.items()}
-
-
-def _check(fmu: Model, options: Options) -> None:
-    """Raise an error if an option names no parameter, or one is both fitted and held."""
-    for name, values in (("fit", options.fit), ("hold", options.hold), ("each", options.each)):
-        for value in values:
-            if value not in fmu.parameters:
-                raise UserError(
-                    f"{option(name, [value])}: {fmu.name} has no parameter named"
-                    f" {value!r}{suggestion(value, fmu.parameters)}"
-                )
-    both = next((value for value in options.fit if value in options.hold), None)
-    if both is not None:
-        raise UserError(f"{option('fit', [both])}: {both} is held by {option('hold', [both])}")
 
 
 def _measured_outputs(fmu: Model, records: Sequence[Record]) -> list[str]:

@@ -8,7 +8,7 @@ between samples is unknown there, and no noise of a measurement goes in.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fmus.kit import UserError
+from fmus.kit import Effect, UserError
 from fmus.kit.errors import suggestion
 from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.engine import Diagnosis, diagnose, is_followed
@@ -415,18 +415,11 @@ class _PartSubject:
 
 def _subject(part: Part, record: Record, time: float | None = None) -> _PartSubject:
     """Return a part as a model with a record; several members are one component."""
-    whole = None
-    classes = part.classes
     options = Options(time=time)
     if len(part.members) == 1:
-        model = part.models[part.names[0]]
+        whole, model = None, part.models[part.names[0]]
     else:
-        if classes is None:
-            names = ", ".join(n for n, m in part.models.items() if m.cls is None)
-            raise UserError(f"the equations of {names} are unknown, so that its loop stays open")
-        values = {member.name: member.parameters for member in part.members}
-        whole = fused("_".join(part.names), classes, values, part.connections)
-        effects = whole.lifted({name: catalogue(cls) for name, cls in classes.items()})
+        whole, effects = _fused(part)
         model = declared_model_of(whole.cls)
         options = replace(options, catalogue=effects)
         record = _beginning(record)
@@ -434,23 +427,42 @@ def _subject(part: Part, record: Record, time: float | None = None) -> _PartSubj
     def name(port: Port) -> str:
         return port.variable if whole is None else full_name(port.member, port.variable)
 
-    count = len(record.time)
-    signals = {name(port): values[:count] for port, values in part.outputs.items()}
-    given: dict[str, float] = {}
+    signals = {name(port): values for port, values in part.outputs.items()}
+    signals |= {name(p): s.values for p, s in part.inputs.items() if s.values is not None}
+    signals = {name: values[: len(record.time)] for name, values in signals.items()}
+    held = [name(port) for port in part.hold]
+    held += [] if model.cls is None else program_constants(model.cls, signals)
+    given = {name(port): value for port, value in _given(part)}
+    options = replace(options, given=given, hold=held)
+    return _PartSubject(model, replace(record, signals=signals), options, whole)
+
+
+def _fused(part: Part) -> tuple[Fused, dict[str, type[Effect]]]:
+    """Return members as one component, with the effects of their catalogues.
+
+    Raises
+    ------
+    UserError
+        If the equations of one are unknown.
+    """
+    if part.classes is None:
+        names = ", ".join(name for name, model in part.models.items() if model.cls is None)
+        raise UserError(f"the equations of {names} are unknown, so that its loop stays open")
+    values = {member.name: member.parameters for member in part.members}
+    whole = fused("_".join(part.names), part.classes, values, part.connections)
+    return whole, whole.lifted({name: catalogue(cls) for name, cls in part.classes.items()})
+
+
+def _given(part: Part) -> Iterator[tuple[Port, float]]:
+    """Yield the ports and parameters of a part whose values are known, SI."""
     for port, source in part.inputs.items():
-        if source.values is not None:
-            signals[name(port)] = source.values[:count]
-        elif source.value is not None:
-            given[name(port)] = source.value
+        if source.values is None and source.value is not None:
+            yield port, source.value
     for member in part.members:
         for variable, value in member.parameters.items():
             port = Port(member.name, variable)
             if port not in part.inputs and not isinstance(value, str):
-                given[name(port)] = float(value)
-    held = [name(port) for port in part.hold]
-    held += [] if model.cls is None else program_constants(model.cls, signals)
-    options = replace(options, given=given, hold=held)
-    return _PartSubject(model, replace(record, signals=signals), options, whole)
+                yield port, float(value)
 
 
 def _beginning(record: Record) -> Record:

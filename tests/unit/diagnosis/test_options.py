@@ -32,8 +32,8 @@ def test_what_is_not_to_be_fitted_is_held(options, held):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (Options(hold=["mas"]), "hold.*no parameter named 'mas'; there are mass, damping"),
-        (Options(fit=["mas"]), "fit.*no parameter named 'mas'; there are mass, damping"),
+        (Options(hold=["mas"]), "hold.*no parameter named 'mas' .did you mean mass"),
+        (Options(fit=["mas"]), "fit.*no parameter named 'mas' .did you mean mass"),
         (Options(fit=["mass"], hold=["mass"]), "fit.*mass is held by hold"),
     ],
 )
@@ -64,7 +64,7 @@ def test_each_names_parameters_that_are_fitted_and_start_states_are_anyway():
     chosen = Options(each=["damping", "velocity_start", "damping"])
     assert chosen.own_of_each(model) == ("damping",)
     for options, message in (
-        (Options(each=["damp"]), "each.*no parameter named 'damp'; there are mass"),
+        (Options(each=["damp"]), "each.*no parameter named 'damp' .did you mean damping"),
         (Options(each=["mass"], hold=["mass"]), "each.*mass is not fitted, so it cannot differ"),
         (Options(each=["mass"], fit=["damping"]), "each.*mass is not fitted"),
     ):
