@@ -227,6 +227,9 @@ PLAINER = {
         replace(LAW, shape=Shape.MODULUS),
         replace(LAW, shape=Shape.CURVE),
     ),
+    "of what a law reads than of another": (LAW, replace(LAW, signal="v")),
+    "of a state than of a law": (replace(LAW, signal="v"), replace(LAW, signal="friction")),
+    "of a law than of a share of it": (LAW, replace(LAW, factor="spring")),
     "of what an output is than of its sensor": (
         SensorTerm("spring", "spring", Shape.LINEAR),
         SensorTerm("position", "position", Shape.LINEAR),
@@ -243,6 +246,21 @@ def test_a_part_is_plainer(plain: Reading | Term, other: Reading | Term) -> None
     """By at least half a nat, and by no more than strong evidence twice."""
     more = words_of(mass(), other) - words_of(mass(), plain)
     assert 0.5 <= more <= 2.0 * np.log(20.0)
+
+
+def test_the_time_needs_strong_evidence_twice_over() -> None:
+    """It is no cause, but may stand for one that nobody recorded."""
+    foreign, timed = (words_of(mass(), replace(LAW, signal=name)) for name in ("v", "time"))
+    assert 2.0 < (timed - foreign) / np.log(20.0) < 3.0
+
+
+@pytest.mark.parametrize("more", [{"words": 8.0}, {"terms": 3}])
+def test_shares_of_what_is_inexact_are_felt_and_outweigh_no_half_of_a_gain(
+    more: dict[str, float],
+) -> None:
+    """Of the wordiest term, and of three terms."""
+    one = replace(NONE, **more)
+    assert 0.02 < (one.score(0.0) - one.score(1000.0)) / 1000.0 < 0.5
 
 
 def test_what_a_model_receives_is_plainly_a_law_of_anything_but_its_input() -> None:
