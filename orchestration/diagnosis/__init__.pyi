@@ -1,10 +1,10 @@
 from . import changes as changes
 from . import conclude as conclude
+from . import features as features
 from . import law_map as law_map
 from . import search as search
 from .engine import Diagnosis as Diagnosis
 from .engine import diagnose as diagnose
-from .features import features_of as features_of
 from .fitting import fit as fit
 from .fitting import nominal_point as nominal_point
 from .fitting import weights_of as weights_of

@@ -37,12 +37,16 @@ class Conclusion:
     nothing : float
         Probability that nothing is missing that this record can show.
     base : Judged
+    leading : tuple of Cause
+        The first causes by their scores, as many as a group has at most; their probabilities are
+        shares by scores alone.
     """
 
     verdict: str
     causes: tuple[Cause, ...]
     nothing: float
     base: Judged
+    leading: tuple[Cause, ...] = ()
 
     @property
     def is_named(self) -> bool:
@@ -69,7 +73,8 @@ def conclude(found: Found, inseparable: Pairs = ()) -> Conclusion:
         behind = _best_sets([entry for entry in ranked if entry not in near])
         causes += _others(_causes(behind, [0.0] * len(behind), found, inseparable), causes, found)
         group = _group(_calibrated(causes, found))
-    return Conclusion(_verdict(group, found), group, nothing, found.base)
+    leading = tuple(causes[: WEIGHTS.most])
+    return Conclusion(_verdict(group, found), group, nothing, found.base, leading)
 
 
 def _best_sets(ranked: Sequence[Ranked]) -> list[Ranked]:

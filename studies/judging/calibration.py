@@ -1,6 +1,6 @@
 """Calibration of how sure a cause is: `python -m studies.judging.calibration ROWS.jsonl ...`.
 
-A logistic regression of "the first cause is right" on the features of each run
+A logistic regression of "the true cause is among the first one, two or three" on their features
 (`orchestration.diagnosis.features`), fitted to rows of `studies.judging.outside`. It is judged with
 one plant left out in turn, and its coefficients are printed for `comparison.py`.
 """
@@ -17,6 +17,7 @@ import numpy as np
 
 from benchmarks.tables import Table, Topic
 from fmus.kit.arrays import Array
+from orchestration.diagnosis import features as of_causes
 from studies.judging.study import Row
 
 USED = ("margin", "share", "words", "rise")
@@ -142,22 +143,22 @@ def left_out_in_turn(
 
 def report(rows: Iterable[Row], names: Sequence[str] = USED) -> Topic:
     """Fit, judge with each plant left out, and return tables with the coefficients."""
-    usable = [row for row in rows if row.get("features")]
-    features = np.array([[row["features"][name] for name in names] for row in usable], dtype=float)
-    right = np.array([bool(row["first_right"]) for row in usable])
-    raw = np.array([row["said"][0]["probability"] for row in usable])
+    groups = [(row, group) for row in rows for group in row.get("groups", [])]
+    known = [group["features"] for _, group in groups]
+    features = np.array([[one[name] for name in names] for one in known], dtype=float)
+    right = np.array([bool(group["right"]) for _, group in groups])
     fitted = fit_logistic(names, features, right)
     left_out = left_out_in_turn(
-        [row["plant"] for row in usable],
+        [row["plant"] for row, _ in groups],
         lambda these: fit_logistic(names, features[these], right[these]),
         features,
     )
     kinds = {
-        "as it was said": raw,
+        "by the weights in force": np.array([of_causes.confidence(one) for one in known]),
         "logistic, fitted": fitted.probability(features),
         "logistic, plant left out": left_out,
     }
-    hidden = np.array([row["group"] != "clean" for row in usable])
+    hidden = np.array([row["group"] != "clean" for row, _ in groups])
     measured: list[list[str | int | float]] = [
         [
             name,
@@ -172,11 +173,11 @@ def report(rows: Iterable[Row], names: Sequence[str] = USED) -> Topic:
     ]
     columns = ["probability", "ECE", "log loss", "ECE, wrong models", "log loss, wrong models"]
     return Topic(
-        f"Calibration on {len(usable)} records, {int(right.sum())} of them right",
+        f"Calibration on {len(groups)} groups of causes, {int(right.sum())} of them right",
         [
             Table([*columns, "p >= 0.9", "of these right"], measured),
             Table(
-                ["bin, plant left out", "records", "mean p", "share right"],
+                ["bin, plant left out", "groups", "mean p", "share right"],
                 [
                     [f"{k / BINS:.1f} to {(k + 1) / BINS:.1f}", n, mean, share]
                     for k, n, mean, share in reliability(left_out, right)

@@ -22,7 +22,7 @@ from orchestration.diagnosis import (
     Record,
     Subject,
     conclude,
-    features_of,
+    features,
     search,
     subject_of,
 )
@@ -70,7 +70,7 @@ def judge(case: OutsideCase) -> Row:
     conclusion = conclude.conclude(found)
     row |= {"seconds": clock.perf_counter() - began, "processor": clock.process_time() - used}
     row |= _answer(conclusion, drawn) | _errors(conclusion, drawn, subject)
-    row |= {"fits": len(found.fits), "features": _features(found, conclusion)}
+    row |= {"fits": len(found.fits), "groups": _groups(found, conclusion, drawn)}
     return row | _in_search(found, drawn) | _floor(subject, drawn)
 
 
@@ -122,10 +122,18 @@ def _errors(conclusion: conclude.Conclusion, drawn: Drawn, subject: Subject) -> 
     return {"before": conclusion.base.left_out / noise, "after": best.left_out / noise}
 
 
-def _features(found: Found, conclusion: conclude.Conclusion) -> Row:
-    """Return the features of the first cause, if one is claimed."""
-    claimed = conclusion.verdict != "consistent" and conclusion.causes
-    return features_of(found, conclusion.causes[:1]) if claimed else {}
+def _groups(found: Found, conclusion: conclude.Conclusion, drawn: Drawn) -> list[Row]:
+    """Return the features of the first cause, of the first two and three, and if one is right."""
+    if conclusion.verdict == "consistent":
+        return []
+    first = [conclusion.leading[:count] for count in range(1, len(conclusion.leading) + 1)]
+    return [
+        {
+            "features": features.features_of(found, causes),
+            "right": any(_is_right(c.key, drawn.right) for c in causes),
+        }
+        for causes in first
+    ]
 
 
 def _in_search(found: Found, drawn: Drawn) -> Row:

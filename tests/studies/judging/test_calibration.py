@@ -8,6 +8,7 @@ import pytest
 from scipy.optimize import minimize
 
 from studies.judging.calibration import (
+    USED,
     calibration_error,
     fit_logistic,
     left_out_in_turn,
@@ -65,18 +66,21 @@ def test_rows_of_a_plant_are_judged_by_fits_to_the_others():
     assert p[:15] == pytest.approx(expected)
 
 
-def test_a_report_counts_rows_with_features_alone():
-    x, right = _data(60)
-    rows = [
-        {
-            "features": {"a": a, "b": b, "c": c},
-            "said": [{"probability": 0.5}],
-            "first_right": bool(r),
-            "plant": "one" if k % 2 else "two",
-            "group": "inside",
-        }
-        for k, ((a, b, c), r) in enumerate(zip(x.tolist(), right, strict=True))
+def test_a_report_counts_groups_of_all_rows():
+    """Two groups of each of thirty rows, and none of a model that is consistent."""
+    rng = np.random.default_rng(2)
+    values, right = rng.normal(size=(60, len(USED))), rng.random(60) < 0.7
+    groups = [
+        {"features": dict(zip(USED, own, strict=True)), "right": bool(r)}
+        for own, r in zip(values.tolist(), right, strict=True)
     ]
-    topic = report([*rows, {"features": {}}], "abc")
-    assert topic.title == f"Calibration on 60 records, {right.sum()} of them right"
-    assert topic.tables[0].rows[0][1] == pytest.approx(abs(right.mean() - 0.5))
+    rows = [
+        {"groups": groups[2 * k : 2 * k + 2], "plant": ("one", "two")[k % 2], "group": "inside"}
+        for k in range(30)
+    ]
+    topic = report([*rows, {"groups": [], "plant": "one", "group": "clean"}])
+    assert topic.title == f"Calibration on 60 groups of causes, {right.sum()} of them right"
+    coefficients = dict(topic.tables[2].rows)
+    features = {name: values[:, k] for k, name in enumerate(USED)}
+    odds = coefficients["constant"] + sum(coefficients[n] * v for n, v in features.items())
+    assert np.mean(1.0 / (1.0 + np.exp(-odds))) == pytest.approx(right.mean(), abs=1e-3)
