@@ -245,12 +245,7 @@ def takes(*declared: type) -> Callable[[Function], Function]:
 
         @wraps(function)
         def call(*arguments: Any, **given: Any) -> Any:
-            for name in given:
-                if name not in defaults and name not in known:
-                    near = suggestion(name, [*known, *defaults])
-                    raise TypeError(
-                        f"{function.__name__}() got an unexpected keyword argument {name!r}{near}"
-                    )
+            _check_names(function.__name__, given, [*known, *defaults])
             used = {
                 name: options[name].given(value) if name in options else value
                 for name, value in given.items()
@@ -266,6 +261,14 @@ def takes(*declared: type) -> Callable[[Function], Function]:
         return cast(Function, made)
 
     return decorate
+
+
+def _check_names(function: str, given: Iterable[str], allowed: Sequence[str]) -> None:
+    """Raise TypeError for a keyword argument that a function does not have."""
+    for name in given:
+        if name not in allowed:
+            near = suggestion(name, allowed)
+            raise TypeError(f"{function}() got an unexpected keyword argument {name!r}{near}")
 
 
 def _parameter(option: Option) -> Parameter:

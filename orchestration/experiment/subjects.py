@@ -182,19 +182,26 @@ def subject_of(system: System, master_options: Master | None = None, prefix: str
         If the system does not pass its check.
     """
     check.check(system)
-    described = {member.name: read_description(member.fmu) for member in system.members}
-    variables = {
-        f"{member}.{v.name}".removeprefix(prefix): v
-        for member, description in described.items()
-        for v in description.modelVariables
-    }
-    signals = {name: read_signal(v) for name, v in variables.items()}
-    outputs = {name: signals[name] for name, v in variables.items() if _is_recordable(v)}
-    first_port = {
-        name: str(targets[0]).removeprefix(prefix) for name, targets in system.inputs.items()
-    }
-    why_not_settable = _why_not_settable(system)
     options = master_options or Master()
+    why_not_settable = _why_not_settable(system)
+    guids = {}
+    variables = {}
+    settings = {}
+    for member in system.members:
+        description = read_description(member.fmu)
+        guids[member.name] = description.guid
+        for variable in description.modelVariables:
+            variables[f"{member.name}.{variable.name}".removeprefix(prefix)] = variable
+        for parameter, value in member.parameters.items():
+            settings[f"{member.name}.{parameter}".removeprefix(prefix)] = value
+    signals = {name: read_signal(variable) for name, variable in variables.items()}
+    outputs = {}
+    parameters = {}
+    for name, variable in variables.items():
+        if _is_recordable(variable):
+            outputs[name] = signals[name]
+        if _is_settable(variable) and f"{prefix}{name}" not in why_not_settable:
+            parameters[name] = signals[name]
     recorded_by_default = [str(port) for port in system.outputs.values()]
     if not recorded_by_default:
         margins = LimitOutputs.among(outputs, signals).margins
@@ -205,27 +212,22 @@ def subject_of(system: System, master_options: Master | None = None, prefix: str
         ]
     return Subject(
         name=system.name,
-        inputs={name: signals[port] for name, port in first_port.items()},
-        why_not_settable=why_not_settable,
-        parameters={
-            name: signals[name]
-            for name, v in variables.items()
-            if _is_settable(v) and f"{prefix}{name}" not in why_not_settable
+        inputs={
+            name: signals[str(targets[0]).removeprefix(prefix)]
+            for name, targets in system.inputs.items()
         },
+        why_not_settable=why_not_settable,
+        parameters=parameters,
         open_inputs={
             str(port).removeprefix(prefix): signal
             for port, signal in check.open_inputs(system).items()
         },
         outputs=outputs,
         recorded_by_default=recorded_by_default,
-        settings={
-            f"{member.name}.{name}".removeprefix(prefix): value
-            for member in system.members
-            for name, value in member.parameters.items()
-        },
+        settings=settings,
         duration=system.stop,
         step=system.step,
-        guids={name: description.guid for name, description in described.items()},
+        guids=guids,
         couplings=mechanical(system) if options.couples_evenly else [],
         run=_runner(system, prefix, options),
         foreign=any(member.cls is None for member in system.members),

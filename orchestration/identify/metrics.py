@@ -27,9 +27,7 @@ def finite_or_none(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def normalised_rms(
-    measured: ArrayLike, simulated: ArrayLike, judged: ArrayLike | None = None
-) -> float:
+def normalised_rms(measured: ArrayLike, simulated: ArrayLike) -> float:
     """Return ``rms(y - yhat) / rms(y - mean(y))``: 0 is perfect, 1 is no better than the mean.
 
     Parameters
@@ -38,9 +36,6 @@ def normalised_rms(
         The record; NaN samples are gaps and do not count.
     simulated : array_like, shape (n,)
         In the same unit; NaN where there is a measurement makes the result NaN, it is never a gap.
-    judged : array_like of bool, shape (n,), optional
-        Samples whose errors count; all by default. The spread of the signal is that of all samples
-        in any case.
 
     Returns
     -------
@@ -59,8 +54,7 @@ def normalised_rms(
             f"measured {y.shape} and simulated {prediction.shape} must be vectors of one length"
         )
     present = ~np.isnan(y)
-    counted = present if judged is None else present & np.asarray(judged, dtype=bool)
-    error = (y - prediction)[counted]
+    error = (y - prediction)[present]
     signal = y[present]
     if error.size == 0 or np.all(signal == signal[0]):
         return float("nan")

@@ -111,7 +111,6 @@ def read_runs(
     signals: Mapping[str, str],
     *,
     mapping: Mapping[str, str] | None = None,
-    required: Collection[str] = (),
     inputs: Collection[str] = (),
     column: str | None = None,
 ) -> list[Record]:
@@ -119,7 +118,7 @@ def read_runs(
 
     Parameters
     ----------
-    path, signals, mapping, required, inputs
+    path, signals, mapping, inputs
         See :func:`read_record`.
     column : str, optional
         Column with the label of the run. Without it a run begins where the clock restarts.
@@ -134,14 +133,14 @@ def read_runs(
     UserError
         If the file or a run in it cannot be used.
     """
-    table = _checked_table(path, signals, required, inputs)
+    table = _checked_table(path, signals, (), inputs)
     labels = None
     if column is not None:
         labels = run_labels(table, column, mapping or {})
         table.columns = [c for c in table.columns if c.name != column]
-    samples = _unrepaired_samples(table, signals, mapping or {}, required)
+    samples = _unrepaired_samples(table, signals, mapping or {}, ())
     runs = divide_at_restarts(samples) if labels is None else divide_by_label(samples, labels)
-    return [_repaired_record(run, signals, required, inputs, label) for label, run in runs]
+    return [_repaired_record(run, signals, (), inputs, label) for label, run in runs]
 
 
 def _checked_table(

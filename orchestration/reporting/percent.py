@@ -7,11 +7,11 @@ import math
 _UNCOUNTED = 1e4  # percent, from which on a share is not written out
 
 
-def format_percent(share: float, more: int = 0) -> str:
+def format_percent(share: float) -> str:
     """Return a share as text in percent: one decimal, below 1 % two digits, from 100 % on none.
 
-    `more` digits are added to these. The text is a dash for NaN, the share of a constant signal,
-    and a bound from `_UNCOUNTED` percent on, as of a simulation that diverges.
+    The text is a dash for NaN, the share of a constant signal, and a bound from `_UNCOUNTED`
+    percent on, as of a simulation that diverges.
     """
     value = 100.0 * share
     if math.isnan(value):
@@ -19,5 +19,5 @@ def format_percent(share: float, more: int = 0) -> str:
     if not value < _UNCOUNTED:
         return f"more than {_UNCOUNTED:.0f} %"
     if value >= 99.95:
-        return f"{value:.{more}f} %"
-    return f"{value:.{1 + more}f} %" if value >= 1.0 else f"{value:.{2 + more}g} %"
+        return f"{value:.0f} %"
+    return f"{value:.1f} %" if value >= 1.0 else f"{value:.2g} %"

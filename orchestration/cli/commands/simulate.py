@@ -57,11 +57,10 @@ def _simulate_model(options: SimulateCommand) -> None:
     """Simulate a model; print, write and draw the results, also those of a run that ends early."""
     from orchestration.api import values_of
     from orchestration.cli.models import build_model
-    from orchestration.fmu import simulation as work
     from orchestration.fmu.model import declared_model
-    from orchestration.fmu.simulation import LimitOutputs
+    from orchestration.fmu.simulation import LimitOutputs, UnfinishedSimulation, draw_signals
     from orchestration.reporting import pictures
-    from orchestration.reporting.console import note, progress, wrote
+    from orchestration.reporting.console import note, wrote
 
     out = options["out"]
     plot = options["plot"]
@@ -69,31 +68,17 @@ def _simulate_model(options: SimulateCommand) -> None:
     parameters = values_of(declared, options["settings"], options["preset"])
     recorded = _read_inputs(declared, parameters, options)
     model = build_model(declared, options["runtime"])
-    isolation = limits(model.foreign, options)
-    time, inputs = _stimulus(model, recorded, parameters, options)
+    points, stimulus = _stimulus(model, recorded, parameters, options)
     try:
-        with hearing_ctrl_c(isolation), progress() as tell:
-            tell(f"simulating {model.title}")
-            outputs = work.simulate(
-                model,
-                time,
-                inputs,
-                parameters,
-                progress=lambda done: tell.done(done, time.size),
-                note=note,
-                isolation=isolation,
-            )
-    except work.EndedSimulation as ended:
-        note(f"{ended}; the results end at {ended.time[-1]:g} s")
-        time, outputs = ended.time, ended.outputs
-        inputs = _until(time, inputs)
-    except work.UnfinishedSimulation as stopped:
+        time, outputs = _run(model, points, stimulus, parameters, options)
+    except UnfinishedSimulation as stopped:
         if out is None:
             raise
-        part = _write_part(out, model, stopped.time, inputs, stopped.outputs)
+        part = _write_part(out, model, stopped.time, stimulus, stopped.outputs)
         raise UserError(
             f"{stopped}; what was computed until {stopped.time[-1]:g} s is in {part}"
         ) from stopped
+    inputs = _until(time, stimulus)
     limit_outputs = LimitOutputs.among(model.outputs, model.parameters)
     for line in limit_outputs.remarks(time, outputs, parameters):
         note(line)
@@ -102,9 +87,38 @@ def _simulate_model(options: SimulateCommand) -> None:
         _write(out, model, time, inputs, outputs)
         wrote(out)
     if plot is not None:
-        drawn = work.draw_signals(model, time, {**inputs, **outputs}, model.title)
-        pictures.save(drawn, plot)
+        pictures.save(draw_signals(model, time, {**inputs, **outputs}, model.title), plot)
         wrote(plot)
+
+
+def _run(
+    model: Model,
+    time: Array,
+    inputs: Mapping[str, Array],
+    parameters: Mapping[str, Value],
+    options: SimulateCommand,
+) -> tuple[Array, dict[str, Array]]:
+    """Run a model; return the points in time, fewer if it requests an end, and its outputs."""
+    from orchestration.fmu.simulation import EndedSimulation, simulate
+    from orchestration.reporting.console import note, progress
+
+    isolation = limits(model.foreign, options)
+    try:
+        with hearing_ctrl_c(isolation), progress() as tell:
+            tell(f"simulating {model.title}")
+            outputs = simulate(
+                model,
+                time,
+                inputs,
+                parameters,
+                progress=lambda done: tell.done(done, time.size),
+                note=note,
+                isolation=isolation,
+            )
+    except EndedSimulation as ended:
+        note(f"{ended}; the results end at {ended.time[-1]:g} s")
+        return ended.time, ended.outputs
+    return time, outputs
 
 
 def _read_inputs(

@@ -12,6 +12,7 @@ from fmus.kit.arrays import Array
 
 Roots = NDArray[np.complex128]
 _INSIDE = 1.0 - 1e-7  # largest modulus of a pole that is called stable
+_REFLECTED = 0.995  # largest modulus of a root after its reflection
 _AT_ORIGIN = 1e-9  # modulus of a root in z that is a delay, and has no place in the s-plane
 
 
@@ -32,7 +33,7 @@ def is_stable(polynomial: Array) -> bool:
     )
 
 
-def stabilised(polynomial: Array, within: float = 0.995) -> Array:
+def stabilised(polynomial: Array) -> Array:
     """Reflect roots on or beyond the unit circle into it (Ljung, section 10.2).
 
     The magnitude of the frequency response is kept but for a factor.
@@ -41,8 +42,6 @@ def stabilised(polynomial: Array, within: float = 0.995) -> Array:
     ----------
     polynomial : ndarray, shape (p,)
         Monic.
-    within : float
-        Largest modulus that a reflected root may have.
 
     Returns
     -------
@@ -54,7 +53,7 @@ def stabilised(polynomial: Array, within: float = 0.995) -> Array:
     z = roots(polynomial)
     size = np.abs(z)
     outside = size >= _INSIDE
-    z[outside] *= np.minimum(1.0 / size[outside], within) / size[outside]
+    z[outside] *= np.minimum(1.0 / size[outside], _REFLECTED) / size[outside]
     reflected = np.real(np.poly(z))
     # `roots` leaves out those that are delays
     return np.concatenate([reflected, np.zeros(len(polynomial) - len(reflected))])

@@ -448,14 +448,13 @@ def _repeats_without_noise(
     same = _SAME * np.ptp(y)
     low = np.abs(y - y.min()) <= same
     high = np.abs(y - y.max()) <= same
-    at_end = low | high
-    between = max((last - first for first, last in equal if not at_end[first]), default=_RUN)
-    varied = len(np.unique(y)) > 10 and at_end.mean() < 0.5
+    usual = max((_length(span) for span in equal if not (low | high)[span[0]]), default=_RUN)
+    varied = len(np.unique(y)) > 10 and (low | high).mean() < 0.5
     for end, at_level, sign in (("maximum", high, 1.0), ("minimum", low, -1.0)):
-        spans = [(first, last) for first, last in equal if last - first >= _RUN and at_level[first]]
+        spans = [span for span in equal if _length(span) >= _RUN and at_level[span[0]]]
         level = float(y[at_level][0])
         cuts = sum(_is_cut(sign * y, sign * level, span, resolution, moved) for span in spans)
-        long = sum(last - first > 1.5 * between for first, last in spans) if varied else 0
+        long = sum(_length(span) > 1.5 * usual for span in spans) if varied else 0
         if (cuts >= 2 and 2 * cuts >= len(spans)) or long >= 3:
             facts = {"end": end, "level": level, "times": len(spans)}
             yield _Symptom("clipped_repeatedly", _closed(at_level), facts)
@@ -532,23 +531,22 @@ def _spans_at_rest(y: Array, equal: Sequence[Span]) -> set[Span]:
     """
     change = np.abs(np.diff(y))
     same = _SAME * float(np.ptp(y))
-    spans = [(first, last) for first, last in equal if last - first >= _RUN]
+    spans = [span for span in equal if _length(span) >= _RUN]
     at_edge = np.zeros(change.size, dtype=bool)
     for span in spans:
         at_edge[_edges(span, change.size)] = True
     usual = change[~at_edge & (change > same)]
-    largest = float(usual.max()) if usual.size else 0.0
+    largest = float(usual.max()) if usual.size else np.inf
     typical = float(np.median(usual)) if usual.size else 0.0
     at_rest = set()
-    for first, last in spans:
-        jumps = [float(change[k]) for k in _edges((first, last), change.size)]
-        if usual.size and max(jumps, default=0.0) > _JUMP * largest:
-            continue
-        stood_before = any(abs(y[start] - y[first]) <= same for start, _ in spans if start != first)
+    for span in spans:
+        first = span[0]
+        jumps = any(change[k] > _JUMP * largest for k in _edges(span, change.size))
+        rested_there = any(abs(y[start] - y[first]) <= same for start, _ in spans if start != first)
         at_end = min(y[first] - y.min(), y.max() - y[first]) <= same
-        slowly = first > 0 and float(change[max(first - _RUN, 0) : first].mean()) < _SLOW * typical
-        if first == 0 or stood_before or at_end or slowly:
-            at_rest.add((first, last))
+        slowed_down = first > 0 and change[max(first - _RUN, 0) : first].mean() < _SLOW * typical
+        if not jumps and (first == 0 or rested_there or at_end or slowed_down):
+            at_rest.add(span)
     return at_rest
 
 
@@ -557,8 +555,12 @@ def _edges(span: Span, changes: int) -> list[int]:
     return [k for k in (span[0] - 1, span[1] - 1) if 0 <= k < changes]
 
 
+def _length(span: Span) -> int:
+    return span[1] - span[0]
+
+
 def _longest(spans: Sequence[Span]) -> Span:
-    return max(spans, key=lambda span: span[1] - span[0])
+    return max(spans, key=_length)
 
 
 def _equal_runs(y: Array) -> list[Span]:

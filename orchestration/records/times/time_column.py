@@ -66,6 +66,33 @@ def find_time(table: Table, signals: Container[str], free: Sequence[Column]) -> 
         If there is no time column, or several are called time.
     """
     columns = [column for column in free if column.name not in signals]
+    by_name, by_unit, by_date = _candidates(table, columns)
+    # by identity, as several columns may have one name
+    candidates = {id(column): column for column in (*by_name, *by_unit, *by_date)}
+    likely = {id(column) for column in (*by_name, *by_date, table.columns[0])}
+    if len(candidates) == 1 and likely & candidates.keys():
+        return next(iter(candidates.values()))
+    falls = {key: _count_falls(table, column) for key, column in candidates.items()}
+    clocks = [key for key in candidates if falls[key] == 0.0 or key in likely]
+    if not clocks:
+        raise refuse(table.path, _describe_missing_time(table, columns))
+    # min() takes the first of equals, so that names count more than units, and these than dates
+    time = candidates[min(clocks, key=lambda key: falls[key])]
+    others = [c for c in candidates.values() if c is not time and not _are_complementary(c, time)]
+    if others:
+        listed = ", ".join(f"'{column.name}'" for column in others)
+        message = (
+            f"time is column '{time.name}', not {listed}; to take another, for example the"
+            f" first of these: {option('mapping', {table.map_name(others[0]): 'time'})}"
+        )
+        table.repairs.append(Repair("time column", message))
+    return time
+
+
+def _candidates(
+    table: Table, columns: Sequence[Column]
+) -> tuple[list[Column], list[Column], list[Column]]:
+    """Return the columns with the name of a time, those with its unit, and those with dates."""
     exact = [column for column in columns if column.name.casefold() == TIME]
     if len(exact) > 1:
         raise refuse(
@@ -74,30 +101,8 @@ def find_time(table: Table, signals: Container[str], free: Sequence[Column]) -> 
             f" {option('mapping', {'column': 'time'})}",
         )
     by_unit = [column for column in columns if column.unit and _is_in_time(column)]
-    by_name = [c for c in columns if _plain_name(c) in _NAMES and (c.unit is None or c in by_unit)]
-    by_date = [column for column in columns if holds_instants(column)]
-    candidates = list({id(c): c for c in (*exact, *by_name, *by_unit, *by_date)}.values())
-    first = [c for c in candidates if c is table.columns[0]]
-    likely = {id(c) for c in (*exact, *by_name, *first, *by_date)}
-    if len(candidates) == 1 and likely:
-        return candidates[0]
-    falls = {id(column): _count_falls(table, column) for column in candidates}
-    clocks = [c for c in candidates if falls[id(c)] == 0.0 or id(c) in likely]
-    if not clocks:
-        raise refuse(table.path, _describe_missing_time(table, columns))
-    # min() takes the first of equals, so that names count more than units, and these than dates
-    time = min(clocks, key=lambda column: falls[id(column)])
-    others = [c for c in candidates if c is not time and not _are_complementary(c, time)]
-    if others:
-        listed = ", ".join(f"'{column.name}'" for column in others)
-        table.repairs.append(
-            Repair(
-                "time column",
-                f"time is column '{time.name}', not {listed}; to take another, for example the"
-                f" first of these: {option('mapping', {table.map_name(others[0]): 'time'})}",
-            )
-        )
-    return time
+    usual = [c for c in columns if _plain_name(c) in _NAMES and (c.unit is None or c in by_unit)]
+    return [*exact, *usual], by_unit, [column for column in columns if holds_instants(column)]
 
 
 def _plain_name(column: Column) -> str:

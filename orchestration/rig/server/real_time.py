@@ -23,6 +23,7 @@ from orchestration.rig.server.shared_memory import (
     SERVING,
     Alarm,
     Command,
+    Sample,
     SharedMemory,
     SignOfLife,
     Slot,
@@ -35,6 +36,7 @@ from orchestration.rig.server.shared_memory import (
 )
 from orchestration.rig.server.standby import LONGEST_ATTEMPT, longest_silence
 
+_Values = tuple[float | None, ...]
 _LOOK = 0.01  # s
 _GUARDS = 3  # that may fail before the front gives up starting others
 # the watchdog time has to be as many times the latest wake-up of a process: half of it is there for
@@ -311,15 +313,21 @@ class RealTimeRig:
         taken = unpack(sample.taken, outputs)
         measured = zip(unpack(sample.values, outputs), taken, strict=True)
         values = tuple(value if time else None for value, time in measured)
-        reported = tuple(None if isnan(v) else v for v in unpack(sample.read_back, inputs))
-        applied: tuple[float | None, ...] = unpack(sample.applied, inputs)
+        applied, reported = self._inputs_of(sample)
+        return RigState(sample.number, applied, reported, values, taken, sample.missed)
+
+    def _inputs_of(self, sample: Sample) -> tuple[_Values, _Values]:
+        """Return applied and reported values of the inputs; None where they are unknown."""
+        inputs = len(self.signals.inputs)
+        unknown = (None,) * inputs
         since = self.safe_since()
         if since is not None and since > sample.clock:  # a guard took the device's place
-            applied = (0.0,) * inputs
-            reported = (None,) * inputs
-        elif since is None and not self._hears_device():
-            applied = reported = (None,) * inputs
-        return RigState(sample.number, applied, reported, values, taken, sample.missed)
+            return (0.0,) * inputs, unknown
+        if since is None and not self._hears_device():
+            return unknown, unknown
+        reported = unpack(sample.read_back, inputs)
+        applied: _Values = unpack(sample.applied, inputs)
+        return applied, tuple(None if isnan(value) else value for value in reported)
 
     def _hears_device(self) -> bool:
         """Return True if the device has shown a sign of life recently."""
