@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -170,21 +170,7 @@ def _explaining(
     every : tuple of Difference
         Those that differ there.
     """
-    ours, theirs = tuple(before.terms.values()), tuple(later.terms.values())
-    own = {term.source for term in ours}
-    both = (*ours, *(term for term in theirs if term.source not in own))
-    tried = []
-    for terms in dict.fromkeys(((), ours, theirs, both)):
-        joint = Joint(subject, terms)
-        start = start_values(joint, before.final.fit, later.final.fit)
-        common = joint.fit((), [start])
-        every = tuple(joint.all_differences([before.final.fit, later.final.fit]))
-        here = [] if common is None else [start, joint.values(common.fit, ())]
-        separate = joint.fit(every, here) if here else None
-        if common is not None and separate is not None:
-            tried.append((joint, common, separate, every))
-        if is_over():
-            break
+    tried = list(_fitted_jointly(subject, before, later, is_over))
     if not tried:
         return None
     base = subject.judge(subject.base)
@@ -194,6 +180,27 @@ def _explaining(
         ranked = [one for one in found.compared() if not one.comparison.is_worse]
         scores = {id(one.judged): one.score for one in ranked}
     return max(tried, key=lambda one: scores.get(id(one[2]), -np.inf))
+
+
+def _fitted_jointly(
+    subject: Subject, before: Diagnosis, later: Diagnosis, is_over: Callable[[], bool]
+) -> Iterator[tuple[Joint, Judged, Judged, tuple[Difference, ...]]]:
+    """Yield fits over all records, with the causes of none, of either and of both."""
+    ours, theirs = tuple(before.terms.values()), tuple(later.terms.values())
+    own = {term.source for term in ours}
+    both = (*ours, *(term for term in theirs if term.source not in own))
+    fits = before.final.fit, later.final.fit
+    for terms in dict.fromkeys(((), ours, theirs, both)):
+        joint = Joint(subject, terms)
+        start = start_values(joint, *fits)
+        common = joint.fit((), [start])
+        every = tuple(joint.all_differences(list(fits)))
+        here = [] if common is None else [start, joint.values(common.fit, ())]
+        separate = joint.fit(every, here) if here else None
+        if common is not None and separate is not None:
+            yield joint, common, separate, every
+        if is_over():
+            break
 
 
 def _changes(selected: Selected) -> tuple[Change, ...]:

@@ -184,18 +184,25 @@ def start_values(joint: Joint, before: Fit, after: Fit) -> Values:
     common = np.append(before.point.q, after.point.q[each])
     names = [joint.subject.problem.model.parameters[i].name for i in joint.subject.problem.searched]
     later: dict[Difference, Array] = {n: after.point.q[[k]] for k, n in enumerate(names)}
-    values = []
+    values = [np.zeros(0)]
     for term in joint.terms:
-        small = np.asarray(term.values(SMALL))
         own, other = (f.values_of(term) if term in f.terms else None for f in (before, after))
-        known = own if own is not None else other
-        start = small if known is None else known.copy()
-        if own is None:
-            start[: term.coefficients] = small[: term.coefficients]
-        values.append(start)
-        later[term] = (small if other is None else other)[: term.coefficients]
+        values.append(_values_before(term, own, other))
+        later[term] = (term.values(SMALL) if other is None else other)[: term.coefficients]
     starts = (*before.point.starts, *after.point.starts)
-    return Values(common, np.concatenate([np.zeros(0), *values]), later, starts)
+    return Values(common, np.concatenate(values), later, starts)
+
+
+def _values_before(term: Term, own: Array | None, other: Array | None) -> Array:
+    """Return the values of a term before: its own, or small ones with the other's constants."""
+    small = term.values(SMALL)
+    if own is not None:
+        return own.copy()
+    return (
+        small
+        if other is None
+        else np.append(small[: term.coefficients], other[term.coefficients :])
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -114,7 +114,9 @@ class LawModel:
         self.periods = layout.clock_parameters - set(self.shifts)
         self._stacked: dict[tuple[str, ...], StackedModel] = {}
         self._locks: defaultdict[tuple[str, ...], Lock] = defaultdict(Lock)
-        self._library = self._compiled()
+        functions = self.perturbed.functions()
+        self._library = self._compiled(functions)
+        self._by_parameters, self._moving = self._dependence(functions)
 
     def stacked(self, effects: tuple[str, ...]) -> StackedModel:
         """Return the model with effects laid over it, compiled when they are first asked for."""
@@ -124,9 +126,16 @@ class LawModel:
                 self._stacked[effects] = StackedModel(self, LawModel(cls))
         return self._stacked[effects]
 
-    def _compiled(self) -> ctypes.CDLL:
+    def _dependence(self, functions: Sequence[ca.Function]) -> tuple[Mask, Mask]:
+        """Return which outputs, then laws, depend on parameters at once, and what moves states."""
+        of = {f.name(): ca.DM(f.jac_sparsity(0, _PARAMETERS), 1).full() > 0 for f in functions}
+        at_once = np.vstack([of.pop("outputs_of"), of.pop("laws_of")])
+        moving = [f.any(axis=0) for f in of.values()]
+        shifting = np.array([p.name in self.shifts for p in self.parameters], dtype=bool)
+        return at_once, np.asarray(np.any([*moving, shifting], axis=0))
+
+    def _compiled(self, functions: Sequence[ca.Function]) -> ctypes.CDLL:
         """Compile the model's functions and the engine as one library."""
-        functions = self.perturbed.functions()
         sizes: dict[str, object] = {
             "NX": len(self.states),
             "NU": len(self.inputs),
@@ -136,11 +145,6 @@ class LawModel:
             "LAWS_IW": max(f.sz_iw() for f in functions),
             "LAWS_W": max(f.sz_w() for f in functions),
         }
-        of = {f.name(): ca.DM(f.jac_sparsity(0, _PARAMETERS), 1).full() > 0 for f in functions}
-        self._by_parameters: Mask = np.vstack([of.pop("outputs_of"), of.pop("laws_of")])
-        moving = [f.any(axis=0) for f in of.values()]
-        shifting = np.array([p.name in self.shifts for p in self.parameters], dtype=bool)
-        self._moving: Mask = np.any([*moving, shifting], axis=0)
         generator = ca.CodeGenerator("model.c", {"with_header": False, "casadi_int": "int"})
         for function in functions:
             generator.add(function)
@@ -326,7 +330,8 @@ class LawModel:
         none = np.zeros((0, 0, 0))
         first = Course(np.zeros((1, len(self.outputs))), none, start[np.newaxis])
         rates = self.linearise(record.first, setting, first).rates
-        return np.diff(record.time).max() * _fastest(rates) < _STEADY * setting.substeps
+        fastest = np.abs(_eigenvalues(rates)).max(initial=0.0)
+        return bool(np.diff(record.time).max() * fastest < _STEADY * setting.substeps)
 
     @property
     def recorded(self) -> tuple[InputDeclaration, ...]:
@@ -603,11 +608,6 @@ def steps_of(rates: Array, record: Record) -> int:
     is_gone = (-modes.real > np.abs(modes.imag)) & (wanted > _MANY)
     wanted[is_gone] = np.maximum(size[is_gone] / _LONG_STEP, _MANY)
     return int(np.clip(np.ceil(wanted.max(initial=0.0)), 1, _MOST_STEPS))
-
-
-def _fastest(rates: Array) -> float:
-    """Return the modulus of the largest eigenvalue, 1/s; see `Linearisation`."""
-    return float(np.abs(_eigenvalues(rates)).max(initial=0.0))
 
 
 def _eigenvalues(rates: Array) -> Array:

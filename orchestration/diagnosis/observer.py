@@ -230,19 +230,26 @@ def observer_of(place: Place) -> Observer | None:
     """
     count = place.disturbances
     courses: Sequence[Array] = place.courses()
-    together = np.repeat(_SHARES[:, np.newaxis], count, axis=1)
+    shares = np.repeat(_SHARES[:, np.newaxis], count, axis=1)
     best: Observer | None = None
     for _ in range(_ROUNDS):
         linear = place.linear(courses)
-        best = _likeliest(place, linear, together)
+        best = _likeliest(place, linear, shares)
         if best is None:
             return None
-        for law in range(count if count > 1 else 0):
-            apart = np.repeat(best.shares[np.newaxis], len(_NEAR), axis=0)
-            apart[:, law] = np.minimum(apart[:, law] * _NEAR, _SHARES[-1])
-            best = _likeliest(place, linear, apart) or best
+        if count > 1:
+            best = _likeliest_of_each(place, linear, best)
         courses = best.courses
-        together = np.minimum(best.shares * _NEAR[:, np.newaxis], _SHARES[-1])
+        shares = np.minimum(best.shares * _NEAR[:, np.newaxis], _SHARES[-1])
+    return best
+
+
+def _likeliest_of_each(place: Place, linear: Sequence[Linear], best: Observer) -> Observer:
+    """Return the likeliest observer with another share for one rate after the other."""
+    for rate in range(len(best.shares)):
+        shares = np.tile(best.shares, (len(_NEAR), 1))
+        shares[:, rate] = np.minimum(shares[:, rate] * _NEAR, _SHARES[-1])
+        best = _likeliest(place, linear, shares) or best
     return best
 
 

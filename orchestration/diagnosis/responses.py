@@ -303,19 +303,14 @@ class Projection:
         return basis, triangle
 
     def _free(self, values: Array) -> Array:
-        """Return values (k, m) without what the others explain, and what their prior costs.
-
-        Returns
-        -------
-        ndarray, shape (k, m + o)
-        """
+        """Return values (k, m) less their regression on the others, and its cost: (k, m + o)."""
         basis, _ = self._factors
         measured = basis[: len(self.target)]
         free = np.empty((len(values), len(basis)))
         for first in range(0, len(values), _AT_ONCE):
-            part, own = values[first : first + _AT_ONCE], free[first : first + _AT_ONCE]
-            np.matmul(part @ -measured, basis.T, out=own)
-            own[:, : len(measured)] += part
+            rows = slice(first, first + _AT_ONCE)
+            np.matmul(values[rows] @ -measured, basis.T, out=free[rows])
+            free[rows, : len(measured)] += values[rows]
         return free
 
     @cached_property

@@ -212,19 +212,17 @@ class Screen:
 
         Parameters, values of the terms, and the start states of every piece.
         """
-        fitted, model = self._along.fitted, self._along.model
+        fitted, pieces = self._along.fitted, self._along.pieces
         problem, values = fitted.problem, len(fitted.point.values)
         slopes = problem.slopes(fitted.point.q)
         free = np.zeros((*response.to_coordinates.shape[:2], len(slopes) + values))
-        places = problem.coordinates(values, self._along.pieces[piece].group)
-        free[:, :, places] = response.to_coordinates
+        free[:, :, problem.coordinates(values, pieces[piece].group)] = response.to_coordinates
         free[:, :, : len(slopes)] *= slopes
-        states = len(model.states)
-        start = np.zeros((*free.shape[:2], states * len(self._along.pieces)))
-        own = slice(states * piece, states * (piece + 1))
-        start[:, :, own] = response.to_start[:, :, :states] * _START * model.nominal_states
+        nominal = self._along.model.nominal_states
+        starts = np.zeros((*free.shape[:2], len(pieces), len(nominal)))
+        starts[:, :, piece] = response.to_start[:, :, : len(nominal)] * _START * nominal
         widths = np.append(problem.deviation, np.ones(values))
-        return np.dstack([free * widths, start])
+        return np.dstack([free * widths, starts.reshape(*free.shape[:2], -1)])
 
     def _coefficients(self, places: Array) -> Array:
         """Return the coefficients of some columns by ridge regression."""

@@ -499,7 +499,8 @@ def _judgement(
             return Judgement(part, diagnose(records, subject.model, (), subject.options, tell))
         by_effects = replace(subject.options, laws=False, thorough=False)
         diagnosis = diagnose(records, subject.model, (), by_effects, tell)
-        if _leaves_more(diagnosis) and not diagnosis.is_named:
+        leaves_more = any(one.is_more_than_noise for one in diagnosis.remainders)
+        if leaves_more and not diagnosis.is_named:
             diagnosis = diagnose(records, subject.model, (), subject.options, tell)
         return Judgement(part, diagnosis, whole=subject.whole)
     except UserError as error:
@@ -521,8 +522,3 @@ def _judgement_of_fmu(
     found = diagnose_fmu([record], fmu, (), settings, options, progress)
     names = {ours: name for name, ours in found.names.variables.items()}
     return Judgement(part, found.diagnosis, names=names)
-
-
-def _leaves_more(diagnosis: Diagnosis) -> bool:
-    """Return whether a diagnosis leaves more than noise, by whatever it found."""
-    return any(one.is_more_than_noise for one in diagnosis.remainders)
