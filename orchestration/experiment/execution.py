@@ -140,11 +140,10 @@ def _run_one(
         _refuse_fused(experiment, where)
     prepared = prepare(_record_links(experiment, subject), subject, where, note)
     fits(_first_point(prepared))
-    if live is not None:
-        live = admitted(live, prepared)
+    paced = None if live is None else admitted(live, prepared)
 
     def compute() -> Remarked:
-        ran, failure = _run_prepared(prepared, live, progress, isolation(subject.foreign))
+        ran, failure = _run_prepared(prepared, paced, progress, isolation(subject.foreign))
         if ran.time.size == 0:
             raise KeyboardInterrupt
         data, remarks = _make_result(prepared, ran, where)

@@ -110,31 +110,31 @@ def prepare(
     """
     if experiment.variants:
         raise UserError(f"{where}: variants are run side by side (ppy run), and nowhere else")
-    resolved: dict[str, Any] = {
+    defaults: dict[str, Any] = {
         "duration": experiment.duration or subject.duration,
         "step": experiment.step or subject.step,
     }
     if experiment.system:
-        resolved["master"] = experiment.master or Master()
-    experiment = experiment.model_copy(update=resolved)
-    time = points(experiment, where)
-    settings = dict(subject.settings) | _resolve_settings(experiment, subject, where)
-    inputs = _make_stimuli(experiment, subject, time, where, note)
+        defaults["master"] = experiment.master or Master()
+    complete = experiment.model_copy(update=defaults)
+    time = points(complete, where)
+    settings = dict(subject.settings) | _resolve_settings(complete, subject, where)
+    inputs = _make_stimuli(complete, subject, time, where, note)
     for name, signal in subject.open_inputs.items():
         if name not in settings:
             note(checking.describe_open_input(name, signal))
-    record = _recorded_outputs(experiment, subject, where)
-    recorded = {name: subject.outputs[name] for name in record}
+    record = _recorded_outputs(complete, subject, where)
+    recorded = {output: subject.outputs[output] for output in record}
     noise = {
-        name: _make_noise(name, table, experiment, recorded.get(name), time.size, where)
-        for name, table in experiment.noise.items()
+        output: _make_noise(output, table, complete, recorded.get(output), time.size, where)
+        for output, table in complete.noise.items()
     }
     signals = {name: subject.inputs[name] for name in inputs} | recorded
-    if experiment.over != "time":
-        known(experiment.over, signals, "over: nothing recorded", where)
-    if experiment.work_loop:
-        _check_work_loop(experiment.work_loop, time, inputs, signals, where)
-    return Preparation(experiment, subject, time, settings, inputs, noise, record)
+    if complete.over != "time":
+        known(complete.over, signals, "over: nothing recorded", where)
+    if complete.work_loop:
+        _check_work_loop(complete.work_loop, time, inputs, signals, where)
+    return Preparation(complete, subject, time, settings, inputs, noise, record)
 
 
 def _check_work_loop(

@@ -149,7 +149,7 @@ def _component_subject(experiment: Experiment, name: str) -> Subject:
         model.name,
         members=(Member(member, model.path, model.settings([], experiment.preset), cls),),
         connections=(),
-        inputs={name: (Port(member, name),) for name in model.inputs},
+        inputs={driven: (Port(member, driven),) for driven in model.inputs},
         step=step or duration / 1000,
         stop=duration,
     )

@@ -318,10 +318,10 @@ def _ties(y: Array, resolution: float, still: Mask, equal: Sequence[Span]) -> fl
     Runs of at least `_RUN` equal samples do not count. Third differences of noise alternate in
     sign, those of a smooth signal do not.
     """
-    still = still.copy()
-    for first, last in equal:
-        still[first:last] &= last - first < _RUN  # may be the very fault that is looked for
-    quiet = still[1:-2] & still[2:-1] & still[3:]
+    judged = still.copy()
+    for span in equal:
+        judged[slice(*span)] &= _length(span) < _RUN  # a long run may be the fault itself
+    quiet = judged[1:-2] & judged[2:-1] & judged[3:]
     third = np.diff(y, 3)[quiet]
     signs = np.sign(third[third != 0.0])
     if (

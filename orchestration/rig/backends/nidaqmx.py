@@ -191,10 +191,11 @@ class NiDaqmx(Backend):
                 max_val=channel.high,
             )
         self._reader = AnalogMultiChannelReader(task.in_stream)
+        chosen = timing
         if timing == "auto":
-            clocked = AcquisitionType.CONTINUOUS in self._device.ai_samp_modes
-            timing = "hardware" if clocked else "software"
-        if timing == "hardware":
+            has_clock = AcquisitionType.CONTINUOUS in self._device.ai_samp_modes
+            chosen = "hardware" if has_clock else "software"
+        if chosen == "hardware":
             rate = self._calibration.rate
             task.timing.cfg_samp_clk_timing(
                 rate,
@@ -206,7 +207,7 @@ class NiDaqmx(Backend):
             task.in_stream.relative_to = ReadRelativeTo.MOST_RECENT_SAMPLE
             task.in_stream.offset = -1
         task.start()
-        return timing
+        return chosen
 
     def _new_task(self) -> nidaqmx.Task:
         task = nidaqmx.Task()

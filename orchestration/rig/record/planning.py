@@ -107,25 +107,23 @@ def plan_recording(
             f"{where}: duration is missing, and without a model there is no default (--set"
             " duration=20s)"
         )
-    experiment = experiment.model_copy(update={"step": step})
-    time = points(experiment, where)
-    _check_signals(experiment, rig, where)
+    planned = experiment.model_copy(update={"step": step})
+    time = points(planned, where)
+    _check_signals(planned, rig, where)
     columns = {
-        name: stimulus_values(experiment, name, unit, time, where, note)
+        name: stimulus_values(planned, name, unit, time, where, note)
         for name, unit in rig["inputs"].items()
     }
     exchanges = max(1, round(step / rig["period"]), ceil(_PER_WATCHDOG * step / rig["watchdog"]))
-    for name, column in columns.items():
+    for name, unit in rig["inputs"].items():
         limit = rig["limits"].get(name, {})
-        unit = rig["inputs"][name]
-        _check_limits(column, limit, step / exchanges, unit, f"{where}: inputs.{name}")
-    values = np.column_stack(list(columns.values()))
+        _check_limits(columns[name], limit, step / exchanges, unit, f"{where}: inputs.{name}")
     return RecordingPlan(
-        experiment=experiment,
+        experiment=planned,
         inputs=rig["inputs"],
-        outputs=_recorded_outputs(experiment, rig, where, note),
+        outputs=_recorded_outputs(planned, rig, where, note),
         time=time,
-        values=values,
+        values=np.column_stack(list(columns.values())),
         exchanges=exchanges,
         period=rig["period"],
         watchdog=rig["watchdog"],

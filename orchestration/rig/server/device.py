@@ -270,13 +270,14 @@ class Device:
     def _fail(self, reason: str) -> None:
         """Go safe with a backend that raised, if that is still possible; else the guard has to."""
         self._safe = 0.0
+        failures = [reason]
         if hasattr(self, "_backend"):
             try:
                 self._rest()
                 self._call("close()", self._backend.close)
             except BackendError as error:
-                reason = f"{reason}; {error}"
-        self._report(reason, reached=bool(self._safe), ended=True)
+                failures.append(str(error))
+        self._report("; ".join(failures), reached=bool(self._safe), ended=True)
 
     def _report(self, reason: str, *, reached: bool, ended: bool) -> None:
         """Publish why the rig goes to its safe state, and whether it got there."""

@@ -98,12 +98,12 @@ class Latch:
             Kind of the line in the log (see `EventLog.tell`), used if the latch is closed already.
         """
         self._rig.go_safe()
-        reason = " ".join(reason.split())[:_LONGEST_REASON]
-        kind = kind if self.is_closed else ""
+        one_line = " ".join(reason.split())[:_LONGEST_REASON]
         since = datetime.now().isoformat(" ", "seconds")
-        self._close(LatchRecord(token_hex(8), reason, self.alarm, since))
+        kind_of_line = kind if self.is_closed else ""  # the first line is always written
+        self._close(LatchRecord(token_hex(8), one_line, self.alarm, since))
         self._keep()
-        self._log.tell(f"SAFE STATE: {reason}{detail}", kind)
+        self._log.tell(f"SAFE STATE: {one_line}{detail}", kind_of_line)
         self._confirm()
 
     def _close(self, record: LatchRecord) -> None:

@@ -67,15 +67,16 @@ class EventLog:
             line without a kind is always written.
         """
         now = self._clock()
+        withheld = 0
         if kind:
             if now - self._newest.get(kind, -inf) < _PAUSE:
                 self._withheld[kind] = self._withheld.get(kind, 0) + 1
                 return
             self._newest[kind] = now
-            more = self._withheld.pop(kind, 0)
-            text = f"{text} (and {more} like it before)" if more else text
-        # a text may be a stranger's, too
-        one_line = " ".join(text.split())[:_LONGEST_LINE]
+            withheld = self._withheld.pop(kind, 0)
+        addition = f" (and {withheld} like it before)" if withheld else ""
+        # the text may contain that of a client
+        one_line = " ".join(f"{text}{addition}".split())[:_LONGEST_LINE]
         shown = "".join(c if c.isprintable() else "?" for c in one_line)
         line = f"{datetime.now().isoformat(' ', 'milliseconds')} {shown}\n"
         for destination in self._destinations:

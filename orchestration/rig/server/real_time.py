@@ -293,13 +293,13 @@ class RealTimeRig:
         if self._guards or self._has_given_up:
             return []
         rescue = self._shared.rescue.read()
-        if rescue is not None and not rescue.reached:
-            reason = "THE SAFE STATE WAS NOT REACHED: the backend hangs"
+        has_failed = rescue is not None and not rescue.reached
+        cause = "THE SAFE STATE WAS NOT REACHED: the backend hangs" if has_failed else reason
         if self._failed > _GUARDS:
             self._has_given_up = True
-            return [f"{reason}; given up after {self._failed} processes"]
-        self._start_guard(reason)
-        return [f"{reason}; another process tries for the safe state"]
+            return [f"{cause}; given up after {self._failed} processes"]
+        self._start_guard(cause)
+        return [f"{cause}; another process tries for the safe state"]
 
     def state(self) -> RigState:
         """Return the newest sample."""

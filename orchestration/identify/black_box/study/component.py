@@ -147,14 +147,14 @@ def class_name(name: str) -> str:
 
 def _return_statement(terms: list[str], factors: list[str], amounts: Array) -> list[str]:
     """Return the source lines of a sum of terms, and of factors times amounts that are not zero."""
-    products = zip(factors, amounts, strict=True)
-    terms = terms + [
-        f"{float(amount)!r} * {factor}" for factor, amount in products if amount != 0.0
-    ]
+    summands = [*terms]
+    for factor, amount in zip(factors, amounts, strict=True):
+        if amount != 0.0:
+            summands.append(f"{float(amount)!r} * {factor}")
     lines = []
     line = "        return ("
-    for i, term in enumerate(terms or ["0.0"]):
-        piece = f" + {term}" if i else term
+    for i, summand in enumerate(summands or ["0.0"]):
+        piece = f" + {summand}" if i else summand
         if len(line) + len(piece) > _LENGTH:
             lines.append(line)
             line = "           "
