@@ -85,14 +85,17 @@ class PlantarTendonAcrossArch(FootEffect):
         return ankle, tm - self.pl_arch_arm() * self.tensions()[3], mtp
 
     def compliance(self, row: int, column: int) -> Any:
-        """Entry of ``J K'^-1 J^T``: that of the base model less the reduction by ``K' - K = k a
-        [[a, r], [r, 0]]`` over arch and toe.
+        """Entry of ``J K'^-1 J^T``, by the difference from that of the base model, ``J K^-1 J^T``.
+
+        Over arch and toe, ``K = diag(arch, toe)`` and ``K' = K + k a [[a, r], [r, 0]]``, so that
+        ``K^-1 - K'^-1 = k a / det(K') [[a (toe - k r^2) / arch, r], [r, -a k r^2 / toe]]``.
         """
         _, tm, mtp = self.jacobian()
         _, arch, toe = self.joint_stiffnesses()
-        k, a, r = self.k_pl, self.pl_arch_arm(), self.pl_arm()
+        k = self.k_pl
+        a = self.pl_arch_arm()
+        r = self.pl_arm()
         toe_without_pl = toe - k * r * r
-        # K^-1 - K'^-1 = k a / det(K') times [[a toe_without_pl / arch, r], [r, -a k r^2 / toe]]
         off_diagonal = r * (tm[row] * mtp[column] + mtp[row] * tm[column])
         diagonal = a * (
             tm[row] * tm[column] * toe_without_pl / arch - mtp[row] * mtp[column] * k * r * r / toe

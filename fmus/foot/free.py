@@ -256,7 +256,8 @@ class FootFree(Ground, FootDynamic):
     @shared
     def contacts(self) -> list[Contact]:
         """Contacts of heel, ball, first toe and other toes."""
-        leg, rates = self.leg_velocity(), self.joint_rates()
+        leg = self.leg_velocity()
+        rates = self.joint_rates()
         contacts = []
         for joints, distances in zip(_TURNED_BY, self.touching_points(), strict=True):
             turns = [(joint, x, y) for joint, (x, y) in zip(joints, distances, strict=True)]

@@ -72,10 +72,12 @@ def joint_angle(foot: FootKinematics, actuator: str, length: float) -> float:
         raise UserError(f"length {length:g} m of actuator {actuator!r} is not a finite number")
     if actuator == "pl":
         return float((length / foot.scale - foot.l_pl) / foot.r_pl)
-    reference, radius, angle, _ = getattr(foot, f"{actuator}_triangle")()
-    reference, radius = foot.scale * reference, foot.scale * radius
+    unscaled_length, unscaled_radius, angle, _ = getattr(foot, f"{actuator}_triangle")()
+    reference = foot.scale * unscaled_length
+    radius = foot.scale * unscaled_radius
     # the origin of the actuator as seen from the joint, along the radius and across it
-    along, across = radius - reference * math.cos(angle), reference * math.sin(angle)
+    along = radius - reference * math.cos(angle)
+    across = reference * math.sin(angle)
     base = math.hypot(along, across)
     if not abs(base - radius) < length < base + radius:
         raise UserError(

@@ -177,7 +177,10 @@ class FootKinematics(Component):
         return self.scale * self.arms()[3]
 
     def arm_slopes(self) -> tuple[Any, Any, Any, Any]:
-        """Derivatives of the moment arms of an, po, do and pl by the angle of their joint."""
+        """Derivatives of the moment arms by the angle of the joint that each turns, m/rad.
+
+        In the order an (anterior), po (posterior), do (dorsal) and pl (plantar).
+        """
         triangles = self.an_triangle(), self.po_triangle(), self.do_triangle()
         an, po, do = (self.scale * attached_arm_slope(*triangle) for triangle in triangles)
         return an, po, do, 0.0 * self.scale * self.r_pl  # zero, in the unit of a length
@@ -193,8 +196,12 @@ class FootKinematics(Component):
 
     def length_rates(self) -> tuple[Any, Any, Any, Any]:
         """Rates of the lengths of an, po, do and pl, R dtheta/dt (eq. 5.4)."""
-        an, po = self.an_arm() * self.ankle_rate, self.po_arm() * self.ankle_rate
-        return an, po, self.do_arm() * self.mtp_rate, self.pl_arm() * self.mtp_rate
+        return (
+            self.an_arm() * self.ankle_rate,
+            self.po_arm() * self.ankle_rate,
+            self.do_arm() * self.mtp_rate,
+            self.pl_arm() * self.mtp_rate,
+        )
 
     # --- toe: position and J = dx/dtheta (eq. 5.3)
     # ----------------------------------------------------------------------------------------------

@@ -203,14 +203,14 @@ def _shape_parameters(term: LawTerm) -> dict[str, Any]:
     if term.places:
         declared[stem] = coefficient("1", 1.0, f"how much of its curve {term.law} has")
         for k, place in enumerate(term.places):
-            doc = f"addition to {term.law} at {term.signal} = {place:g}"
-            declared[f"{stem}_at_{k}"] = coefficient(term.amount_unit, nominal, doc)
+            about_knot = f"addition to {term.law} at {term.signal} = {place:g}"
+            declared[f"{stem}_at_{k}"] = coefficient(term.amount_unit, nominal, about_knot)
         return declared
-    doc = f"part of {term.law} over {term.signal or 'nothing'} (a)"
-    declared[stem] = coefficient(term.amount_unit, nominal, doc)
+    about_part = f"part of {term.law} over {term.signal or 'nothing'} (a)"
+    declared[stem] = coefficient(term.amount_unit, nominal, about_part)
     if term.shape in _WITH_WIDTH:
-        doc = f"{term.signal} at which {stem} bends (w)"
-        declared[f"{stem}_width"] = _positive(term.scale, term.signal_unit, doc)
+        about_width = f"{term.signal} at which {stem} bends (w)"
+        declared[f"{stem}_width"] = _positive(term.scale, term.signal_unit, about_width)
     return declared
 
 
@@ -276,7 +276,8 @@ def _memory(term: LawTerm) -> _Memory:
 
 def _from_rest(term: LawTerm) -> _Memory:
     """Return a memory that begins at zero: of the square of a signal, or an integral."""
-    time, state = f"{term.stem}_time", f"{term.stem}_{term.memory}"
+    time = f"{term.stem}_time"
+    state = f"{term.stem}_{term.memory}"
 
     def rate(self: Any) -> Any:
         now = base_value(self, term.signal)

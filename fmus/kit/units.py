@@ -546,9 +546,8 @@ def _write_digits(number: float, digits: int) -> str:
 def printed(unit: str) -> str:
     """Write a unit in typographic form, such as ``N·s/m``, ``mΩ`` or ``C⁻²``."""
     inverse = _INVERSE.fullmatch(unit)
-    if inverse:
-        unit = f"{inverse[1]}^-{inverse[2] or 1}"
-    text = _POWER.sub(lambda power: power[1].translate(_SUPERSCRIPTS), unit)
+    product = f"{inverse[1]}^-{inverse[2] or 1}" if inverse else unit
+    text = _POWER.sub(lambda power: power[1].translate(_SUPERSCRIPTS), product)
     for name, sign in _SIGNS.items():
         text = re.sub(rf"(?<![A-Za-z])([numkMG]?){name}(?![A-Za-z])", rf"\g<1>{sign}", text)
     return _MICRO.sub("µ", text).replace("*", "·")
@@ -624,8 +623,8 @@ def to_modelica(unit: str) -> str:
 def _parsed(unit: str) -> ast.expr:
     """Parse a unit as a Python expression; raise SyntaxError if it is none."""
     text = unit.strip().replace("^", "**").replace("·", "*").replace(".", "*").replace("°C", "degC")
-    text = re.sub(r"(?<=[\w)])\s+(?=[\w(])", "*", text)
-    return ast.parse(text, mode="eval").body
+    product = re.sub(r"(?<=[\w)])\s+(?=[\w(])", "*", text)
+    return ast.parse(product, mode="eval").body
 
 
 def _powers(node: ast.expr) -> dict[str, int]:
@@ -665,14 +664,12 @@ def from_modelica(unit: str) -> str:
     >>> [from_modelica(unit) for unit in ("N.m", "mOhm", "m/s2", "A/(V.s)", "s-1", "N*s/m")]
     ['N*m', 'mohm', 'm/s^2', 'A/V/s', 's^-1', 'N*s/m']
     """
-    text = _FACTOR.sub(_factor_for_pint, unit)
-    text = re.sub(r"\.(?!\d)", "*", text)
-    return _DIVISORS.sub(lambda match: "/" + match[1].replace("*", "/"), text)
+    factors = _FACTOR.sub(_factor_for_pint, unit)
+    product = re.sub(r"\.(?!\d)", "*", factors)
+    return _DIVISORS.sub(lambda match: "/" + match[1].replace("*", "/"), product)
 
 
 def _factor_for_pint(match: re.Match[str]) -> str:
     """Return a name and its power in pint's spelling."""
-    name = match[1]
-    if name.endswith("Ohm"):
-        name = name.removesuffix("Ohm") + "ohm"
+    name = re.sub("Ohm$", "ohm", match[1])
     return f"{name}^{match[2]}" if match[2] else name

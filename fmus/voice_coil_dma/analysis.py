@@ -8,6 +8,7 @@ and inertia.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from math import pi
 from typing import Any
@@ -179,12 +180,12 @@ def loop(
     -------
     control.TransferFunction
     """
-    result = controller(gain, zero_time) * plant(**plant_parameters)
+    factors = [controller(gain, zero_time), plant(**plant_parameters)]
     if period is not None:
-        result = result * sample_and_hold(period)
+        factors.append(sample_and_hold(period))
     if cutoff is not None:
-        result = result * force_filter(cutoff)
-    return result
+        factors.append(force_filter(cutoff))
+    return math.prod(factors[1:], start=factors[0])
 
 
 def margins(system: Any) -> Margins:

@@ -382,10 +382,14 @@ def _with_units(names: Sequence[str], units: Mapping[str, str]) -> list[dict[str
 
 def _margin_words(margins: LoopMargins) -> str:
     """Return phase and gain margin in words."""
-    phase = "no crossover"
-    if np.isfinite(margins.crossover):
-        phase = f"phase margin {margins.phase:.1f}° at {margins.crossover:.4g} Hz"
-    gain = "gain margin without limit"
-    if np.isfinite(margins.gain):
-        gain = f"gain margin {margins.gain:.4g} at {margins.phase_crossover:.4g} Hz"
+    phase = (
+        f"phase margin {margins.phase:.1f}° at {margins.crossover:.4g} Hz"
+        if np.isfinite(margins.crossover)
+        else "no crossover"
+    )
+    gain = (
+        f"gain margin {margins.gain:.4g} at {margins.phase_crossover:.4g} Hz"
+        if np.isfinite(margins.gain)
+        else "gain margin without limit"
+    )
     return f"{phase}, {gain}"

@@ -97,14 +97,14 @@ class LinearSubject:
             If there is no signal of a name, a derivative is not finite, or the clocks have no
             common hyper-period.
         """
-        inputs = tuple(inputs or self.inputs)
-        outputs = tuple(outputs or self.outputs)
-        blocks = self._with_output_names(self._blocks(point, (), step)).prescribing(inputs)
+        sources = tuple(inputs or self.inputs)
+        targets = tuple(outputs or self.outputs)
+        blocks = self._with_output_names(self._blocks(point, (), step)).prescribing(sources)
         return LinearModel(
             self.name,
-            assemble(blocks.between(inputs, outputs), outputs, step),
-            inputs,
-            outputs,
+            assemble(blocks.between(sources, targets), targets, step),
+            sources,
+            targets,
             self.units,
             self._complete(point),
             _BY_LAWS,
@@ -113,9 +113,9 @@ class LinearSubject:
 
     def _complete(self, point: OperatingPoint) -> OperatingPoint:
         """Return an operating point with outputs, also by their names in the system."""
-        point = with_outputs(self.graph, point)
-        values = {name: point.values[signal] for name, signal in self.outputs.items()}
-        return replace(point, outputs=values | point.outputs)
+        computed = with_outputs(self.graph, point)
+        named = {name: computed.values[signal] for name, signal in self.outputs.items()}
+        return replace(computed, outputs=named | computed.outputs)
 
     def _with_output_names(self, blocks: LinearBlocks) -> LinearBlocks:
         """Return blocks whose signals also have their names as outputs of the system."""

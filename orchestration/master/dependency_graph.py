@@ -192,10 +192,10 @@ class _Ordering:
 
     def _add_member(self, member: str, wanted: Sequence[Port]) -> None:
         """Divide the outputs of a member into those that are read early and those read later."""
-        early = [port for port in wanted if not self._feedthrough[port]]
-        if len(early) < len(wanted):
-            # those that no input receives are read together with the later ones, in one call
-            early = [port for port in early if port in self._connected]
+        independent = [port for port in wanted if not self._feedthrough[port]]
+        # if some are read later, those that no input receives are read with them, in one call
+        all_early = len(independent) == len(wanted)
+        early = [port for port in independent if all_early or port in self._connected]
         self._to_read[member] = [port for port in wanted if port not in early]
         self._order.early[member] = tuple(early)
         self._known.update(early)

@@ -223,6 +223,4 @@ class SavedState:
 def list_names(ports: Sequence[Port]) -> str:
     """Return the names of a member's variables for a message; of many only the first three."""
     names = [port.variable for port in ports]
-    if len(names) > 4:
-        names = [*names[:3], f"{len(names) - 3} more"]
-    return ", ".join(names)
+    return ", ".join(names if len(names) <= 4 else [*names[:3], f"{len(names) - 3} more"])

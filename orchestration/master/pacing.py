@@ -165,9 +165,8 @@ class Pacer:
         self._counts[bisect_left(EDGES, lag)] += 1
         if lag > self._worst[0]:
             self._worst = (lag, self._points[k])
-        allowance = self._settings.allowance
-        if allowance is None:
-            allowance = self._points[k] - self._points[k - 1]
+        step = self._points[k] - self._points[k - 1]
+        allowance = step if self._settings.allowance is None else self._settings.allowance
         if lag > allowance:
             self._miss_deadline(k, lag, allowance)
 

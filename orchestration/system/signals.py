@@ -80,10 +80,11 @@ def read_system_record(
         If the file is refused, two columns are one signal, or a signal is none of the system.
     """
     known = signal_names(system)
-    record = source
-    if not isinstance(record, Record):
+    if isinstance(source, Record):
+        record = source
+    else:
         units = {name: _unit(system, port) for name, port in known.items()}
-        record = read_record(record, units, mapping=mapping)
+        record = read_record(source, units, mapping=mapping)
     measured: dict[Port, Array] = {}
     for name, values in record.signals.items():
         if name not in known:

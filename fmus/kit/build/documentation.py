@@ -206,9 +206,9 @@ def page(cls: type[Component], readme: Path) -> str:
 
     heading = f"# {cls.name}\n\n{cls.__doc__ or ''}"
     text = readme.read_text(encoding="utf-8") if readme.exists() else heading
-    body = MarkdownIt("commonmark").enable("table").render(text)
-    body = body.replace("<table>", '<div class="table"><table>')
-    body = body.replace("</table>", "</table></div>")
+    rendered = MarkdownIt("commonmark").enable("table").render(text)
+    opened = rendered.replace("<table>", '<div class="table"><table>')
+    body = opened.replace("</table>", "</table></div>")
     layout = cls.layout
     sections = {
         "Inputs": layout.inputs,

@@ -74,12 +74,13 @@ def python_package(cls: type[Component]) -> dict[str, bytes]:
         See :func:`.bundle`.
     """
     base, effects = unstack(cls)
-    slave_import = "from .kit.slave import Slave"
-    engine_modules: list[str] = []
-    needs: Mapping[str, str] = {}
-    if cls.engine is not None:
-        module, name = cls.engine.slave.split(":")
-        slave_import = f"from .{name_in_package(module)} import {name} as Slave"
+    if cls.engine is None:
+        slave_import = "from .kit.slave import Slave"
+        engine_modules: list[str] = []
+        needs: Mapping[str, str] = {}
+    else:
+        module, slave = cls.engine.slave.split(":")
+        slave_import = f"from .{name_in_package(module)} import {slave} as Slave"
         engine_modules = [module]
         needs = cls.engine.needs
     modules, places = bundle((base, *effects), engine_modules, needs)
@@ -105,13 +106,7 @@ def _entry(
     imports = ["from .kit import stack", *_argument_imports(effects), slave_import]
     for used, (place, name) in places.items():
         imports.append(f"from .{place} import {name} as {parts[used]}")
-    if cls is base:
-        model = parts[base]
-    else:
-        stacked = ", ".join(_class_expression(used, parts) for used in (base, *effects))
-        values = stacked_with(cls)
-        defaults = f", defaults={values!r}" if values else ""
-        model = f"stack({stacked}, name={cls.name!r}{defaults})"
+    model = parts[base] if cls is base else _stack_expression(cls, parts)
     lines = [
         '"""The component of this FMU; laws are in the folder beside."""',
         "",
@@ -124,6 +119,15 @@ def _entry(
         "    return Slave(MODEL, memory, texts)",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _stack_expression(cls: type[Component], parts: dict[type[Component], str]) -> str:
+    """Return the call that stacks effects on a component; `parts` as in `_class_expression`."""
+    base, effects = unstack(cls)
+    stacked = ", ".join(_class_expression(used, parts) for used in (base, *effects))
+    values = stacked_with(cls)
+    defaults = f", defaults={values!r}" if values else ""
+    return f"stack({stacked}, name={cls.name!r}{defaults})"
 
 
 def _argument_imports(effects: Iterable[type[Component]]) -> set[str]:
@@ -379,11 +383,10 @@ def _is_module(name: str) -> bool:
 
 def _source_file(module: str) -> Path:
     """Return the source file of a module, which need not be loaded."""
-    loaded = sys.modules.get(module)
-    path = getattr(loaded, "__file__", None)
-    if loaded is None:
-        spec = importlib.util.find_spec(module)
-        path = spec.origin if spec else None
+    if module in sys.modules:
+        path = getattr(sys.modules[module], "__file__", None)
+    else:
+        path = getattr(importlib.util.find_spec(module), "origin", None)
     if path is None or not Path(path).is_file():
         raise UserError(
             f"the source of module {module!r} is not in a file, so it cannot go into a Python FMU"

@@ -167,18 +167,17 @@ def c_sources(graph: Graph, engine: EngineSources, guid: str, fmi: int) -> dict[
     dict of str to bytes
         Name to contents, :data:`UNIT` among them.
     """
-    has_laws = "laws.c" in engine.generated
-    if has_laws:
+    version = _VERSIONS[fmi]
+    if "laws.c" in engine.generated:
         texts = codegen.native_sources(graph, guid, fmi=fmi)
+        front_end = (*version.front_end, *version.exchange)
     else:
         texts = codegen.lawless_sources(graph, guid)
-    generated = {name: text.encode() for name, text in texts.items()}
-    version = _VERSIONS[fmi]
-    front_end = (*version.front_end, *(version.exchange if has_laws else ()))
-    headers = (*(FOLDER / name for name in _HEADERS), *engine.headers)
+        front_end = version.front_end
     folder = FOLDER / f"fmi{fmi}"
     files = (
-        *headers,
+        *(FOLDER / name for name in _HEADERS),
+        *engine.headers,
         *(toolchain.fmi_headers(fmi) / name for name in version.standard),
         *(folder / name for name in (*version.headers, *front_end)),
         *(FOLDER / name for name in _FRONT_END),
@@ -187,6 +186,7 @@ def c_sources(graph: Graph, engine: EngineSources, guid: str, fmi: int) -> dict[
     sources = {path.name: path.read_bytes() for path in files}
     # an engine may have to define feature macros of the system before the first header is read
     parts = (*(path.name for path in engine.sources), *_FRONT_END, *front_end, *engine.generated)
+    generated = {name: text.encode() for name, text in texts.items()}
     return sources | {UNIT: unit(*parts)} | generated
 
 

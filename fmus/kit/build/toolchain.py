@@ -15,6 +15,7 @@ import os
 import platform
 import shutil
 import signal
+import struct
 import subprocess
 import sys
 import time
@@ -296,18 +297,16 @@ def _run_compiler(compiler: Compiler, command: Sequence[str], target: str, limit
 def _universal(libraries: list[bytes]) -> bytes:
     """Join Mach-O libraries of single architectures into a universal one (``<mach-o/fat.h>``)."""
     alignment = 14  # 2**14: the page size of arm64
-    # magic number, and number of architectures
-    header = bytearray(b"".join(n.to_bytes(4, "big") for n in (0xCAFEBABE, len(libraries))))
-    body = bytearray()
-    offset = 1 << alignment
+    page = 1 << alignment
+    magic = 0xCAFEBABE
+    header = struct.pack(">II", magic, len(libraries))
+    body = b""
     for library in libraries:
         # type and subtype of the processor, little-endian in the thin header
         header += library[4:8][::-1] + library[8:12][::-1]
-        header += b"".join(n.to_bytes(4, "big") for n in (offset, len(library), alignment))
-        padding = -len(library) % (1 << alignment)
-        body += library + bytes(padding)
-        offset += len(library) + padding
-    return bytes(header) + bytes((1 << alignment) - len(header)) + bytes(body)
+        header += struct.pack(">III", page + len(body), len(library), alignment)
+        body += library + bytes(-len(library) % page)
+    return header + bytes(page - len(header)) + body
 
 
 def run_program(command: Sequence[str], limit: float) -> subprocess.CompletedProcess[str]:

@@ -46,10 +46,11 @@ def placements(cls: type[Component]) -> dict[str, str]:
     outputs = [v.name for v in cls.layout.shown]
     connectors = [name for port in cls.ports for name in port.connectors]
     # in an icon y increases upwards
-    places = {name: (-_EDGE, -y) for name, y in _positions_along_side(inputs)}
-    places |= {name: (_EDGE, -y) for name, y in _positions_along_side(outputs)}
-    places |= {name: (x, -_EDGE) for name, x in _positions_along_side(connectors)}
-    return {name: _placement(*place) for name, place in places.items()}
+    return {
+        **{name: _placement(-_EDGE, -y) for name, y in _positions_along_side(inputs)},
+        **{name: _placement(_EDGE, -y) for name, y in _positions_along_side(outputs)},
+        **{name: _placement(x, -_EDGE) for name, x in _positions_along_side(connectors)},
+    }
 
 
 def _positions_along_side(names: Sequence[str]) -> list[tuple[str, int]]:

@@ -83,18 +83,18 @@ def _declaration(
     annotation: str = "",
 ) -> str:
     """Write the declaration of a variable with its unit, its range and further attributes."""
-    attributes = dict(attributes)
+    modifiers = dict(attributes)
     if v.type == "real":
-        attributes["unit"] = string(to_modelica(v.unit))
+        modifiers["unit"] = string(to_modelica(v.unit))
         if v.display:
-            attributes["displayUnit"] = string(to_modelica(v.display))
+            modifiers["displayUnit"] = string(to_modelica(v.display))
         if v.nominal != 1.0:
-            attributes["nominal"] = real(v.nominal)
+            modifiers["nominal"] = real(v.nominal)
     if v.type != "boolean":
         limits = {"min": v.min, "max": v.max}
-        attributes |= {k: _literal(x, v.type) for k, x in limits.items() if math.isfinite(x)}
-    listed = ", ".join(f"{key}={text}" for key, text in attributes.items())
-    listed = f"({listed})" if listed else ""
+        modifiers |= {k: _literal(x, v.type) for k, x in limits.items() if math.isfinite(x)}
+    items = ", ".join(f"{key}={text}" for key, text in modifiers.items())
+    listed = f"({items})" if items else ""
     assigned = f" = {value}" if value else ""
     return f"{prefix} {identifier(v.name)}{listed}{assigned}{comment(v.doc)}{annotation};"
 

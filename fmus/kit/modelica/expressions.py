@@ -111,9 +111,8 @@ def apply(operation: int, operands: list[ExpressionNode]) -> ExpressionNode:
                 return ExpressionNode(
                     _IF, (first.operands[0], *branches), is_boolean=_is_boolean_choice(*branches)
                 )
-    is_boolean = operation in _TRUTHS
-    if operation == ca.OP_IF_ELSE_ZERO:
-        is_boolean = operands[1].is_boolean
+    is_choice = operation == ca.OP_IF_ELSE_ZERO
+    is_boolean = operands[1].is_boolean if is_choice else operation in _TRUTHS
     return ExpressionNode(operation, tuple(operands), is_boolean=is_boolean)
 
 

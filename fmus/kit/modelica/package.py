@@ -64,11 +64,7 @@ def package_files(
         if name in models:
             raise UserError(f"{cls.name}: there is a model {name} already; name each once")
         models[name] = model_text(cls)
-    packages = [INTERFACES, _FUNCTIONS]
-    files = {}
-    if fmus:
-        packages.append(WRAPPERS)
-        files = _wrapper_files(classes, fmus)
+    packages = [INTERFACES, _FUNCTIONS, *([WRAPPERS] if fmus else [])]
     texts = (
         _files_of_package(PACKAGE, "", models, _ABOUT, packages, version)
         | _files_of_package(INTERFACES, PACKAGE, interface_classes(), "Connectors")
@@ -76,7 +72,8 @@ def package_files(
             _FUNCTIONS, PACKAGE, function_classes(), "Functions that equations call"
         )
     )
-    return {path: text.encode() for path, text in texts.items()} | files
+    files = {path: text.encode() for path, text in texts.items()}
+    return files | (_wrapper_files(classes, fmus) if fmus else {})
 
 
 def _wrapper_files(
@@ -90,11 +87,10 @@ def _wrapper_files(
             description = ElementTree.fromstring(archive.read("modelDescription.xml"))
             models[class_name(cls.name)] = wrapper_text(cls, description.attrib["guid"])
             for path in archive.namelist():
-                folder, _, rest = path.partition("/")
-                if folder == "binaries":
-                    resources[f"Library/{rest}"] = archive.read(path)
-                elif path.startswith(_LICENCES):
-                    resources[f"Licences/{path.removeprefix(_LICENCES)}"] = archive.read(path)
+                for folder, destination in (("binaries/", "Library"), (_LICENCES, "Licences")):
+                    if path.startswith(folder):
+                        name = f"{destination}/{path.removeprefix(folder)}"
+                        resources[name] = archive.read(path)
     headers = fmi_headers(2)
     for name in ("fmi2FunctionTypes.h", "fmi2TypesPlatform.h"):
         resources[f"Include/{name}"] = (headers / name).read_bytes()

@@ -126,10 +126,10 @@ class ExponentialIntegrator:
     ) -> tuple[Array, float]:
         """Return the change of the states in an exact step, and its error: 0, or infinity."""
         rate = self._rates(now, x)
-        change = np.zeros_like(x)
+        by_slope = np.zeros_like(x)
         if sloped:
-            change += h * self._phi(level, 2, self._nonlinear(now + h, x, rate, change))
-        change = change + h * self._phi(level, 1, rate)
+            by_slope += h * self._phi(level, 2, self._nonlinear(now + h, x, rate, by_slope))
+        change = by_slope + h * self._phi(level, 1, rate)
         return change, 0.0 if np.isfinite(change).all() else math.inf
 
     def _krogstad_step(self, now: float, h: float, level: int, x: Array) -> Array:

@@ -42,6 +42,19 @@ class _Ladder(ctypes.Structure):
         ("phi", _DOUBLES),
     )
 
+    @classmethod
+    def of(cls, ladder: Ladder) -> _Ladder:
+        """Return the structure of a ladder, whose arrays it does not copy."""
+        return cls(
+            ladder.levels,
+            int(ladder.affine),
+            ladder.matrix.shape[-1],
+            ladder.largest,
+            ladder.worth,
+            _pointer(ladder.matrix),
+            _pointer(ladder.phi),
+        )
+
 
 class RecordLibrary:
     """A component whose compiled code is simulated over records.
@@ -87,17 +100,6 @@ class RecordLibrary:
         states = np.empty((len(time), self._states))
         message = ctypes.create_string_buffer(1024)
         steps = ctypes.c_double()
-        exponential = None
-        if ladder is not None:
-            exponential = _Ladder(
-                ladder.levels,
-                int(ladder.affine),
-                ladder.matrix.shape[-1],
-                ladder.largest,
-                ladder.worth,
-                _pointer(ladder.matrix),
-                _pointer(ladder.phi),
-            )
         failed = self._simulate(
             self._model,
             len(time),
@@ -107,7 +109,7 @@ class RecordLibrary:
             _pointer(parameters),
             tolerance,
             effort,
-            None if exponential is None else ctypes.byref(exponential),
+            None if ladder is None else ctypes.byref(_Ladder.of(ladder)),
             ctypes.byref(steps),
             _pointer(outputs),
             _pointer(states),

@@ -204,9 +204,8 @@ class Linearisation:
     def _matrices(self, start: float, table: Array, parameters: Array) -> Array:
         """Return the stacks (k, 1 + p, n, n) of J and all H with the inputs of k samples."""
         blocks, depends_on_inputs = self._blocks
-        samples = [0]
-        if depends_on_inputs:
-            samples = np.linspace(0, len(table) - 1, _INSPECTED).astype(int).tolist()
+        count = _INSPECTED if depends_on_inputs else 1
+        samples = np.linspace(0, len(table) - 1, count).astype(int).tolist()
         self._start_time[0] = start
         self._parameters[:] = parameters
         self._first_inputs[:] = table[0]

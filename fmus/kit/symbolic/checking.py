@@ -207,11 +207,12 @@ def _unit_message(instance: Component, required: _RequiredUnit, value: Any, erro
 def _evaluation_message(instance: Component, required: _RequiredUnit, error: Exception) -> str:
     """Return the message for an error in the evaluation of a law: place, mistake and remedy."""
     place = _place_of(error)
-    if place is None:
-        where = f"{_place_of_law(type(instance), required.law)}: in {required.law}"
-    else:
-        quoted = f" in {place.text!r}" if place.text else ""
-        where = f"{shown(place.file)}, line {place.line}: in {place.law}{quoted}"
+    quoted = f" in {place.text!r}" if place and place.text else ""
+    where = (
+        f"{shown(place.file)}, line {place.line}: in {place.law}{quoted}"
+        if place
+        else f"{_place_of_law(type(instance), required.law)}: in {required.law}"
+    )
     if isinstance(error, ScaleError):
         return f"{where}: {error}; {error.remedy or _scale_remedy(instance)}"
     if isinstance(error, ValueNeeded):
@@ -357,8 +358,8 @@ def _expression_of(code: CodeType, instruction: int) -> str:
 def _code_of(cls: type[Component], law: str) -> CodeType | None:
     """Return the code of an author's law; None for a law of the kit."""
     function = law_of(cls, law)
-    function = getattr(function, "__wrapped__", function)  # of a shared law
-    code: CodeType | None = getattr(function, "__code__", None)
+    author = getattr(function, "__wrapped__", function)  # of a shared law
+    code: CodeType | None = getattr(author, "__code__", None)
     return None if code is None or Path(code.co_filename).is_relative_to(_KIT) else code
 
 

@@ -140,14 +140,12 @@ def _variable_rows(layout: Layout) -> list[str]:
 
 def _clock(clock: Clock, index: Mapping[str, int]) -> str:
     """Write a clock: period in s, or index of its parameter, and indices for the shift, or -1."""
-    parameter = -1
-    seconds = 0.0
     if isinstance(clock.period, str):
-        parameter = index[clock.period]
+        period = f"0.0, {index[clock.period]}"
     else:
-        seconds = clock.period
+        period = f"{_c_double(clock.period)}, -1"
     shifts = ([index[name] for name in clock.shift] + [-1] * LONGEST_SHIFT)[:LONGEST_SHIFT]
-    return f"{{{_c_double(seconds)}, {parameter}, {{{', '.join(map(str, shifts))}}}}}"
+    return f"{{{period}, {{{', '.join(map(str, shifts))}}}}}"
 
 
 @uninterrupted()
@@ -191,9 +189,9 @@ def native_sources(graph: Graph, guid: str, hosted: bool = True, fmi: int = 2) -
         "#endif",
     ]
     files["model.h"] += "\n".join(lines) + "\n"
-    laws = _generate(functions)
-    if not hosted:  # the record library passes all arrays
-        laws = _RESULT.sub("", _OPERAND.sub(r"\2", laws))
+    checked = _generate(functions)
+    # the record library passes all arrays
+    laws = checked if hosted else _RESULT.sub("", _OPERAND.sub(r"\2", checked))
     files["laws.c"] = _LAWS.format(laws)
     return files
 

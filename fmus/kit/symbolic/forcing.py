@@ -89,7 +89,7 @@ class ComponentAlong:
         """
         lengths = (self.end.time - self.begin.time)[:, :-1]
         if np.ptp(lengths) <= _EVEN * lengths.max():
-            lengths = np.full_like(lengths, lengths.mean())
+            lengths[:] = lengths.mean()
         sides = [values[:, :-1] for at in (self.begin, self.end) for values in at.arguments]
         return np.ascontiguousarray(np.vstack([lengths, *sides]).T)
 
@@ -166,9 +166,8 @@ class EffectForcing:
         layout = self._cls.layout
         switch = layout.parameters[layout.parameter_index[self._switch]]
         neutral = float(switch.start)
-        little = _LITTLE * switch.nominal
-        if neutral + little > switch.max:
-            little = -little
+        size = _LITTLE * switch.nominal
+        little = size if neutral + size <= switch.max else -size
         active = [dict(values) for values in settings]
         divisors = np.ones(len(settings))
         for k, values in enumerate(active):

@@ -107,10 +107,7 @@ class _Rewriter:
         Otherwise fixed operands are replaced by their symbols.
         """
         is_fixed = all(operand.is_fixed for operand in operands)
-        if is_fixed:
-            values = [operand.value for operand in operands]
-        else:
-            values = [self._symbol_if_fixed(operand) for operand in operands]
+        values = [o.value if is_fixed else self._symbol_if_fixed(o) for o in operands]
         return _Expression(apply_to_symbols(operation, values), is_fixed)
 
     def _symbol_if_fixed(self, expression: _Expression) -> ca.SX:

@@ -250,8 +250,8 @@ class PerturbedLaws:
         states = ca.vertcat(graph.states, graph.discretes)
         rates = ca.vertcat(graph.rates, ca.SX(graph.discretes.numel(), 1))
         known = [states, graph.inputs, graph.time, graph.parameters, added]
-        laws = ca.vertcat(ca.SX(0, 1), *(self._values[name] for name in self.names))
-        laws = ca.substitute(laws, added, ca.DM.zeros(added.shape))
+        values = ca.vertcat(ca.SX(0, 1), *(self._values[name] for name in self.names))
+        laws = ca.substitute(values, added, ca.DM.zeros(added.shape))
 
         def function(name: str, value: ca.SX, symbols: Sequence[ca.SX]) -> ca.Function:
             results = [ca.densify(value), *(ca.jacobian(value, s) for s in symbols)]

@@ -137,8 +137,8 @@ def _apply(operation: int, operands: Sequence[_Term]) -> _Term:
     """Return the result of an operation; for rounding, the operand less the mean difference."""
     moves = any(o.moves for o in operands)
     if moves and operation in _ROUNDED:
-        value = operands[0].value - _ROUNDED[operation]
-        return _Term(value, moves, value)
+        rounded = operands[0].value - _ROUNDED[operation]
+        return _Term(rounded, moves, rounded)
     value = apply_to_symbols(operation, [o.value for o in operands])
     free = [o for o in operands if o.moves]
     is_bound = operation in _BOUNDS and len(free) == 1
@@ -181,12 +181,12 @@ def _draw_typical(variable: Declaration, draw: random.Random) -> float:
         return float(share < 0.5)
     start = float(getattr(variable, "start", 0.0))
     if isinstance(variable, ParameterDeclaration) and start:
-        value = start * (0.5 + share)
+        drawn = start * (0.5 + share)
     else:
-        value = max(variable.nominal, abs(start)) * (2.0 * share - 1.0)
-    if value < variable.min:  # as far above the minimum as it is from zero
-        value = min(variable.max, variable.min + abs(value))
-    value = min(max(value, variable.min), variable.max)
+        drawn = max(variable.nominal, abs(start)) * (2.0 * share - 1.0)
+    # one below the minimum becomes as far above the minimum as it is from zero
+    above = variable.min + abs(drawn) if drawn < variable.min else drawn
+    value = min(above, variable.max)
     return float(round(value)) if variable.type == "integer" else value
 
 

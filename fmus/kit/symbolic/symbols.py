@@ -93,7 +93,7 @@ class Symbol:
             If their units differ, and no numeric factor explains the difference.
         """
         if isinstance(other, Constant):
-            other = Symbol(powers_of_names(other.unit))
+            return self.match(Symbol(powers_of_names(other.unit)))
         if not isinstance(other, Symbol):
             check_number(other)
             return self
@@ -135,7 +135,7 @@ class Symbol:
     def _times(self, other: Any, sign: float) -> Symbol:
         """Return the product with another number, or for sign -1 the quotient."""
         if isinstance(other, Constant):
-            other = Symbol(powers_of_names(other.unit))
+            return self._times(Symbol(powers_of_names(other.unit)), sign)
         if isinstance(other, Symbol):
             powers = _sum_of_powers(self.unit.powers, other.unit.powers, sign)
             return Symbol(powers, self.numbers + other.numbers)

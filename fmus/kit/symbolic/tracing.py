@@ -380,7 +380,8 @@ class _Unknowns:
 
     def outputs(self) -> dict[int, list[int]]:
         """Return the dependencies of outputs between events."""
-        layout, first = self.graph.layout, self.first
+        layout = self.graph.layout
+        first = self.first
         states = [i for i, s in enumerate(layout.states, first.states) if s.output]
         discretes = [i for i, d in enumerate(layout.discretes, first.discretes) if d.output]
         # A continuous state depends on itself; a discrete state is constant until the next sample.
@@ -404,7 +405,9 @@ class _Unknowns:
 
     def initial(self) -> dict[int, list[int]]:
         """Return the dependencies of initial unknowns on parameters and inputs."""
-        graph, layout, first = self.graph, self.graph.layout, self.first
+        graph = self.graph
+        layout = graph.layout
+        first = self.first
         columns = {
             first.states: graph.states,
             first.discretes: graph.discretes,
@@ -437,7 +440,9 @@ class _Unknowns:
     def _references(self, column: ca.SX, knowns: ca.SX, first: int) -> list[list[int]]:
         """Return value references of the knowns, and of the time, that each element depends on."""
         references = list(range(first, first + knowns.numel()))
+        symbols = [knowns]
         if self.time is not None:
-            knowns = ca.vertcat(knowns, self.graph.time)
             references.append(self.time)
-        return [[references[k] for k in row] for row in self.graph.depends(column, knowns)]
+            symbols.append(self.graph.time)
+        rows = self.graph.depends(column, ca.vertcat(*symbols))
+        return [[references[k] for k in row] for row in rows]

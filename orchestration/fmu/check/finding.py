@@ -79,6 +79,6 @@ class Findings(Displayable, list[Finding]):
 
 def listed(names: Iterable[str]) -> str:
     """Return names in one line, the first eight and the number of the others."""
-    names = list(names)
-    more = len(names) - _MOST_LISTED
-    return ", ".join(names[:_MOST_LISTED]) + (f" and {more} more" if more > 0 else "")
+    each = list(names)
+    more = len(each) - _MOST_LISTED
+    return ", ".join(each[:_MOST_LISTED]) + (f" and {more} more" if more > 0 else "")

@@ -116,10 +116,10 @@ class SharedProgress:
 
     def begin_call(self, description: bytes) -> None:
         """Note the beginning of a call of an FMU, described in UTF-8."""
+        text = description[:_TEXT_SIZE]
         head = self._head
-        description = description[:_TEXT_SIZE]
-        head.text = description
-        head.length = len(description)
+        head.text = text
+        head.length = len(text)
         head.beat += 1
 
     def end_call(self) -> None:
@@ -296,12 +296,12 @@ class _NotedCall(partial[int]):
     is_step: bool  # whether the time is added to the description
 
     def __call__(self, /, *more: Any, **options: Any) -> int:
-        description = self.description
         if self.is_step:
-            _, time, *_ = *self.args, *more  # arguments of fmi2DoStep: component, time, step, ...
+            time = (*self.args, *more)[1]  # arguments of fmi2DoStep: component, time, step, ...
             seconds = f"{getattr(time, 'value', time):g}".encode()
-            description = b"%s from %s s" % (description, seconds)
-        self.progress.begin_call(description)
+            self.progress.begin_call(b"%s from %s s" % (self.description, seconds))
+        else:
+            self.progress.begin_call(self.description)
         status = super().__call__(*more, **options)
         self.progress.end_call()
         return status

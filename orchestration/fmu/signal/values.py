@@ -194,16 +194,21 @@ def read_setting(given: str, signal: Signal, where: str) -> Value:
     if quantity is None:
         words = " (nor true or false)" if signal.type == "boolean" else ""
         raise UserError(f"{where}: {given!r} is not a number with an optional unit{words}")
-    value, unit = quantity
+    number, unit = quantity
     if unit and signal.type != "real":
         raise UserError(
             f"{where}: {signal.name} is {signal.type} and has no unit; leave out {unit!r}"
         )
-    if unit:
-        value = _convert(value, unit, signal.unit, where)
-        for bound in (signal.min, signal.max):
-            # the rounding error of the conversion must not move 10 uH beyond the bound 1e-5 H
-            if math.isclose(value, bound, rel_tol=1e-12):
-                value = bound
+    value = _converted(number, unit, signal, where) if unit else number
     check_value(signal, value, where)
     return value
+
+
+def _converted(number: float, unit: str, signal: Signal, where: str) -> float:
+    """Convert a value to the unit of a signal; UserError if their dimensions differ.
+
+    The rounding error of the conversion must not move 10 uH beyond the bound 1e-5 H.
+    """
+    value = _convert(number, unit, signal.unit, where)
+    bounds = (signal.min, signal.max)
+    return next((b for b in bounds if math.isclose(value, b, rel_tol=1e-12)), value)

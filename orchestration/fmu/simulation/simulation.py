@@ -210,17 +210,16 @@ def _simulate_system(
     """Simulate a system; see `simulate`. A failure has no results of the points before."""
     arguments = (system, time, inputs, parameters, outputs)
     if isolation is None:
-        results = _run_once(*arguments)
-    else:
-        with Process(isolation) as process:
-            try:
-                results = process.call(_run_once, *arguments)
-            except Ended as end:
-                if end.interrupted:
-                    raise KeyboardInterrupt from end
-                where = end.state.describe(system.points(time), system.name)
-                raise UserError(f"{where}: {end.reason}") from end
-    return {name: results[:, k] for k, name in enumerate(outputs)}
+        return _run_once(*arguments)
+    with Process(isolation) as process:
+        try:
+            results: dict[str, Array] = process.call(_run_once, *arguments)
+        except Ended as end:
+            if end.interrupted:
+                raise KeyboardInterrupt from end
+            where = end.state.describe(system.points(time), system.name)
+            raise UserError(f"{where}: {end.reason}") from end
+        return results
 
 
 def _run_once(
@@ -229,10 +228,11 @@ def _run_once(
     inputs: Mapping[str, Array],
     parameters: Mapping[str, Value],
     outputs: Sequence[str],
-) -> Array:
-    """Open a system and run it once; return its outputs (n, outputs)."""
+) -> dict[str, Array]:
+    """Open a system and run it once; return its outputs, each of shape (n,)."""
     with system.open() as runs:
-        return runs.run(time, inputs, parameters, outputs)
+        table = runs.run(time, inputs, parameters, outputs)
+    return {name: table[:, k] for k, name in enumerate(outputs)}
 
 
 class UnfinishedSimulation(UserError):

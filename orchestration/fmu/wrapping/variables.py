@@ -88,10 +88,11 @@ class Fmi3Variable:
     @property
     def variability(self) -> str:
         """Variability, declared or by default."""
-        default = "continuous" if self.kind.startswith("Float") else "discrete"
+        if "variability" in self.attributes:
+            return self.attributes["variability"]
         if self.causality in _PARAMETERS:
-            default = "fixed"
-        return self.attributes.get("variability", default)
+            return "fixed"
+        return "continuous" if self.kind.startswith("Float") else "discrete"
 
     @property
     def is_wide(self) -> bool:
@@ -235,7 +236,7 @@ class Fmi3Description:
         else:
             texts = variable.node.get("start", "").split()
         if len(texts) == 1:
-            texts *= variable.count
+            return texts * variable.count
         if texts and len(texts) != variable.count:
             name = variable.attributes.get("name", "")
             expected = "1" if variable.count == 1 else f"1 or {variable.count}"

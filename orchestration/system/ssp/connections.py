@@ -187,12 +187,12 @@ class _ConnectionReader:
         self._members = members
         self._connectors = connectors
 
-    def read(self, wire: Element) -> list[Connection]:
+    def read(self, element: Element) -> list[Connection]:
         """Return the connections of members in an element, one for each element of arrays.
 
         A connection to a connector of the system is added there and not returned.
         """
-        wire = self._with_source_first(wire)
+        wire = self._with_source_first(element)
         start, end = (self._read_end(wire, side) for side in _SIDES)
         where = f"connection {_show_wire(wire)}"
         if start.shape != end.shape:

@@ -52,22 +52,24 @@ class Package:
         if self._zip is not None:
             self._zip.close()
 
-    def text(self, name: str) -> bytes:
-        """Return the contents of an XML file.
+    def text(self, source: str) -> bytes:
+        """Return the contents of an XML file, given its URI.
 
         Raises
         ------
         UserError
             If it is missing, damaged or too large.
         """
-        name = self._relative_path(name)
-        if self._zip is None:
-            file = self.path.parent / name
-            size = file.stat().st_size if files.is_file(file) else 0
-        else:
-            size = self._zip.getinfo(name).file_size if name in self._zip.namelist() else 0
-        check_size(str(self.path), name, size, TEXT)
+        name = self._relative_path(source)
+        check_size(str(self.path), name, self._size(name), TEXT)
         return self._read(name)
+
+    def _size(self, name: str) -> int:
+        """Return the size of a file in bytes; 0 if it is missing."""
+        if self._zip is not None:
+            return self._zip.getinfo(name).file_size if name in self._zip.namelist() else 0
+        file = self.path.parent / name
+        return file.stat().st_size if files.is_file(file) else 0
 
     def _read(self, name: str) -> bytes:
         try:

@@ -62,14 +62,13 @@ def _append_interfaces(root: Element, cls: type[Component], can: common.Capabili
         "canSerializeFMUstate": common.flag(cls.engine is None),
         "providesDirectionalDerivative": common.flag(can.directional_derivatives),
     }
-    interfaces = {
-        "CoSimulation": {
-            "canHandleVariableCommunicationStepSize": "true",
-            "canInterpolateInputs": common.flag(can.interpolates_inputs),
-        }
+    interfaces = {}  # in the order of the schema
+    if can.model_exchange:
+        interfaces["ModelExchange"] = {"completedIntegratorStepNotNeeded": "true"}
+    interfaces["CoSimulation"] = {
+        "canHandleVariableCommunicationStepSize": "true",
+        "canInterpolateInputs": common.flag(can.interpolates_inputs),
     }
-    if can.model_exchange:  # it comes first in the schema
-        interfaces = {"ModelExchange": {"completedIntegratorStepNotNeeded": "true"}} | interfaces
     for name, attributes in interfaces.items():
         interface = SubElement(root, name, shared | attributes)
         if can.sources:
