@@ -18,6 +18,7 @@ from orchestration.diagnosis.comparison import (
     Common,
     Comparison,
     Judged,
+    are_same,
     common_of,
     compare,
     difference,
@@ -275,6 +276,17 @@ def test_what_a_model_receives_is_plainly_a_law_of_anything_but_its_input() -> N
     sign = words_of(mass(), Reading(ReadingKind.SIGN, ("force",), factor=-1.0))
     assert words_of(received, over_input) == pytest.approx(sign)
     assert words_of(received, over_other) < sign
+
+
+@pytest.mark.parametrize(("factor", "same"), [(1.04, True), (-1.04, True), (1.06, False)])
+def test_two_models_say_the_same_whose_errors_differ_by_a_twentieth_at_most(
+    factor: float, same: bool
+) -> None:
+    """But for their sign, and where both are known."""
+    errors = RNG.standard_normal((400, 2))
+    other = factor * errors
+    other[::7] = np.nan
+    assert are_same(judged(other, other), judged(errors, errors)) == same
 
 
 def test_the_figure_is_of_samples_by_which_nothing_is_chosen() -> None:

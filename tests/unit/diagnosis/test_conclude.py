@@ -227,6 +227,16 @@ def test_a_fit_that_gains_little_in_all_is_no_measure_of_the_lowest() -> None:
     assert conclusion.causes[0].name == "friction(v)"
 
 
+def test_a_third_of_the_best_score_is_no_measure_of_the_lowest() -> None:
+    """Less than half of it, whatever it leaves of what no fit saw."""
+    friction, dear = judged(0.5, 0.5, DRY), judged(0.9, 0.3, SPRING)
+    dear.fit.distance = 180.0  # as far are its parameters from nominal
+    both = found(friction, dear)
+    scores = {ranked.judged.terms: ranked.score for ranked in both.compared()}
+    assert 0.2 < scores[dear.terms] / scores[friction.terms] < 0.45
+    assert conclude(both).causes[0].name == "friction(v)"
+
+
 def test_the_term_whose_loss_costs_most_leads() -> None:
     for both in ((DRY, SPRING), (SPRING, DRY)):
         one = conclude(
