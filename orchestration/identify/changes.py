@@ -58,7 +58,10 @@ class Change:
 
     @property
     def lacking(self) -> tuple[bool, bool]:
-        """True, for the earlier and the later record, if its interval includes no effect at all."""
+        """Whether the earlier and the later record may do without the effect.
+
+        True where the interval of its strength includes the value at which it does nothing.
+        """
         return self._may_be_neutral(self.before_interval), self._may_be_neutral(self.after_interval)
 
     def _may_be_neutral(self, interval: tuple[float, float]) -> bool:

@@ -31,7 +31,8 @@ class FittedSize(NamedTuple):
     value : float
         In the unit of the size.
     interval : tuple of float, optional
-        That of the parameter through the function of the size; None where it is made of several.
+        95 %, from the interval of the parameter by the function of the size; None for a size of
+        several parameters.
     unit : str
         SI, or ``%``.
     text : str

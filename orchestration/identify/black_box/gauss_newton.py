@@ -42,7 +42,7 @@ class ResidualProblem(Protocol):
         """Return the prediction errors (n,)."""
 
     def jacobian(self, theta: Array, /) -> Array:
-        """Return their derivatives (n, p)."""
+        """Return the derivatives (n, p) of the prediction errors by the parameters."""
 
     def admissible(self, theta: Array, /) -> bool:
         """Return whether the predictor is stable."""

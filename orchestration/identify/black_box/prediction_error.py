@@ -172,9 +172,10 @@ class PredictionError:
         return slopes.T
 
     def linear_slopes(self, parts: Coefficients) -> Array:
-        """Return the derivatives by A, B, the offset and the free responses, a row each.
+        """Return the derivatives of the errors by A, B, the offset and the free responses.
 
-        They depend on F, C and D alone, by which the module's equations filter the signals.
+        They have a row for each, (count, samples), and depend on F, C and D alone, by which the
+        equations of this module filter the signals.
         """
         n = self.orders
         count = n.na + sum(n.nb) + self.offset + sum(n.nf)
@@ -201,7 +202,10 @@ class PredictionError:
         return slopes
 
     def nonlinear_slopes(self, parts: Coefficients) -> Array:
-        """Return the derivatives by the coefficients of every F, C and D, a row each."""
+        """Return the derivatives of the errors by the coefficients of every F, C and D.
+
+        They have a row for each coefficient, (size of F, C and D, samples).
+        """
         paths = self._paths(parts)
         v = self._disturbance(parts, paths)
         e = filtered(parts.d, parts.c, v)

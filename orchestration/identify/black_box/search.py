@@ -264,16 +264,16 @@ def _redraw_roots(polynomial: Array, samples: int, random: np.random.Generator) 
     factors = [[z, z.conjugate()] if z.imag > 0.0 else [z] for z in nonzero if z.imag >= 0.0]
     factors += [[0.0] for _ in range(order - len(nonzero))]
     random.shuffle(factors)
-    kept: list[complex] = []
-    most = max(order - int(random.integers(1, 3)), 0)
+    chosen: list[complex] = []
+    most_kept = max(order - int(random.integers(1, 3)), 0)
     for factor in factors:
-        if len(kept) + len(factor) <= most:
-            kept += factor
-    while len(kept) < order:
+        if len(chosen) + len(factor) <= most_kept:
+            chosen += factor
+    while len(chosen) < order:
         modulus = np.exp(-(samples ** -random.random()))  # exp(-1/T), T from 1 to all samples
-        if order - len(kept) > 1 and random.random() < _OSCILLATING:
+        if order - len(chosen) > 1 and random.random() < _OSCILLATING:
             angle = np.pi * samples ** -random.random()
-            kept += [modulus * np.exp(1j * angle), modulus * np.exp(-1j * angle)]
+            chosen += [modulus * np.exp(1j * angle), modulus * np.exp(-1j * angle)]
         else:
-            kept.append(modulus)
-    return np.atleast_1d(np.real(np.poly(kept)))
+            chosen.append(modulus)
+    return np.atleast_1d(np.real(np.poly(chosen)))

@@ -282,7 +282,7 @@ class _GainErrors:
         return np.asarray(self._v - predicted, dtype=np.float64)
 
     def jacobian(self, gain: Array) -> Array:
-        """Return their derivatives (n, p): the errors, through the predictor."""
+        """Return the derivatives (n, p) of the prediction errors by the gain."""
         drive = np.outer(self.errors(gain), self._c)
         return -states(self._predictor(gain).T, drive, np.zeros(len(gain)))
 

@@ -126,7 +126,10 @@ class ReducedPredictionError:
         return self._projection_at(x).errors
 
     def jacobian(self, x: Array) -> Array:
-        """Return their derivatives (samples, size) outside of the span of linear parameters."""
+        """Return the derivatives (samples, size) of the errors by the coordinates.
+
+        They are projected onto the complement of the span of the linear parameters.
+        """
         projection = self._projection_at(x)
         parts = self.problem.coefficients(projection.theta)
         rows = projection.slopes.T @ self.problem.nonlinear_slopes(parts)

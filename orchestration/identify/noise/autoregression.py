@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import toeplitz
 
 from fmus.kit.arrays import Array
 from orchestration.identify.filters import autoregression
@@ -88,9 +89,9 @@ def yule_walker(covariance: Array, n: int) -> tuple[Array, float]:
         raise np.linalg.LinAlgError("the covariance of a residual is not finite")
     least = n * np.log(covariance[0])
     for order in range(1, len(covariance)):
-        toeplitz = covariance[np.abs(np.subtract.outer(np.arange(order), np.arange(order)))]
-        coefficients: Array = np.linalg.lstsq(toeplitz, covariance[1 : order + 1])[0].astype(float)
-        variance = float(covariance[0] - coefficients @ covariance[1 : order + 1])
+        lagged = covariance[1 : order + 1]
+        coefficients: Array = np.linalg.lstsq(toeplitz(covariance[:order]), lagged)[0].astype(float)
+        variance = float(covariance[0] - coefficients @ lagged)
         bic = n * np.log(variance) + order * np.log(n) if variance > 0.0 else np.inf
         if bic < least:
             least = bic

@@ -96,7 +96,7 @@ def divide_at_restarts(samples: Samples) -> list[tuple[str, Samples]]:
 
 
 def _select_runs(samples: Samples, masks: Mapping[str, Mask]) -> list[tuple[str, Samples]]:
-    """Return the label and the selected samples of each mask; repairs go to the first run."""
+    """Return label and samples of each run, selected by masks; repairs go to the first run."""
     runs: list[tuple[str, Samples]] = []
     for label, mask in masks.items():
         run = Samples(

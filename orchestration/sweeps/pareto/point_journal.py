@@ -29,7 +29,7 @@ class PointJournal:
         self._journal = journal
 
     def find(self, row: int, search: Callable[[], Array]) -> Array:
-        """Return the parameters of a point, searched for and stored unless the journal has them.
+        """Return the parameters of a point from the journal, or search for them and store them.
 
         Parameters
         ----------

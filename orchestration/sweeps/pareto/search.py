@@ -21,7 +21,7 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.sweeps.pareto.front import Front
 from orchestration.sweeps.pareto.objectives import Objectives
-from orchestration.sweeps.pareto.point_journal import point_journal
+from orchestration.sweeps.pareto.point_journal import PointJournal, point_journal
 
 _STARTS = 4  # of the local method for a point, in addition to neighbours
 _GENERATIONS = 60
@@ -91,18 +91,12 @@ def pareto_front(
     # a front has two rows for each end, and for each point between them one per direction
     rows = 1 if is_single else 2 * count
     with point_journal(objectives, samples + rows, (samples, count, seed), folder) as journal:
-        for row, shares in enumerate(sample):
-            journal.find(row, partial(np.copy, shares))
-        values = np.array([journal.worst(row) for row in range(samples)])
-        finite = np.isfinite(values).all(axis=1)
+        worst = _evaluate_sample(journal, sample)
+        finite = np.isfinite(worst).all(axis=1)
         if not finite.any():
             objectives.evaluate(sample[0])  # raises the error of that run
             raise UserError("no run of the sample gives numbers: set other ranges")
-        sample = sample[finite]
-        values = values[finite]
-        low = values.min(axis=0)
-        width = np.where(np.ptp(values, axis=0) > 0.0, np.ptp(values, axis=0), 1.0)
-        search = _ParetoSearch(objectives, _Scales(low, width), sample, values, seed)
+        search = _ParetoSearch(objectives, sample[finite], worst[finite], seed)
 
         def find(row: int, work: Callable[[], Array]) -> Array:
             return journal.find(samples + row, work)
@@ -115,6 +109,13 @@ def pareto_front(
     return Front.of(objectives, np.array(points))
 
 
+def _evaluate_sample(journal: PointJournal, sample: Array) -> Array:
+    """Return the worst outputs (k, m) at points (k, p), from the journal as far as it has them."""
+    for row, shares in enumerate(sample):
+        journal.find(row, partial(np.copy, shares))  # the point itself: there is nothing to search
+    return np.array([journal.worst(row) for row in range(len(sample))])
+
+
 class _ParetoSearch:
     """Search from a sample of points, with their objectives.
 
@@ -122,11 +123,10 @@ class _ParetoSearch:
     of each constrained objective, by its index.
     """
 
-    def __init__(
-        self, objectives: Objectives, scales: _Scales, sample: Array, values: Array, seed: int
-    ):
+    def __init__(self, objectives: Objectives, sample: Array, values: Array, seed: int):
+        spread = np.ptp(values, axis=0)
         self._objectives = objectives
-        self._scales = scales
+        self._scales = _Scales(values.min(axis=0), np.where(spread > 0.0, spread, 1.0))
         self._sample = sample
         self._values = values
         self._seed = seed

@@ -94,9 +94,11 @@ class _Traces(BackendArray):
     def _read(self, key: tuple[Any, ...]) -> Array:
         """Read only the part that a key of integers and slices selects."""
         *cases, points = key
-        # indexing arrays of row and point numbers by the key tells which are selected
-        rows = np.arange(int(np.prod(self.shape[:-1]))).reshape(self.shape[:-1])[tuple(cases)]
-        selected = np.arange(self.shape[-1])[points]
+        *case_shape, count = self.shape
+        # numbers of all cases and points: those that the key selects are to be read
+        case_numbers = np.arange(int(np.prod(case_shape))).reshape(case_shape)
+        rows = case_numbers[tuple(cases)]
+        selected = np.arange(count)[points]
         traces = np.empty((*rows.shape, *selected.shape))
         if not traces.size:
             return traces
