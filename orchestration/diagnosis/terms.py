@@ -138,27 +138,44 @@ FORMS = {
 
 
 class MemoryKind(NamedTuple):
-    """A memory in words, with the names of its constants, and the unit of what it keeps.
+    """What is known of a memory.
 
-    The unit is made of that of its signal, in brackets.
+    Attributes
+    ----------
+    text : str
+        For people, with its signal.
+    constants : tuple of str
+        Their names.
+    rate : str
+        In Python, of a signal ``now``, as `fmus.kit.law_terms` computes it.
+    unit : str
+        Of what it keeps, by that of its signal in brackets, if it is another.
     """
 
     text: str
     constants: tuple[str, ...] = ()
+    rate: str = ""
     unit: str = ""
 
 
+_LAG = "(now - {memory}) / {time}"
+_BY_DIRECTION = f"where(now < {{memory}}, {_LAG} / {{ratio}}, {_LAG})"
+_LIMITED = f"{{rate}} * tanh({_LAG} / {{rate}})"
 MEMORIES = {
     Memory.NONE: MemoryKind("{}"),
-    Memory.LAG: MemoryKind("lagging {}", ("time",)),
-    Memory.FADING: MemoryKind("changes of {}", ("time",)),
-    Memory.TWO_LAGS: MemoryKind("{} with a lag that depends on its direction", ("time", "ratio")),
-    Memory.RATE_LIMIT: MemoryKind("{} limited in its rate", ("time", "rate")),
+    Memory.LAG: MemoryKind("lagging {}", ("time",), _LAG),
+    Memory.FADING: MemoryKind("changes of {}", ("time",), _LAG),
+    Memory.TWO_LAGS: MemoryKind(
+        "{} with a lag that depends on its direction", ("time", "ratio"), _BY_DIRECTION
+    ),
+    Memory.RATE_LIMIT: MemoryKind("{} limited in its rate", ("time", "rate"), _LIMITED),
     Memory.PLAY: MemoryKind("{} with play", ("way",)),
     Memory.DAHL: MemoryKind("{} with pre-sliding", ("way",)),
-    Memory.HEAT: MemoryKind("the lagging square of {}", ("time",), "{}^2"),
-    Memory.INTEGRAL: MemoryKind("the integral of {}", (), "{}*s"),
-    Memory.THROUGHPUT: MemoryKind("the throughput of {}", (), "{}*s"),
+    Memory.HEAT: MemoryKind(
+        "the lagging square of {}", ("time",), "(now * now - {memory}) / {time}", "{}^2"
+    ),
+    Memory.INTEGRAL: MemoryKind("the integral of {}", (), "now", "{}*s"),
+    Memory.THROUGHPUT: MemoryKind("the throughput of {}", (), "absolute(now)", "{}*s"),
 }
 
 

@@ -20,7 +20,7 @@ from orchestration.diagnosis.fitting import Fit
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.report.curves import memory_samples, signal_samples
 from orchestration.diagnosis.term_names import sentence, shape_text, term_parameters
-from orchestration.diagnosis.terms import FORMS, DelayTerm, Memory, NamedTerm, Term
+from orchestration.diagnosis.terms import FORMS, MEMORIES, DelayTerm, Memory, NamedTerm, Term
 from orchestration.reporting import option
 
 _NAMES = (
@@ -233,14 +233,13 @@ class _Class:
         term = self._term
         memory = f"self.{self._stem}_memory"
         now = self._value(term.signal)
-        text = now
         if term.memory.is_behind:
-            text = f"{now} - {memory}"
+            seen = f"{now} - {memory}"
         elif term.memory.is_sampled and not self._given.is_held:
-            text = f"self.{self._stem}_memory_update()"
-        elif term.has_memory:
-            text = memory
-        return f"{text} - {_number(self._given.middle)}" if self._given.middle else text
+            seen = f"{memory}_update()"
+        else:
+            seen = memory if term.has_memory else now
+        return f"{seen} - {_number(self._given.middle)}" if self._given.middle else seen
 
     def _value(self, signal: str) -> str:
         """Return the value of a signal in the law."""
@@ -265,7 +264,11 @@ class _Class:
         start = float(memory_samples(self._fitted, term)[0])
         yield self._state_line(memory, start, f"memory of {term.signal}")
         if not term.memory.is_sampled:
-            yield from ("", f"    def {memory}_rate(self):", *self._rate_lines(now))
+            kind = MEMORIES[term.memory]
+            constants = {name: f"self.{self._stem}_{name}" for name in kind.constants}
+            rate = kind.rate.format(memory=f"self.{memory}", **constants)
+            yield from ("", f"    def {memory}_rate(self):", f"        now = {now}")
+            yield f"        return {rate}"
             return
         if term.memory is Memory.DAHL:
             before = f"{self._stem}_before"
@@ -284,27 +287,6 @@ class _Class:
             )
         about = f"start={_number(start)}, nominal={_number(self._term.scale)}, doc={doc!a}"
         return f"    {name} = {kind}({self._given.signal_unit!a}, {moves}, {about})"
-
-    def _rate_lines(self, now: str) -> Iterator[str]:
-        """Yield the body of the rate of a memory."""
-        memory, time = f"self.{self._stem}_memory", f"self.{self._stem}_time"
-        kind = self._term.memory
-        if kind is Memory.HEAT:
-            yield f"        return ({now} * {now} - {memory}) / {time}"
-            return
-        if kind.counts:
-            yield f"        return {now if kind is Memory.INTEGRAL else f'absolute({now})'}"
-            return
-        plain = f"({now} - {memory}) / {time}"
-        if kind not in (Memory.TWO_LAGS, Memory.RATE_LIMIT):
-            yield f"        return {plain}"
-            return
-        yield f"        rate = {plain}"
-        if kind is Memory.TWO_LAGS:
-            yield f"        return where(rate < 0.0, rate / self.{self._stem}_ratio, rate)"
-        else:
-            most = f"self.{self._stem}_rate"
-            yield f"        return {most} * tanh(rate / {most})"
 
     def _update_lines(self, now: str) -> Iterator[str]:
         """Yield the body of the update of a memory that is followed at sample instants."""
