@@ -60,7 +60,7 @@ def export(
     platforms : sequence of str, optional
         FMI platforms; default is every one that a compiler here can serve.
     progress : callable
-        Told what is being done.
+        Called with a text about each step of the work.
 
     Returns
     -------

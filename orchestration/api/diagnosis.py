@@ -186,7 +186,7 @@ def refuse_without_laws(subject: Model, options: DiagnoseKeywords | LawsKeywords
     Raises
     ------
     UserError
-        With what to do instead.
+        With the alternative to these options.
     """
     if subject.cls is not None:
         return

@@ -38,11 +38,11 @@ _GROUPS: _Groups = {
             ".diagnose:diagnose",
         ),
         "laws": (
-            "Ask every law what it lacks: over which signal, by which curve.",
+            "Search the laws for missing dependences: which signal, which curve.",
             ".diagnose:laws",
         ),
         "compare": (
-            "Hold a model against a record: fit in percent; --fit recalibrates.",
+            "Compare a model with a record: fit in percent; --fit recalibrates.",
             ".compare:compare",
         ),
         "identify": (

@@ -55,9 +55,8 @@ class Outputs(NamedTuple):
         Raises
         ------
         UserError
-            If a name is that of a folder or of a file that is read, is given twice, has an ending
-            that tells of another format, or is where nothing can be written; or if a package that
-            writes it is not installed.
+            If a path is a folder, is read by the command, is given twice, has the ending of another
+            format, or cannot be written; or if a package that writes it is not installed.
         """
         named: list[tuple[str, Path]] = []
         for option, path in self.writes.items():

@@ -38,12 +38,12 @@ def live_run(options: RealTimeOptions, out: Path | None) -> Live | None:
     ----------
     options : RealTimeOptions
     out : Path or None
-        The result; the journal goes next to it.
+        File of the result; the journal is in its folder.
 
     Raises
     ------
     UserError
-        If an option makes no sense, or is about real time and that was not asked for.
+        If a value is not allowed, or an option of real time is given without ``--real-time``.
     """
     from orchestration.experiment.live import Live
     from orchestration.master import RealTime

@@ -1,4 +1,4 @@
-"""Subjects of experiments: components and systems, with their signals and how they are run."""
+"""Subjects of experiments: components and systems, their signals, and their execution."""
 
 from __future__ import annotations
 

@@ -24,17 +24,17 @@ class Change:
     before_interval, after_interval : tuple of float
         95 % confidence intervals.
     changed : bool
-        Whether it is claimed to be another after than before.
+        True if the change is claimed.
     uncertain : bool
-        Whether it surely is by the noise, but stretches of the records do not agree about it.
-    gain : float
-        Of the squared error that is gained by releasing all parameters, the share that releasing
-        this one gained when it was its turn; of one that is not needed, what it would gain beside
-        those that are. None where releasing all gains no more than chance makes.
+        True if the change is significant by the noise, but stretches of the records contradict it.
+    gain : float or None
+        Share of the fall of the squared error with all parameters free that this parameter
+        explains, in the order in which they are freed; for one that is not needed, its share in
+        addition to the needed ones. None if the fall is insignificant.
     declaration : ParameterDeclaration
         Its unit and range.
     effect : str
-        Of which it is a parameter; empty for those of the model.
+        Effect that has the parameter; empty for those of the model.
     neutral : float or None
         Value at which that effect does nothing, if this is its strength.
     """

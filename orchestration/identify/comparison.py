@@ -52,7 +52,7 @@ class GoodnessOfFit:
 
     @property
     def residual(self) -> Array:
-        """Measured minus simulated."""
+        """Measured minus simulated (n,), in the unit of the FMU."""
         return self.measured - self.simulated
 
 
@@ -116,7 +116,7 @@ class Comparison(Displayable):
         path : str or Path
             An ``.html`` file.
         command : str
-            What made it, for the page; unless given, one that does the same.
+            Command that made the fit, for the page; by default an equivalent one.
 
         Raises
         ------
@@ -263,7 +263,7 @@ def fit_model(
     names : sequence of str
         Parameters to fit.
     given : Mapping of str to float or str
-        Values of other parameters, and of inputs that stand still; starting points of those to fit.
+        Values of other parameters and of constant inputs; starting points of the fitted ones.
     workers : int
         Processes that run an FMU without equations side by side.
 

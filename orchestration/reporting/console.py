@@ -180,7 +180,7 @@ class Tell:
             err.print(text, soft_wrap=True)
 
     def done(self, part: int, whole: int, text: str = "") -> None:
-        """Report how many parts of the step are done.
+        """Report the number of finished parts of the step.
 
         Parameters
         ----------

@@ -1,8 +1,7 @@
 """Admission of peers to the sockets of a rig, and the key of a sender (ZAP, ZeroMQ's RFC 27).
 
-Every socket has a domain for which ZeroMQ asks, with keys or without: so it refuses every peer that
-does not speak ZMTP 3, such as a browser, whose request it would take for a message of ZMTP 1
-otherwise.
+Every socket has a ZAP domain, with keys or without. ZeroMQ then refuses every peer that does not
+speak ZMTP 3, such as a browser, whose request it would otherwise take for a message of ZMTP 1.
 """
 
 from __future__ import annotations

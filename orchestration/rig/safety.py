@@ -16,12 +16,12 @@ _ROUNDING = 1e-9  # of a rate limit: a ramp at the limit must not fail by the la
 
 
 class CommandFilter:
-    """Filter that holds commands against their hard limits.
+    """Filter that checks commands against their hard limits.
 
-    A set of commands is taken as a whole or not at all: if one value is beyond its limits, all stay
-    as they are. How far a value may change is a budget that fills at the limit of its rate; a small
-    remainder is kept, so that a message that comes a little early is not refused. The budget goes
-    on over safe states and sessions.
+    A set of commands is taken as a whole or not at all: if one value is beyond its limits, none
+    changes. The allowed change of a value is a budget that grows with the limit of its rate; a
+    small remainder is kept, so that a message that comes a little early is not refused. The budget
+    persists over safe states and sessions.
 
     Parameters
     ----------

@@ -32,10 +32,10 @@ class _PlannedFmu(NamedTuple):
 def build(options: BuildCommand) -> None:
     """Build FMUs: OUT/python/NAME.fmu and OUT/native/NAME.fmu.
 
-    With --set, NAME ends in _set and the values are the FMU's defaults. With --runtime pythonfmu it
-    is OUT/pythonfmu/NAME.fmu, for users of that; what it cannot promise is said. Of --platforms all
-    one that fails is told and left out, and the exit status is 1. With --fmi 3 it is
-    OUT/fmi3/NAME.fmu, of every component that has laws.
+    With --set, NAME ends in _set and the values are the FMU's defaults. --runtime pythonfmu builds
+    OUT/pythonfmu/NAME.fmu with that package, and states its limits. --fmi 3 builds
+    OUT/fmi3/NAME.fmu of components that have laws. If a platform of --platforms all fails, it is
+    reported and left out, and the exit status is 1.
 
     ppy export modelica writes components in the Modelica language.
     """

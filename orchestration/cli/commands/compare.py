@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @command(CompareCommand)
 def compare(options: CompareCommand) -> None:
-    """Hold a model against a measured record: fit in percent, RMS error, whiteness."""
+    """Compare a model with a measured record: fit in percent, RMS error, whiteness."""
     from orchestration.cli.models import model_file, note_neutral, open_measured
     from orchestration.identify import comparison as work
     from orchestration.reporting import pictures

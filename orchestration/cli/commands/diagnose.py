@@ -16,7 +16,7 @@ from orchestration.cli.outputs import standard_output_for, typed_command
 def diagnose(options: DiagnoseCommand) -> None:
     """Name what a model gets wrong on a record, extend it, and measure the gain on unseen data.
 
-    ``ppy laws`` asks every law of the model what it lacks, without looking for effects before.
+    ``ppy laws`` searches the laws of the model alone, without known effects.
     """
     with isolating(options["isolate"]):
         # imported only where it is needed, for it takes half a second
@@ -41,7 +41,7 @@ def _require(verdicts: Sequence[str], verdict: str) -> None:
 
 @command(LawsCommand)
 def laws(options: LawsCommand) -> None:
-    """Ask every law of a model what it lacks on a record: which signal, and by which curve."""
+    """Search the laws of a model for missing dependences on signals, with the curve of each."""
     from orchestration.cli import diagnose as work
 
     with standard_output_for(options["json"]):

@@ -29,9 +29,9 @@ def group() -> None:
 def modelica(options: ExportModelicaCommand) -> None:
     """Write components as a package of Modelica, OUT/PpyRig: laws, ports as connectors.
 
-    It needs no library; its connectors fit those of the standard library. With --with, a model has
-    its effects, and they are on by their parameters. With --fmus, PpyRig.FMUs has the same models
-    as FMUs compute them.
+    It needs no library; its connectors fit those of the standard library. --with adds effects to a
+    model, and their parameters switch them. --fmus adds PpyRig.FMUs, in which the same models call
+    their FMUs.
     """
     from fmus.kit import files, registry
     from fmus.kit.build import version

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @command(FrequencyCommand)
 def frequency(options: FrequencyCommand) -> None:
-    """Estimate impedance and dynamic stiffness with intervals, and a model's beside them.
+    """Estimate impedance and dynamic stiffness with intervals, and those of a model.
 
     Without a model, name ratios of columns. Inputs are best periodic, or random.
     """

@@ -21,8 +21,8 @@ _TEMPLATES = Path(__file__).parents[1] / "templates"
 def new(options: NewCommand) -> None:
     """Write a component, an effect or a rig's backend to start from, with its test.
 
-    NAME.py is to be changed, test_NAME.py is what pytest runs, and NAME.md has the rows of
-    documentation that belong to it, and says where it has to be made known.
+    Edit NAME.py, and run test_NAME.py with pytest. NAME.md lists the rows of documentation to add,
+    and the places that register the new part.
     """
     from fmus.kit import files
     from orchestration.reporting.console import out as screen

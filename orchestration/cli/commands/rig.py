@@ -239,7 +239,7 @@ def stop(options: StopCommand) -> None:
 def acknowledge(options: AcknowledgeCommand) -> None:
     """Let the rig be used again after a safe state; the client has to connect anew.
 
-    Shows what is acknowledged; exit status 1 if the rig cannot be used in time.
+    The reason of the safe state is shown. The exit status is 1 if the rig cannot be used in time.
     """
     from orchestration.reporting.console import note
     from orchestration.rig import ask, operator
@@ -260,7 +260,7 @@ def acknowledge(options: AcknowledgeCommand) -> None:
 @rig.command("status")
 @command(StatusCommand)
 def status(options: StatusCommand) -> None:
-    """Say how the rig is: idle, running or latched, who commands it, and what was dropped."""
+    """Show the state of the rig: idle, running or latched, its client, and dropped messages."""
     from orchestration.rig import ask
 
     _show(ask(_server(options), "status", options["timeout"]), options["json"])
@@ -312,9 +312,9 @@ def keys(options: KeysCommand) -> None:
 @rig.command("bridge")
 @command(BridgeCommand)
 def bridge(options: BridgeCommand) -> None:
-    """Carry proxies that cannot encrypt to a server with keys.
+    """Connect proxies that cannot encrypt to a server with keys.
 
-    Plain on this machine only, CURVE beyond it.
+    Connections are plain on this machine only, and encrypted with CURVE beyond it.
     """
     from orchestration.reporting.console import note, out, warn
     from orchestration.rig import LOOPBACK, Bridge, read_endpoint, until_interrupted

@@ -42,7 +42,7 @@ def arx(data: InputOutputData, na: int, nb: Count, nk: Count = 1) -> Identificat
     na : int
         Order of A.
     nb : int or sequence of int
-        Coefficients of every B, at least 1; one number stands for all inputs.
+        Coefficients of every B, at least 1; one number is that of all inputs.
     nk : int or sequence of int
         Delays in samples, at least 0.
 

@@ -175,7 +175,7 @@ def search_orders(
         AIC or BIC, which chooses the orders of every structure. The thesis minimised AIC;
         BIC does not prefer ever larger models as records grow.
     progress : callable
-        Called with how many models are done, and of how many.
+        Called with the number of finished models, and the number of all.
 
     Returns
     -------

@@ -90,7 +90,7 @@ def residual_tests(
         Equally spaced, any unit.
     inputs : array_like, shape (n, m)
     lags : int
-        How far to look.
+        Largest lag, in samples.
     significance : float
         False alarm rate of each test, and of each limit.
 

@@ -53,7 +53,7 @@ class Optimum(NamedTuple):
     cost : float
         Sum of squared prediction errors.
     samples : int
-        How many errors.
+        Number of errors.
     converged : bool
     """
 

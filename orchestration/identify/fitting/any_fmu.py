@@ -111,7 +111,7 @@ class FmuWithDifferences:
         self._open.__exit__(*error)
 
     def run(self, given: SimulationInput) -> Trajectory:
-        """Simulate like `CompiledModel.run`, with inputs held from sample to sample.
+        """Simulate like `CompiledModel.run`, with inputs constant between samples.
 
         Parameters
         ----------

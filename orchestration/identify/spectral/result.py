@@ -44,7 +44,7 @@ class FrequencyResponse(Displayable):
     responses : Mapping of str to Response
         By ratio, such as ``voltage/current``.
     notes : tuple of str
-        How they were estimated.
+        Method of estimation, a sentence for each input.
     repairs : tuple of Repair
         Repairs and remarks from reading the record.
     """

@@ -138,13 +138,13 @@ def assess(
     ----------
     channels : Channels
     simulated : Mapping of str to ndarray, shape (n,), optional
-        Outputs as a model shows them under the same inputs. What they do themselves, such as
-        resting at a limit or not moving at all, is no fault of the data.
+        Outputs of a model with the same inputs. A symptom that they have too, such as rest at a
+        limit, is no fault of the data.
 
     Returns
     -------
     Channels
-        With NaN where an output cannot be trusted, and without outputs that say nothing.
+        With NaN where an output is faulty, and without outputs that carry no signal.
     list of Fault
         In the order of the channels, inputs first.
     """
@@ -571,14 +571,12 @@ def _equal_runs(y: Array) -> list[Span]:
 
 def _outliers(y: Array, resolution: float, bad: Mask, moved: Mapping[str, Mask]) -> Mask:
     """Return a mask of single samples far from two equal neighbours, where no input changes."""
-    distance = y[1:-1] - 0.5 * (y[:-2] + y[2:])
-    deviation = 0.0
-    if (~bad).any():
-        deviation = float(np.median(np.abs(distance[~bad[1:-1]]))) / float(ndtri(0.75))
-    deviation = max(deviation, resolution)
-    alone = (np.abs(distance) > _SPIKE * deviation) & (
-        np.abs(y[2:] - y[:-2]) < 0.25 * np.abs(distance)
-    )
+    distance = np.abs(y[1:-1] - 0.5 * (y[:-2] + y[2:]))
+    good = distance[~bad[1:-1]]
+    robust = float(np.median(good)) / float(ndtri(0.75)) if good.size else 0.0
+    is_far = distance > _SPIKE * max(robust, resolution)
+    neighbours_agree = np.abs(y[2:] - y[:-2]) < 0.25 * distance
+    alone = is_far & neighbours_agree
     still = ~_any_moved(moved, len(y))
     result = np.zeros(len(y), dtype=bool)
     result[1:-1] = alone & still[:-2] & still[1:-1] & still[2:]

@@ -45,7 +45,7 @@ class RecordedRun:
     failure : str
         The reason for an early end; empty without one, or after an interrupt.
     pacing : Pacing
-        Statistics of how real time was kept.
+        Statistics of the timing of exchanges.
     """
 
     inputs: Array

@@ -72,7 +72,7 @@ def deadline(seconds: float) -> Iterator[None]:
 
 
 def leave(status: int) -> NoReturn:
-    """End this process at once, even if a thread that a driver has started goes on.
+    """End this process at once, even if threads of a driver are still running.
 
     Parameters
     ----------

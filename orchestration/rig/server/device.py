@@ -2,9 +2,9 @@
 
 It takes the newest command from the shared memory, writes it, reads, and publishes the sample
 there, at fixed times. When the newest command is too old, a measured value is beyond its limit, the
-backend raises, or front or guard show no sign of life, it brings the rig to its safe state and says
-so. A backend that raised is not used any more: the process ends, and another one opens it when an
-operator acknowledges.
+backend raises, or front or guard show no sign of life, it brings the rig to its safe state and
+publishes the reason. A backend that raised is not used any more: the process ends, and another one
+opens the backend when an operator acknowledges.
 """
 
 from __future__ import annotations
@@ -280,7 +280,7 @@ class Device:
         self._report("; ".join(failures), reached=bool(self._safe), ended=True)
 
     def _report(self, reason: str, *, reached: bool, ended: bool) -> None:
-        """Publish why the rig goes to its safe state, and whether it got there."""
+        """Publish the reason for going to the safe state, and whether the rig reached it."""
         self._shared.trip.write(Trip(monotonic(), reached, ended, write_text(reason)))
 
     def _publish(self, measured: dict[str, float], reported: list[float], now: float) -> None:

@@ -245,8 +245,8 @@ class RealTimeRig:
     def _supervise_guards(self) -> list[str]:
         """Replace guards that have ended, and both if neither shows a sign of life.
 
-        The one that stands by ends the other when that is silent; the front waits for it twice as
-        long before it does so itself.
+        The standby ends a silent guard on duty; the front waits twice as long before it does so
+        itself.
         """
         for number, process in list(self._guards.items()):
             if not process.is_alive():

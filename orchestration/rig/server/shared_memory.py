@@ -235,7 +235,7 @@ class SharedMemory:
     watch, rescue : Slot of Watch, Slot of Trip
         Written by the guard on duty.
     standby : Slot of SignOfLife
-        Written by the guard that stands by.
+        Written by the standby guard.
     beat, sample, trip, alarm, description
         Written by the device.
     """
