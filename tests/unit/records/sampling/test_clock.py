@@ -54,8 +54,9 @@ def test_an_autoregression_bears_as_much_jitter_as_is_called_even(pole):
     white, noise = np.sqrt(1.0 - kept**2) * random.standard_normal(n), np.zeros(n)
     for k in range(1, n):
         noise[k] = kept[k] * noise[k - 1] + white[k]
-    coefficients, variance = fit_autoregression(noise)
-    innovation = lfilter(np.concatenate([[1.0], -coefficients]), [1.0], noise)
+    found = fit_autoregression(noise)
+    innovation = lfilter(np.concatenate([[1.0], -found.coefficients]), [1.0], noise)
+    variance = found.deviation**2
     assert variance == pytest.approx(np.mean(white**2), rel=0.09)
     assert abs(np.mean(innovation[1:] * innovation[:-1])) < 0.03 * variance
 
