@@ -59,15 +59,10 @@ def _linearised(plant: type[Component], values: dict[str, float]) -> tuple[Array
         )
     _check_values(plant, values)
     A, B, C, D = trace(plant).linearise(**values)
-    of_states = [states.index(name) for name in _STATES]
-    of_inputs = [inputs.index(name) for name in _INPUTS]
-    of_outputs = [outputs.index(name) for name in _OUTPUTS]
-    return (
-        A[np.ix_(of_states, of_states)],
-        B[np.ix_(of_states, of_inputs)],
-        C[np.ix_(of_outputs, of_states)],
-        D[np.ix_(of_outputs, of_inputs)],
-    )
+    x = [states.index(name) for name in _STATES]
+    u = [inputs.index(name) for name in _INPUTS]
+    y = [outputs.index(name) for name in _OUTPUTS]
+    return A[np.ix_(x, x)], B[np.ix_(x, u)], C[np.ix_(y, x)], D[np.ix_(y, u)]
 
 
 def _check_values(plant: type[Component], values: dict[str, float]) -> None:
@@ -131,7 +126,10 @@ def gains(
     _check_times(sample_period, time_constants)
     continuous = control.ss(*_linearised(plant, values))
     sampled: Any = control.sample_system(continuous, sample_period, method="zoh")
-    A, B, C, D = sampled.A, sampled.B, sampled.C, sampled.D
+    A = sampled.A
+    B = sampled.B
+    C = sampled.C
+    D = sampled.D
     if np.abs(A - np.diag(np.diag(A))).max() > _COUPLED:
         raise UserError(
             f"{plant.name}: charge and creep are coupled; the design is for decoupled ones"

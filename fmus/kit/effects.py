@@ -89,19 +89,20 @@ class EffectType(type):
         """Make a class; attributes are distinguished from laws and variables by their types.
 
         A declaration with the name of an attribute is set apart, because ``getattr`` on the class
-        would find the attribute (`_effect_attribute`) in its place.
+        would find the attribute (`_effect_attribute`) in its place. Of an output, the method stays.
         """
-        members = dict(body)
+        members: dict[str, Any] = {}
         attributes: dict[str, Any] = {}
         declarations: dict[str, Declaration] = {}
-        for key in _ATTRIBUTES & body.keys():
-            value = body[key]
-            if isinstance(value, _ATTRIBUTE_TYPES):
-                attributes[key] = members.pop(key)
-            elif isinstance(value, Declaration):
-                declarations[key] = name_declaration(members.pop(key), key)
-            if isinstance(value, OutputDeclaration):
-                members[key] = value.law  # it remains a method
+        for key, value in body.items():
+            if key in _ATTRIBUTES and isinstance(value, _ATTRIBUTE_TYPES):
+                attributes[key] = value
+            elif key in _ATTRIBUTES and isinstance(value, Declaration):
+                declarations[key] = name_declaration(value, key)
+                if isinstance(value, OutputDeclaration):
+                    members[key] = value.law
+            else:
+                members[key] = value
         members |= {"_about": attributes | about, APART: declarations}
         return super().__new__(mcs, name, bases, members)
 

@@ -307,18 +307,21 @@ def _continuous(term: LawTerm) -> _Memory:
     stem = term.stem
     is_behind = term.memory in ("fading", "two_lags", "rate_limit")
     unit = term.signal_unit
-    names = {role: f"{stem}_{role}" for role in ("change", "begin", "begun", "time")}
+    change = f"{stem}_change"
+    begin = f"{stem}_begin"
+    begun = f"{stem}_begun"
+    time = f"{stem}_time"
 
     def now(self: Any) -> Any:
         return base_value(self, term.signal)
 
     def remembered(self: Any) -> Any:
-        begin = where(getattr(self, names["begun"]), getattr(self, names["begin"]), now(self))
-        return begin + getattr(self, names["change"])
+        start = where(getattr(self, begun), getattr(self, begin), now(self))
+        return start + getattr(self, change)
 
     def rate(self: Any) -> Any:
         gap = now(self) - remembered(self)
-        plain = gap / getattr(self, names["time"])
+        plain = gap / getattr(self, time)
         if term.memory == "two_lags":
             ratio = getattr(self, f"{stem}_ratio")
             return where(gap < Constant(0.0, unit), plain / ratio, plain)
@@ -332,18 +335,18 @@ def _continuous(term: LawTerm) -> _Memory:
         return now(self) - before if is_behind else before
 
     members = {
-        names["time"]: _positive(1.0, "s", f"time constant of {stem}"),
-        names["change"]: State(
+        time: _positive(1.0, "s", f"time constant of {stem}"),
+        change: State(
             unit,
-            rate=f"{names['change']}_rate",
+            rate=f"{change}_rate",
             nominal=term.scale,
             doc=f"gain of the memory of {stem} since the start",
         ),
-        f"{names['change']}_rate": rate,
-        names["begin"]: _once(term, names["begin"], f"{term.signal} at the start"),
-        f"{names['begin']}_update": now,
-        names["begun"]: _flag(names["begun"], _ONCE),
-        f"{names['begun']}_update": lambda self: 1.0,
+        f"{change}_rate": rate,
+        begin: _once(term, begin, f"{term.signal} at the start"),
+        f"{begin}_update": now,
+        begun: _flag(begun, _ONCE),
+        f"{begun}_update": lambda self: 1.0,
     }
     if term.memory == "two_lags":
         members[f"{stem}_ratio"] = _positive(1.0, "1", "time constant of falling over rising")
@@ -361,7 +364,10 @@ def _sampled(term: LawTerm) -> _Memory:
     change: dz = ds - |ds| z/w.
     """
     stem = term.stem
-    names = {role: f"{stem}_{role}" for role in ("memory", "before", "begun", "way")}
+    memory = f"{stem}_memory"
+    previous = f"{stem}_before"
+    begun = f"{stem}_begun"
+    way = f"{stem}_way"
     is_dahl = term.memory == "dahl"
 
     def now(self: Any) -> Any:
@@ -371,33 +377,31 @@ def _sampled(term: LawTerm) -> _Memory:
         return 0.0 * now(self) if is_dahl else now(self)
 
     def followed(self: Any) -> Any:
-        z = getattr(self, names["memory"])
-        w = getattr(self, names["way"])
+        z = getattr(self, memory)
+        w = getattr(self, way)
         if not is_dahl:
             return maximum(minimum(z, now(self) + w), now(self) - w)
-        moved = now(self) - getattr(self, names["before"])
-        share = exp(-absolute(moved) / w)
-        end = where(moved < Constant(0.0, term.signal_unit), -w, w)
+        change = now(self) - getattr(self, previous)
+        share = exp(-absolute(change) / w)
+        end = where(change < Constant(0.0, term.signal_unit), -w, w)
         return share * z + (1.0 - share) * end
 
     def update(self: Any) -> Any:
-        return where(getattr(self, names["begun"]), followed(self), begin(self))
+        return where(getattr(self, begun), followed(self), begin(self))
 
     def held(self: Any) -> Any:
-        return where(getattr(self, names["begun"]), getattr(self, names["memory"]), begin(self))
+        return where(getattr(self, begun), getattr(self, memory), begin(self))
 
     members = {
-        names["way"]: _positive(term.scale, term.signal_unit, f"way until {stem} gives (w)"),
-        names["memory"]: _at_instants(term, names["memory"], f"memory of {stem}"),
-        f"{names['memory']}_update": update,
-        names["begun"]: _flag(names["begun"], term.period),
-        f"{names['begun']}_update": lambda self: 1.0,
+        way: _positive(term.scale, term.signal_unit, f"way until {stem} gives (w)"),
+        memory: _at_instants(term, memory, f"memory of {stem}"),
+        f"{memory}_update": update,
+        begun: _flag(begun, term.period),
+        f"{begun}_update": lambda self: 1.0,
     }
     if is_dahl:
-        members[names["before"]] = _at_instants(
-            term, names["before"], f"{term.signal} at the instant before"
-        )
-        members[f"{names['before']}_update"] = now
+        members[previous] = _at_instants(term, previous, f"{term.signal} at the instant before")
+        members[f"{previous}_update"] = now
     return _Memory(members, held if term.is_held else update)
 
 

@@ -188,17 +188,22 @@ def follow_course(
     parts = [
         (part.begins.tolist(), part.ends.tolist(), part.rows, part.slopes) for part in course.parts
     ]
+
+    def step_to(k: int) -> None:
+        """Make the parts of the step to a point."""
+        for begins, ends, rows, slopes in parts:
+            if rows is not None:
+                write(rows[k])
+            if set_slopes is not None and slopes is not None:
+                set_slopes(slopes[k])
+            fmu.step(begins[k], ends[k] - begins[k])
+
     with tracked_run() as run:
         for k, now in enumerate(course.time.tolist()):
             run.point = k
             try:
                 if k > 0:
-                    for begins, ends, rows, slopes in parts:
-                        if rows is not None:
-                            write(rows[k])
-                        if set_slopes is not None and slopes is not None:
-                            set_slopes(slopes[k])
-                        fmu.step(begins[k], ends[k] - begins[k])
+                    step_to(k)
                 _exchange(write, read, course.table[k], result[k], now)
             except UserError as error:
                 raise StepFailed(str(error), k) from error

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -15,7 +15,7 @@ from fmus.kit.errors import UserError, suggestion
 from fmus.kit.record import CompiledModel
 from fmus.kit.symbolic import Graph, trace
 from orchestration.linear.blocks import LinearBlocks, blocks_of, jacobians
-from orchestration.linear.discretisation import assemble
+from orchestration.linear.discretisation import Matrices, assemble
 from orchestration.linear.model import LinearModel
 from orchestration.linear.operating_point import OperatingPoint, with_outputs
 from orchestration.master.reference import fuse
@@ -204,15 +204,8 @@ class LinearSubject:
         # one input feeds all inputs behind the cut, each by its factor
         column = np.array(list(factors.values()))[:, None]
         loop = replace(matrices, B=matrices.B @ column, C=-matrices.C, D=-matrices.D @ column)
-        notes = _notes(point)
-        if matrices.period and path.rates[:, -len(factors) :].any():
-            notes += (
-                f"{cut} also acts between samples, but behind the cut it is constant for"
-                f" {matrices.period:g} s, which is another loop than the closed one; cut at a"
-                " signal that is only sampled",
-            )
-        if not matrices.states and not matrices.D.any():
-            notes += (f"nothing comes back to the cut: no loop goes through {cut} here",)
+        acts_between_samples = bool(path.rates[:, -len(factors) :].any())
+        notes = (*_notes(point), *_loop_notes(cut, matrices, acts_between_samples))
         units = self.units | {input: self.units.get(cut, self.units.get(output, ""))}
         return LinearModel(
             self.name,
@@ -261,6 +254,18 @@ def _notes(point: OperatingPoint) -> tuple[str, ...]:
 
 def _real(variables: Sequence[Declaration]) -> list[str]:
     return [v.name for v in variables if v.type == "real"]
+
+
+def _loop_notes(cut: str, matrices: Matrices, acts_between_samples: bool) -> Iterator[str]:
+    """Yield remarks on a loop that is cut at a signal."""
+    if matrices.period and acts_between_samples:
+        yield (
+            f"{cut} also acts between samples, but behind the cut it is constant for"
+            f" {matrices.period:g} s, which is another loop than the closed one; cut at a"
+            " signal that is only sampled"
+        )
+    if not matrices.states and not matrices.D.any():
+        yield f"nothing comes back to the cut: no loop goes through {cut} here"
 
 
 def subject_of(model: type[Component] | System, name: str = "") -> LinearSubject:

@@ -65,7 +65,7 @@ class FixedPoint:
         """
         before = self.evaluations
         limit = before + _MOST_EVALUATIONS
-        updates_left = _MOST_UPDATES
+        updates_left = _MOST_UPDATES  # of the Jacobian, before it is measured again
         x = v / self._scale
         r = self._residual(x)
         magnitude = 1.0 + np.abs(x)
@@ -75,17 +75,17 @@ class FixedPoint:
             largest = float(np.max(np.abs(r) / (TOLERANCE * magnitude + _ROUNDING * np.abs(x))))
             return largest if np.isfinite(largest) else np.inf
 
+        def is_too_long(step: Array, r_new: Array) -> bool:
+            may_halve = self._continuous and self.evaluations < limit
+            return may_halve and error(x + step, r_new) > 2.0 * error(x, r)
+
         while 1.0 < error(x, r) < np.inf and self.evaluations < limit:
             step = self._step(x, r, updates_left == 0)
             if not step.any():
                 break
             updates_left = updates_left - 1 if updates_left else _MOST_UPDATES
             r_new = self._residual(x + step)
-            while (
-                self._continuous
-                and self.evaluations < limit
-                and error(x + step, r_new) > 2.0 * error(x, r)
-            ):
+            while is_too_long(step, r_new):
                 step = 0.5 * step
                 updates_left = 0
                 r_new = self._residual(x + step)

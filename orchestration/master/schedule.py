@@ -215,10 +215,10 @@ class MemberStep:
             slopes[k] = (factor * outputs[source] + offset - values[k]) / span
         self._start_values = values
         self._span = span
+        # the last part ends at the very end, without rounding
+        ends = [*(start + span * part / self.parts for part in range(1, self.parts)), end]
         part_start = start
-        for part in range(1, self.parts + 1):
-            # the last part ends at the very end, without rounding
-            part_end = end if part == self.parts else start + span * part / self.parts
+        for part_end in ends:
             self._own_step.set(part_start, part_end)
             if self._places:
                 middle = 0.5 * (part_start + part_end)

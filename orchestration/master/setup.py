@@ -218,8 +218,8 @@ def make_structure(
     fed_inputs = (*sources, *fed)
     _check_variables(members, (*recorded, *sources, *sources.values(), *fed), set(fed_inputs))
     read = list(dict.fromkeys((*recorded, *compared, *sources.values())))
-    fed_by_member = {m.name: [p for p in fed_inputs if p.member == m.name] for m in members}
-    read_by_member = {m.name: [p for p in read if p.member == m.name] for m in members}
+    fed_by_member = _by_member(members, fed_inputs)
+    read_by_member = _by_member(members, read)
     feedthrough, assumed = _feedthrough(members, fed_by_member, read_by_member)
     structure = Structure(
         sources=sources,
@@ -230,6 +230,14 @@ def make_structure(
         stateless={member.name for member in members if not member.can_restore},
     )
     return structure, recorded
+
+
+def _by_member(members: Sequence[Instance], ports: Sequence[Port]) -> dict[str, list[Port]]:
+    """Return the ports of each member by its name."""
+    result: dict[str, list[Port]] = {member.name: [] for member in members}
+    for port in ports:
+        result[port.member].append(port)
+    return result
 
 
 def _feedthrough(

@@ -6,7 +6,7 @@ An input without a connection stays at the start value that its FMU declares.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 
@@ -253,6 +253,21 @@ def describe_open_input(name: str, signal: Signal) -> str:
     return f"nothing feeds {name}; it stays at {start}, the start value of its FMU"
 
 
+def _unit_warnings(system: System, connection: Connection) -> Iterator[str]:
+    """Yield a warning if factor and offset of a connection are not those of its units."""
+    source = connection.source
+    target = connection.target
+    unit = interface(system.member(source.member)).outputs[source.variable].unit
+    to = interface(system.member(target.member)).inputs[target.variable].unit
+    needed = conversion(unit, to)
+    actual = (connection.factor, connection.offset)
+    if needed is not None and unit != to and not _are_close(needed, actual):
+        yield (
+            f"{source} -> {target}: from {unit!r} to {to!r}"
+            f" the units ask for {_describe(needed)}, given is {_describe(actual)}"
+        )
+
+
 def warnings(system: System) -> list[str]:
     """List warnings about a system that passes :func:`check`.
 
@@ -272,17 +287,7 @@ def warnings(system: System) -> list[str]:
                     f" it has {available}"
                 )
     for connection in system.connections:
-        source = connection.source
-        target = connection.target
-        unit = interface(system.member(source.member)).outputs[source.variable].unit
-        to = interface(system.member(target.member)).inputs[target.variable].unit
-        needed = conversion(unit, to)
-        actual = (connection.factor, connection.offset)
-        if needed is not None and unit != to and not _are_close(needed, actual):
-            lines.append(
-                f"{source} -> {target}: from {unit!r} to {to!r}"
-                f" the units ask for {_describe(needed)}, given is {_describe(actual)}"
-            )
+        lines += _unit_warnings(system, connection)
     lines += [
         f"system input {name} feeds nothing" for name, ports in system.inputs.items() if not ports
     ]

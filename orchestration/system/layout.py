@@ -8,6 +8,7 @@ further right and below them otherwise, and then a vertical track before the col
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -149,10 +150,8 @@ def arrange(system: System) -> tuple[dict[str, DiagramBox], dict[Port, Lane]]:
 
 def _make_boxes(system: System) -> dict[str, DiagramBox]:
     """Return the box of each member with its connected variables, still without a position."""
-    connected_inputs = {c.target for c in system.connections} | {
-        port for ports in system.inputs.values() for port in ports
-    }
-    connected_outputs = {c.source for c in system.connections} | set(system.outputs.values())
+    connected_inputs = {c.target for c in system.connections}.union(*system.inputs.values())
+    connected_outputs = {c.source for c in system.connections}.union(system.outputs.values())
     columns = _assign_columns(system)
     boxes = {}
     for member in system.members:
@@ -255,12 +254,9 @@ def _place_columns(
     input_pins = [(name, port) for name, ports in system.inputs.items() for port in ports]
     input_widths = _pin_widths(input_pins, boxes, len(columns))
     output_widths = _pin_widths(list(system.outputs.items()), boxes, len(columns))
-    track_counts = dict.fromkeys(range(-1, len(columns)), 0)
-    for source, net in tracks.items():
-        source_gap = boxes[source.member].column
-        track_counts[source_gap] = max(track_counts[source_gap], net.source_track + 1)
-        for column, number in net.entries.items():
-            track_counts[column - 1] = max(track_counts[column - 1], number + 1)
+    track_counts = Counter(boxes[source.member].column for source in tracks)
+    for net in tracks.values():
+        track_counts.update(column - 1 for column in net.entries)
     gaps = {}
     x = 0.2
     for gap in range(-1, len(columns)):

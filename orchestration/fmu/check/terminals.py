@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -51,14 +52,19 @@ def _schema_problems(contents: bytes) -> list[str]:
 
 def _check_references(archive: Archive, root: Element) -> Iterator[Finding]:
     """Check that variables of terminals exist, and that names of terminals are unique."""
-    variables = {node.get("name") for node in archive.description.iterfind("ModelVariables/*")}
-    variables |= {node.get("name") for node in archive.description.iter("Alias")}
-    used = [node.get(attribute) for node in root.iter() for attribute in _REFERENCES]
-    unknown = [name for name in dict.fromkeys(used) if name is not None and name not in variables]
+    description = archive.description
+    declared = [*description.iterfind("ModelVariables/*"), *description.iter("Alias")]
+    variables = {node.get("name") for node in declared}
+    unknown: dict[str, None] = {}
+    for node in root.iter():
+        for attribute in _REFERENCES:
+            name = node.get(attribute)
+            if name is not None and name not in variables:
+                unknown[name] = None
     if unknown:
         yield Finding(1, "error", f"{_FILE}: there are no variables {listed(unknown)}")
     for parent in root.iter():
-        names = [node.get("name", "") for node in parent.iterfind("Terminal")]
-        twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
-        if twice:
-            yield Finding(1, "error", f"{_FILE}: several terminals are called {listed(twice)}")
+        counts = Counter(node.get("name", "") for node in parent.iterfind("Terminal"))
+        repeated = [name for name, count in counts.items() if count > 1]
+        if repeated:
+            yield Finding(1, "error", f"{_FILE}: several terminals are called {listed(repeated)}")

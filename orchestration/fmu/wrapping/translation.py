@@ -248,12 +248,13 @@ class _Translator:
         """
         is_alias = node is not variable.node
         is_structural = causality == "structuralParameter"
-        shared = {"causality": causality, "variability": variable.variability}
         initial = variable.attributes.get("initial")
         if is_structural:
             shared = {"causality": "local", "variability": "fixed"}
-        elif initial is not None and not is_alias:
-            shared["initial"] = initial
+        else:
+            shared = {"causality": causality, "variability": variable.variability}
+            if initial is not None and not is_alias:
+                shared["initial"] = initial
         description = node.get("description", variable.attributes.get("description"))
         if description is not None:
             shared["description"] = description
@@ -278,11 +279,11 @@ class _Translator:
         if (given.get("unit"), given.get("displayUnit")) in self._inverse_units:
             del given["displayUnit"]
         kind = variable.scalar_type
-        attributes = {name: given[name] for name in _OF_TYPE[kind] if name in given}
-        if kind == "Integer":
-            low, high = _RANGES.get(variable.kind, (None, None))
-            if low is not None:
-                attributes = {"min": str(low), "max": str(high)} | attributes
+        attributes = {}
+        if kind == "Integer" and variable.kind in _RANGES:
+            low, high = _RANGES[variable.kind]
+            attributes = {"min": str(low), "max": str(high)}
+        attributes |= {name: given[name] for name in _OF_TYPE[kind] if name in given}
         if kind == "Enumeration":
             attributes["declaredType"] = given.get("declaredType", "")
         if variable.is_wide:
@@ -344,14 +345,13 @@ class _Translator:
         ]
         if variable.count * sum(known.count for known, _ in knowns) > _MOST_DEPENDENCIES:
             return {}
-        indices: list[str] = []
-        scalar_kinds: list[str] = []
-        for known, kind in knowns:
-            indices += [str(index + 1) for index in known.elements]
-            # a kind holds for all elements of arrays together, so that one may differ from it
-            is_scalar = variable.count == known.count == 1
-            scalar_kinds += [kind if is_scalar else "dependent"] * known.count
+        indices = [str(index + 1) for known, _ in knowns for index in known.elements]
         attributes = {"dependencies": " ".join(indices)}
         if declared_kinds:
+            scalar_kinds: list[str] = []
+            for known, kind in knowns:
+                # a kind holds for all elements of arrays together, so that one may differ from it
+                is_scalar = variable.count == known.count == 1
+                scalar_kinds += [kind if is_scalar else "dependent"] * known.count
             attributes["dependenciesKind"] = " ".join(scalar_kinds)
         return attributes
