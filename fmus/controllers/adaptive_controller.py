@@ -90,7 +90,7 @@ class AdaptiveController(Component):
     )
 
     def model_decay(self) -> Any:
-        """Share of the model's displacement that is left after a sample, exp(-h / T_m)."""
+        """Decay of the model's displacement in a sample period h, exp(-h / T_m)."""
         return exp(-self.sample_period / self.model_time)
 
     def nominal_current(self) -> Any:

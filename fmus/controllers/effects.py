@@ -1,4 +1,4 @@
-"""Known ways the controllers are wrong: computation takes time."""
+"""Effects that the models of the controllers omit: computation takes time."""
 
 from __future__ import annotations
 

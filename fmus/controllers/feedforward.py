@@ -1,4 +1,4 @@
-"""Feedforward: the current at which an actuator's model has a wanted length under a known load.
+"""Feedforward: the current by which an actuator's model reaches a length under a known load.
 
 Thesis section 6.2 proposes work loops that are tracked by feedback and feedforward. The model is
 that of eqs. 3.4 to 3.9, sampled; its inverse takes a sample period, so that length and load must be
@@ -139,7 +139,7 @@ class Feedforward(Component):
         return (self.next_reference - loaded) / self.alpha
 
     def decay(self) -> Any:
-        """Share of the charge that is left after a sample without current, a (eq. 3.5, row 1)."""
+        """Decay of the charge in a sample period without current, a (eq. 3.5, row 1)."""
         return exp(-self.sample_period / ((self.R1 + self.R2) * self.C))
 
     def charge_per_current(self) -> Any:

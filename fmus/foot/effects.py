@@ -109,8 +109,8 @@ class TensionStiffness(FootEffect):
     """Stiffness of a joint by tensions on moment arms that change as it turns: ``s T d2l/dtheta2``
     more.
 
-    Relaxes assumption 5, that the change of the moment arms under tension is left out of the
-    stiffness; ``s = 0`` is the base model, and at ``s = 1`` the compliance is the derivative of the
+    Relaxes assumption 5, that the stiffness does not have the change of the moment arms under
+    tension; ``s = 0`` is the base model, and at ``s = 1`` the compliance is the derivative of the
     toe's position by the force on it.
     """
 

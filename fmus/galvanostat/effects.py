@@ -1,4 +1,4 @@
-"""Known ways the galvanostat is wrong."""
+"""Effects that the model of the galvanostat omits."""
 
 from __future__ import annotations
 

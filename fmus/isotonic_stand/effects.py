@@ -1,4 +1,4 @@
-"""Known ways the stand is wrong: a guide that rubs, weights that swing, an LVDT or frame askew.
+"""Effects that the model omits: a guide that rubs, weights that swing, an LVDT or frame askew.
 
 Each is a mixin that overrides one law (never an output) through ``super()``. At its neutral
 parameter value the law equals that of the base model to the last bit: added terms are multiplied by

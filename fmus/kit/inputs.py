@@ -125,7 +125,7 @@ def _input_effect(id: str, name: str, doc: str, change: _Change) -> type[Effect]
         neutral=switch,
         sizes=change.sizes,
     )
-    arriving.effect = effect
+    arriving.effect = effect  # before the first access, which is after the effect is stacked
     return effect
 
 

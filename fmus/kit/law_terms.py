@@ -406,14 +406,14 @@ def _sampled(term: LawTerm) -> _Memory:
 
 
 def _once(term: LawTerm, name: str, doc: str) -> Any:
-    """Declare a value that is taken at the start."""
+    """Declare a discrete state that is sampled once, at the start."""
     return Discrete(
         term.signal_unit, update=f"{name}_update", period=_ONCE, nominal=term.scale, doc=doc
     )
 
 
 def _at_instants(term: LawTerm, name: str, doc: str) -> Any:
-    """Declare a value that is taken at sample instants."""
+    """Declare a discrete state that is sampled with the period of a term."""
     return Discrete(
         term.signal_unit, update=f"{name}_update", period=term.period, nominal=term.scale, doc=doc
     )

@@ -621,7 +621,7 @@ def to_modelica(unit: str) -> str:
 
 
 def _parsed(unit: str) -> ast.expr:
-    """Parse a unit as a Python expression; raise SyntaxError if it is none."""
+    """Parse a unit as a Python expression; raise SyntaxError if that is impossible."""
     text = unit.strip().replace("^", "**").replace("·", "*").replace(".", "*").replace("°C", "degC")
     product = re.sub(r"(?<=[\w)])\s+(?=[\w(])", "*", text)
     return ast.parse(product, mode="eval").body

@@ -1,4 +1,4 @@
-"""Known ways the bench model is wrong: friction, stops, force constant, amplifier, coil heating.
+"""Effects that the bench model omits: friction, stops, force constant, amplifier, coil heating.
 
 Noise, hum, a late controller and the protection are in :mod:`.disturbances`. Each effect is a mixin
 that overrides one law (never an output) through ``super()``. At its neutral parameter value the law

@@ -18,7 +18,7 @@ _open_fmus: Counter[str] = Counter()
 
 
 def note_opened(label: str) -> None:
-    """Watch for an exit of this process until the FMU is closed."""
+    """Watch for an exit of this process until the FMU, whose name is `label`, is closed."""
     # the parent of an isolated process notices its exit
     if shared_progress.current is None and _start_watch():
         _open_fmus[label] += 1

@@ -55,7 +55,7 @@ _numbers = itertools.count(1)
 
 
 def _receive(environment: Any, name: bytes, status: int, category: bytes, message: bytes) -> None:
-    """Log a message for its instance; print it if it is of none of ours."""
+    """Log a message for its instance; print one of an instance that has no log."""
     log = _logs.get(environment or 0)
     if log is None:
         printLogMessage(environment, name, status, category, message)

@@ -239,7 +239,7 @@ class LinearBlocks:
         )
 
     def _with_columns_from(self, source: LinearBlocks) -> LinearBlocks:
-        """Return the blocks with their own columns, while the matrices have those of the source.
+        """Return the blocks with their matrices rearranged from the columns of the source.
 
         Columns are reordered or dropped, and zero for new names. A new input is a signal as well.
         """

@@ -35,13 +35,13 @@ class SineSweep:
     amplitude : float
         Amplitude of the sine, in the unit of the input.
     period : float
-        Duration of each value of the sine, and interval at which outputs are read, s.
+        Sample period of the sine and of the outputs, s.
     step : float
         Largest communication step, s; it is reduced so that the period is a multiple of it.
     at : float
         Time of the operating point, s, at which the sine starts.
     settling : float
-        Least time of the sine before its evaluation, s, which is never less than twelve cycles.
+        Least duration of the sine before its evaluation, s; in any case at least twelve cycles.
 
     Raises
     ------

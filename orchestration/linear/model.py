@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import pi
+from math import inf, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
@@ -171,26 +171,28 @@ class LinearModel(Displayable):
         Margins of a sampled loop are computed in the w-plane, ``w = 2/T (z - 1)/(z + 1)``, and
         their frequencies are converted back.
         """
-        import control
-
         part = self.part(input, output)
         plane = w_plane(part) if self.period else part
-        margins = control.margin(plane)
-        if not _is_unity(plane, margins[-1]):  # margins by interpolation instead of polynomials
-            omega = 2.0 * pi * self._plane(self.frequencies(_POINTS))
-            margins = control.margin(control.frd(plane(1j * omega), omega, smooth=True))
-        gain, phase, phase_crossover, crossover = margins
+        gain, phase, phase_crossover, crossover = self._margins_in_plane(plane)
         at_nyquist = float(plane.D[0, 0]) if self.period else 0.0
         if at_nyquist < 0.0 and abs(np.log(-at_nyquist)) < abs(np.log(gain)):
             # half the sampling rate, infinite in the w-plane, where python-control does not look
-            gain = -1.0 / at_nyquist
-            phase_crossover = np.inf
-        return LoopMargins(
-            float(phase),
-            self._hertz(float(crossover)),
-            float(gain),
-            self._hertz(float(phase_crossover)),
-        )
+            return LoopMargins(phase, self._hertz(crossover), -1.0 / at_nyquist, self._hertz(inf))
+        return LoopMargins(phase, self._hertz(crossover), gain, self._hertz(phase_crossover))
+
+    def _margins_in_plane(self, plane: control.TransferFunction) -> tuple[float, ...]:
+        """Return gain and phase margin, phase and gain crossover of a loop, as python-control does.
+
+        Where roots of polynomials give no crossover with gain one, the response is interpolated.
+        """
+        import control
+
+        margins = control.margin(plane)
+        if _is_unity(plane, margins[-1]):
+            return tuple(map(float, margins))
+        omega = 2.0 * pi * self._plane(self.frequencies(_POINTS))
+        response = control.frd(plane(1j * omega), omega, smooth=True)
+        return tuple(map(float, control.margin(response)))
 
     def _plane(self, frequencies: Array) -> Array:
         """Return frequencies in the w-plane, Hz; unchanged for a continuous model."""

@@ -27,10 +27,11 @@ _PALEST = 0.35
 @draw.register(LinearModel)
 def draw_linear_model(model: LinearModel) -> Figure:
     """Draw Bode diagram, step response, poles and zeros at all operating points."""
-    title = f"{model.name}: {model.inputs[0]} to {model.outputs[0]}"
-    if model.loop:
-        title = f"{model.name}: loop transfer function, cut at {model.loop}"
-    figure, (gain, phase, step, plane) = pictures.panels(4, title, height=2.0, shared=False)
+    path = f"{model.inputs[0]} to {model.outputs[0]}"
+    content = f"loop transfer function, cut at {model.loop}" if model.loop else path
+    figure, (gain, phase, step, plane) = pictures.panels(
+        4, f"{model.name}: {content}", height=2.0, shared=False
+    )
     frequencies = model.frequencies(_POINTS)
     _draw_band(model, frequencies, gain, phase, step)
     models = (model, *model.further)

@@ -438,7 +438,7 @@ class Executor:
                 member.check_status(status, request, self.present_step)
 
     def raise_not_finite(self, place: int) -> NoReturn:
-        """Raise the error that an output, given by its place, is not finite."""
+        """Raise UserError for an output that is not finite; `place` is its index in the buffer."""
         port = list(self.outputs.at)[place]
         value = self.outputs.cells[place]
         raise UserError(

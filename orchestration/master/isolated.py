@@ -83,7 +83,7 @@ def run_isolated(
     progress: Callable[[int], None],
     options: Mapping[str, Any],
 ) -> Run:
-    """Run a system in a process of its own.
+    """Run a system in a separate process.
 
     Parameters
     ----------

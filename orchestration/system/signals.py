@@ -63,7 +63,7 @@ def read_system_record(
     Parameters
     ----------
     source : Path, DataFrame, Mapping of str to array_like, or Record
-        One that was read already has signals of the system by their names.
+        A record that was read before; its signals must have names of the system's signals.
     system : System
     mapping : Mapping of str to str
         Column to signal, see `orchestration.records.parse_mapping`.
@@ -77,7 +77,7 @@ def read_system_record(
     Raises
     ------
     UserError
-        If the file is refused, two columns are one signal, or a signal is none of the system.
+        If the file is refused, two columns are one signal, or the system lacks a signal.
     """
     known = signal_names(system)
     if isinstance(source, Record):

@@ -13,7 +13,7 @@ import re
 import sys
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, is_dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from fmus.kit.component import Component
@@ -258,11 +258,12 @@ class Bundle:
         place = self._new_name(module, source)
         self.places[module] = place
         is_package = source.name == "__init__.py"
-        folders = place.split(".") if is_package else place.split(".")[:-1]
-        for depth in range(len(folders)):
-            self.files.setdefault("/".join([*folders[: depth + 1], "__init__.py"]), _PLACEHOLDER)
-        text = self._rewritten(module, source, len(folders))
-        self.files[place.replace(".", "/") + ("/__init__.py" if is_package else ".py")] = text
+        path = PurePosixPath(*place.split("."))
+        file = path / "__init__.py" if is_package else path.with_suffix(".py")
+        *folders, _ = file.parents  # from the innermost, without the root
+        for folder in reversed(folders):
+            self.files.setdefault(str(folder / "__init__.py"), _PLACEHOLDER)
+        self.files[str(file)] = self._rewritten(module, source, len(folders))
         return place
 
     def _new_name(self, module: str, source: Path) -> str:

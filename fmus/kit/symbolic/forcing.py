@@ -159,7 +159,7 @@ class EffectForcing:
     def _with_active_switch(
         self, settings: Sequence[Values]
     ) -> tuple[list[dict[str, float]], Array]:
-        """Return the settings with neutral switches moved by a step, and divisors (k,).
+        """Return the settings, a step added to neutral switches, and divisors, shape (k,).
 
         The divisor is the step, so that the quotient is a derivative; it is 1 for other settings.
         """

@@ -182,7 +182,7 @@ class PerturbedLaws:
         return bool(ca.jacobian(value, symbols[0]).is_constant())
 
     def computed_from(self, signal: str) -> set[str]:
-        """Return the inputs and states that a law depends on; for another signal, its own name."""
+        """Return the inputs and states that a law depends on; for any other signal, its name."""
         return set(self._inside[signal]) if signal in self._values else {signal}
 
     @cached_property
@@ -198,7 +198,7 @@ class PerturbedLaws:
     def reads_itself(self, law: str, signal: str) -> bool:
         """Return whether a law reads a signal itself, or has it as an argument.
 
-        A signal that only a law that it calls reads does not count.
+        Signals that are read only by laws that it calls do not count.
 
         Parameters
         ----------

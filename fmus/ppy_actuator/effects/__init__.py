@@ -1,4 +1,4 @@
-"""Known ways the actuator model is wrong, each relaxing one assumption of the README.
+"""Effects that the actuator model omits, each relaxing one assumption of the README.
 
 Every effect is a mixin that overrides laws (never an output) through ``super()``, so that it serves
 all causalities of the actuator, and stacks with the others. At its neutral parameter value the laws

@@ -161,7 +161,7 @@ class NonlinearLeakage(ActuatorEffect):
     V_on)^2``.
 
     The terminal voltage then obeys a quadratic equation, solved here in closed form, and the
-    current left for the circuit of fig. 3-1 is ``i - sign(V) g (|V| - V_on)^2``. Relaxes assumption
+    current of the circuit of fig. 3-1 is ``i - sign(V) g (|V| - V_on)^2``. Relaxes assumption
     8, that leakage is the resistance R2; ``g = 0`` is the base model. Only a record whose
     voltage passes the onset shows it.
     """

@@ -105,7 +105,7 @@ def _attribute(variable: Any, name: str) -> str | None:
 
 
 def _number(variable: Any, name: str, text: str | None, default: float) -> float:
-    """Return the number in an attribute, or the default if empty; UserError if it is none."""
+    """Return the number in an attribute, the default if it is empty; UserError if it is invalid."""
     if not text:
         return default
     try:

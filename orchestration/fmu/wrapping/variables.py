@@ -172,7 +172,7 @@ class Fmi3Description:
         return UserError(f"{self._where}: {name}: {problem}")
 
     def whole_number(self, text: str | None, name: str, attribute: str) -> int:
-        """Return an unsigned integer of 32 bits from a text; UserError if it is none."""
+        """Return an unsigned integer of 32 bits from a text; UserError if it is no such number."""
         digits = (text or "").strip()
         if not digits.isascii() or not digits.isdigit():
             raise self.error(name, f"{attribute} {digits[:40]!r} is no whole number")

@@ -27,7 +27,7 @@ from orchestration.system import Connection, System, interface
 
 
 class Mechanical(NamedTuple):
-    """A mechanical coupling of two members: a length one way and a force back."""
+    """A mechanical coupling of two members: one sends a length, the other returns a force."""
 
     length: Connection
     force: Connection
@@ -108,7 +108,7 @@ def coupling_error(
     Parameters
     ----------
     system : System
-        A system of our own components; see :func:`.fuse`.
+        A system of components of this project; see :func:`.fuse`.
     steps : sequence of float
         Communication steps in s; the stop time is a multiple of each.
     stop : float
@@ -186,7 +186,7 @@ def _communication_points(stop: float, step: float) -> Array:
 
 
 def mechanical(system: System) -> list[Mechanical]:
-    """Find the mechanical couplings of a system: a length in m one way, and a force in N back.
+    """Find the mechanical couplings: connections of a length, m, with those of a force, N, back.
 
     Several between the same two members are paired in the order in which they are connected.
     """

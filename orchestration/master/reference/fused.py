@@ -39,7 +39,7 @@ from orchestration.system import Member, System, check
 
 @uninterrupted()
 def fuse(system: System) -> Graph:
-    """Flatten a system of our own components into one model.
+    """Flatten a system of components of this project into one model.
 
     Parameters
     ----------

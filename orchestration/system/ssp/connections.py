@@ -43,11 +43,11 @@ class SystemConnectors:
     Attributes
     ----------
     declared : dict of str to DeclaredVariable
-        By name; an array has its elements, each of which is an input or output.
+        Scalars and arrays, by the name of the connector.
     inputs : dict of str to list of Port
-        By element.
+        Connected ports, by the name of a scalar or of an element of an array.
     outputs : dict of str to Port or None
-        By element; None until its connection is read.
+        Connected port, likewise; None until its connection is read.
     """
 
     declared: dict[str, DeclaredVariable] = field(default_factory=dict)

@@ -96,7 +96,7 @@ def connector(
 
 
 def type_of(member: Member, variable: str, definitions: Definitions) -> Element | None:
-    """Return the element of a variable's type; None if SSP cannot define it: the FMU's is used.
+    """Return the element of a variable's type; None for an enumeration that SSP cannot define.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def type_of(member: Member, variable: str, definitions: Definitions) -> Element 
 
 
 def known_unit(signal: Signal) -> Signal:
-    """Return a signal, without its unit if that is none that SSP can define."""
+    """Return a signal, without its unit if SSP cannot define that unit."""
     try:
         units.base_unit(signal.unit)
     except UserError:

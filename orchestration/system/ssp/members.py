@@ -136,15 +136,20 @@ def _read_parameters(binding: Element, package: Package, where: str) -> list[Ele
     return find_all(sets, "ssv:Parameters/ssv:Parameter")
 
 
+def _value_texts(element: Element, is_array: bool) -> list[str]:
+    """Return the texts of values: of elements ``Value``, or in the attribute ``value``."""
+    nodes = element.findall("ssv:Value", NAMESPACES)
+    if nodes:
+        return [node.get("value", "") for node in nodes]
+    text = element.get("value", "")
+    return text.split() if is_array else [text]
+
+
 def _read_values(member: Member, name: str, parameter: Element) -> dict[str, Value]:
     """Return the value of a parameter, or the values of all elements of an array, by name."""
     element = parameter[0]
     names = variable_of(member, name).elements
-    texts = [node.get("value", "") for node in element.iterfind("ssv:Value", NAMESPACES)]
-    is_array = len(names) > 1
-    if not texts:
-        text = element.get("value", "")
-        texts = text.split() if is_array else [text]
+    texts = _value_texts(element, is_array=len(names) > 1)
     where = f"member {member.name}: {name}"
     check_shape(parameter, name, member, where)
     if len(texts) != len(names):

@@ -124,10 +124,13 @@ def stock_archive(
             package[path.removeprefix(_IN_PYTHON_BUILD)] = text
         else:
             others[path] = text
-    contents = _build_by_pythonfmu(cls.name, package, platforms)
     licence = importlib.metadata.distribution("pythonfmu").read_text("licenses/LICENSE") or ""
-    contents |= documents(cls) | {"documentation/licenses/pythonfmu.txt": licence.encode()}
-    contents |= others
+    contents = {
+        **_build_by_pythonfmu(cls.name, package, platforms),
+        **documents(cls),
+        "documentation/licenses/pythonfmu.txt": licence.encode(),
+        **others,
+    }
     can = Capabilities(
         needs_execution_tool=True, interpolates_inputs=False, directional_derivatives=False
     )
@@ -135,9 +138,8 @@ def stock_archive(
     def described(guid: str) -> dict[str, bytes]:
         return {"modelDescription.xml": describe_fmi2(cls, trace(cls), can, version, guid)}
 
-    return archive.pack(
-        contents | described(archive.identity(contents | described(archive.NO_GUID)))
-    )
+    guid = archive.identity(contents | described(archive.NO_GUID))
+    return archive.pack(contents | described(guid))
 
 
 def _build_by_pythonfmu(
