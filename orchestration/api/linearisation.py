@@ -123,15 +123,15 @@ def _linearise_equations(
         raise UserError(
             f"{option('at', f'{max(times):g}')}: the inputs that vary end at {points[-1]:g} s"
         )
+    begin = 0.0 if points is None else points[0]
     request = _trim_request(subject, model, options)
 
     def linear_at(time: float, changed: Mapping[str, float]) -> LinearModel:
-        values = {**known, **changed}
-        begin = 0.0 if points is None else points[0]
         compiled = subject.compiled if time > begin else None
-        point: OperatingPoint = point_at(subject.graph, time, values, driven, points, compiled)
-        if request is not None:
-            point = trim(subject.graph, point, request)
+        reached: OperatingPoint = point_at(
+            subject.graph, time, {**known, **changed}, driven, points, compiled
+        )
+        point = reached if request is None else trim(subject.graph, reached, request)
         if options["cut"] is not None:
             return subject.loop(point, options["cut"], step)
         return subject.linearise(point, options["inputs"], options["outputs"], step)

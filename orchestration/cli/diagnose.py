@@ -255,14 +255,15 @@ def check_files(options: DiagnoseCommand | LawsCommand, sources: Sequence[Path] 
     records: Sequence[Path] = given["records"]
     later: Path | None = given.get("compare")
     # a holdout may also be labels of several records, which are no files
-    others = [
+    unseen = [
         Path(text) for text in given["holdout"] or () if len(records) == 1 or Path(text).exists()
     ]
-    read: dict[str, Path | None] = {
-        f"the record{_number_after_first(k)}": path for k, path in enumerate(records)
-    }
+    read: dict[str, Path | None] = {}
+    for k, path in enumerate(records):
+        read[f"the record{_number_after_first(k)}"] = path
     read["the later record"] = later
-    read |= {f"the record held out{_number_after_first(k)}": path for k, path in enumerate(others)}
+    for k, path in enumerate(unseen):
+        read[f"the record held out{_number_after_first(k)}"] = path
     for source in sources:
         kind = "FMU" if source.suffix == ".fmu" else "file"
         read[f"the {kind} of --model"] = source
@@ -276,7 +277,7 @@ def check_files(options: DiagnoseCommand | LawsCommand, sources: Sequence[Path] 
         raise UserError(
             f"--compare {later}: this is the record itself; nothing in it can have changed"
         )
-    for path in others:
+    for path in unseen:
         if any(same_file(record, path) for record in records):
             raise UserError(
                 f"--holdout {path}: this is the record itself; nothing would be held out"

@@ -106,19 +106,17 @@ def experiment_page(data: ExperimentResult, command: str = "") -> Page:
         made.table(("parameter", "value"), [(name, value) for name, value in parameters.items()])
     else:
         made.text("None: every parameter has its default.")
+    experiment = json.loads(about["experiment"])
     made.heading("How")
-    master = json.loads(about["experiment"]).get("master", {})
     made.items(
         [
             f"step {about['step']:g} s, {about['runtime']} build, seed {about['seed']}",
-            *(f"{key}: {value}" for key, value in master.items()),
+            *(f"{key}: {value}" for key, value in experiment.get("master", {}).items()),
             *([pace(data)] if "deadlines" in about else []),
             f"{about['wall_time']:.3g} s of computing, {about['created']}, {about['versions']}",
             *(f"{name}: {guid}" for name, guid in json.loads(about["guids"]).items()),
         ]
     )
     made.heading("The experiment")
-    made.code(
-        json.dumps(json.loads(about["experiment"]), indent=2, ensure_ascii=False).splitlines()
-    )
+    made.code(json.dumps(experiment, indent=2, ensure_ascii=False).splitlines())
     return made

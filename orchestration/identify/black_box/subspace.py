@@ -114,7 +114,8 @@ def _best_horizon(
     begin = max(first, *later)
     candidates = []
     for horizon in _horizons(order, len(y), u.shape[1]):
-        matrices, offset = _realise(u, y, _estimate_observability(u, y, order, horizon), direct)
+        observability = _estimate_observability(u, y, order, horizon)
+        matrices, offset = _realise(u, y, observability, direct)
         model = StateSpaceModel(
             "SS",
             data.step,
@@ -125,10 +126,8 @@ def _best_horizon(
             1.0,
             *_with_delays(matrices, later),
         )
-        residual = model.prediction_errors(data)[begin:]
-        candidates.append((float(residual @ residual), model, residual))
-    _, best, errors = min(candidates, key=lambda candidate: candidate[0])
-    return best, errors
+        candidates.append((model, model.prediction_errors(data)[begin:]))
+    return min(candidates, key=lambda candidate: float(candidate[1] @ candidate[1]))
 
 
 def _delayed(u: Array, lags: list[int]) -> Array:

@@ -108,17 +108,19 @@ def table(found: xarray.Dataset) -> Table:
     result = plain_table(None, "quantiles of", "at", *columns, "unit", right=["at", *columns])
     for name, band in found.items():
         output = str(name).removesuffix("_band")
-        rows = [("", band)]
-        if "time" in band.dims:
-            widest = int(np.argmax(np.ptp(band.values, axis=0)))
-            end = found.sizes["time"] - 1
-            rows = [
-                (f"{float(found['time'][k]):g} s", band.isel(time=k)) for k in sorted({widest, end})
-            ]
-        for instant, quantiles in rows:
+        for instant, quantiles in _at_instants(band):
             values, unit = results.displayed(quantiles)
             result.add_row(output, instant, *(f"{value:.6g}" for value in values), unit)
     return result
+
+
+def _at_instants(band: xarray.DataArray) -> list[tuple[str, xarray.DataArray]]:
+    """Return the quantiles of a trace where they are widest and at its end, with these instants."""
+    if "time" not in band.dims:
+        return [("", band)]
+    widest = int(np.argmax(np.ptp(band.values, axis=0)))
+    instants = sorted({widest, band.sizes["time"] - 1})
+    return [(f"{float(band['time'][k]):g} s", band.isel(time=k)) for k in instants]
 
 
 def draw(found: xarray.Dataset) -> Figure:
