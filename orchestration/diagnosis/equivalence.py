@@ -95,14 +95,8 @@ def _answer(truth: Fit) -> Problem | None:
     levels = [_levels(time - time[0], values, seed) for seed, values in enumerate(seen.T)]
     inputs = np.ascontiguousarray(np.array(levels).T.reshape(len(time), -1))
     inputs[0] = first.inputs[0]  # in equilibrium with which memories begin
-    trial = Record(
-        time,
-        inputs,
-        np.full((len(time), len(problem.spread)), np.nan),
-        first.smooth,
-        begin=first.begin,
-        group=first.group,
-    )
+    unknown = np.full((len(time), len(problem.spread)), np.nan)
+    trial = Record(time, inputs, unknown, first.smooth, begin=first.begin, group=first.group)
     course = problem.run(trial, truth.point, truth.terms, truth.point.starts[0], sensitive=False)
     if course is None or not np.isfinite(course.outputs).all():
         return None

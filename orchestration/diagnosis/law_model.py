@@ -179,6 +179,12 @@ class LawModel:
             return self.stacked(effects).run(record, setting, start, sensitive=sensitive)
         if self.ticks_in_step(record, setting.parameters) > MOST_TICKS:
             return None
+        return self._run(record, setting, start, sensitive=sensitive)
+
+    def _run(
+        self, record: Record, setting: Setting, start: Array, *, sensitive: bool
+    ) -> Course | None:
+        """Run with terms of laws, with slopes by those parameters that act."""
         n, measured = len(record.time), record.measured
         acting = self._acting(setting, measured)
         starts = len(self.states) if setting.searched is None else len(setting.searched)

@@ -375,9 +375,19 @@ def _refined(trial: _Trial) -> _Trial | None:
 
 
 def _shifted(trial: _Trial) -> _Trial | None:
-    """Return a trial with the values of its reading that are best, the parameters being free too.
+    """Return a trial with the values of its reading that are best; None if none is better."""
+    change = _best_change(trial)
+    moved = None if change is None else _moved(trial, change)
+    if moved is None:
+        return None
+    misfit = _misfit(moved.problem, trial.point)
+    return replace(moved, misfit=misfit) if misfit < trial.misfit else None
 
-    None if none is better.
+
+def _best_change(trial: _Trial) -> Array | None:
+    """Return the change of the values of a reading that is best, the parameters being free too.
+
+    By differences. None if there is none, or a run leaves its bounds.
     """
     problem = trial.problem
     steps = np.diag(_differences(trial))
@@ -393,11 +403,7 @@ def _shifted(trial: _Trial) -> _Trial | None:
     own = np.linalg.lstsq(np.hstack([columns, others])[known], -target[known])[0][: len(steps)]
     if trial.reading.kind is ReadingKind.LATE:
         own = np.round(own)
-    moved = _moved(trial, own @ steps) if own.any() else None
-    if moved is None:
-        return None
-    misfit = _misfit(moved.problem, trial.point)
-    return replace(moved, misfit=misfit) if misfit < trial.misfit else None
+    return own @ steps if own.any() else None
 
 
 def _differences(trial: _Trial) -> Array:

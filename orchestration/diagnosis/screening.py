@@ -36,16 +36,8 @@ from orchestration.diagnosis.terms import (
     Term,
 )
 
-_PLAIN = (
-    Shape.LINEAR,
-    Shape.SQUARE,
-    Shape.ODD_SQUARE,
-    Shape.CUBE,
-    Shape.ROOT,
-    Shape.DRY,
-    Shape.DEAD_ZONE,
-    Shape.CURVE,
-)
+_POWERS = (Shape.LINEAR, Shape.SQUARE, Shape.ODD_SQUARE, Shape.CUBE)
+_PLAIN = (*_POWERS, Shape.ROOT, Shape.DRY, Shape.DEAD_ZONE, Shape.CURVE)
 _REMEMBERED = {
     Memory.LAG: (Shape.LINEAR, Shape.SQUARE, Shape.ODD_SQUARE),
     Memory.FADING: (Shape.LINEAR, Shape.DRY),

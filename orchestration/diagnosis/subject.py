@@ -438,10 +438,11 @@ def _as_read(recorded: _Recorded, turns: bool) -> Subject:
     if turns and bare.begins_anywhere:
         ways.insert(0, _turned)
     for clean in ways:
-        own, others = (
-            [clean(bare.model, r) for r in part] for part in (best.records, best.held_out)
-        )
-        one = None if own == best.records else _as_recorded(bare, own, others, q)
+        own = [clean(bare.model, record) for record in best.records]
+        if own == best.records:
+            continue
+        others = [clean(bare.model, record) for record in best.held_out]
+        one = _as_recorded(bare, own, others, q)
         if one is not None and likelihood_gain(one.subject.base, best.subject.base) > WEIGHTS.least:
             best = one
     few = _without_outliers(best.subject)
@@ -606,17 +607,19 @@ def _observed(
 
 def _place(problem: Problem, left_out: Sequence[LeftOut], fitted: Fit | None) -> Place:
     """Return a fit over all records, fitted ones first; without a fit the nominal model."""
-    goes_on = left_out[0].of is not None
-    others = [] if goes_on else [one.record for one in left_out]
-    wholes = [one.record for one in left_out] if goes_on else problem.records
-    records = (*wholes, *others)
+    unseen = [one.record for one in left_out]
+    # what is left out of a record goes on from what is fitted of it
+    wholes, others = (problem.records, unseen) if left_out[0].of is None else (unseen, [])
     counts = (*(len(r.time) for r in problem.records), *(0 for _ in others))
     starts = tuple(_anywhere(problem, record) for record in (*problem.records, *others))
+    nominal = Point(problem.mean, np.zeros(0), ())
+    place = Place(problem, nominal, (), (*wholes, *others), counts, starts)
     if fitted is None:
-        return Place(problem, Point(problem.mean, np.zeros(0), ()), (), records, counts, starts)
+        return place
     known = zip(starts, fitted.point.starts, strict=False)
-    reached = (*(replace(s, mean=x) for s, x in known), *starts[len(problem.records) :])
-    return Place(problem, fitted.point, fitted.terms, records, counts, reached)
+    reached = [replace(start, mean=mean) for start, mean in known]
+    starts = (*reached, *starts[len(reached) :])
+    return replace(place, point=fitted.point, terms=fitted.terms, starts=starts)
 
 
 def _anywhere(problem: Problem, record: Record) -> StartPrior:
@@ -716,20 +719,18 @@ def _divided(
     Records of more than enough samples are thinned.
     """
     most = enough if len(records) == 1 else enough // 2
-    q = problem.mean if q is None else q
-    problem = replace(problem, substeps=_substeps(problem, records, q))
+    place = problem.mean if q is None else q
+    resolved = replace(problem, substeps=_substeps(problem, records, place))
     longest = max(_LONGEST * enough // max(len(records), 1), _SHORTEST)
-    whole = [_shortened(problem, r, q, most, longest) for r in records]
+    fitted = [_shortened(resolved, record, place, most, longest) for record in records]
     if held_out:
-        fitted = whole
-        others = [_shortened(problem, r, q, enough, _RUN_ALONE * longest) for r in held_out]
-        left_out = [LeftOut(r, _beginning(r), None) for r in others]
+        others = [_shortened(resolved, r, place, enough, _RUN_ALONE * longest) for r in held_out]
+        left_out = [LeftOut(record, _beginning(record), None) for record in others]
     else:
-        parts = [_parts(record, i) for i, record in enumerate(whole)]
-        fitted = [seen for seen, _ in parts]
-        left_out = [unseen for _, unseen in parts]
-    starts = tuple(start_prior(problem, r) for r in fitted)
-    return replace(problem, records=tuple(fitted), starts=starts), tuple(left_out)
+        parts = [_parts(record, i) for i, record in enumerate(fitted)]
+        fitted, left_out = [seen for seen, _ in parts], [unseen for _, unseen in parts]
+    starts = tuple(start_prior(resolved, record) for record in fitted)
+    return replace(resolved, records=tuple(fitted), starts=starts), tuple(left_out)
 
 
 def _parts(record: Record, position: int) -> tuple[Record, LeftOut]:

@@ -226,15 +226,8 @@ def _plain_terms(law: str, signal: str, laws: Array, values: Array) -> Iterator[
     size = float(np.sqrt(np.mean(laws**2))) or 1.0
     scale, middle = scale_of_signal(values)
     for shape in _SHAPES:
-        yield Term(
-            law,
-            signal,
-            shape,
-            size=size,
-            scale=scale or 1.0,
-            middle=middle,
-            width=_WIDTHS.get(shape, 1.0),
-        )
+        term = Term(law, signal, shape, size=size, scale=scale or 1.0, middle=middle)
+        yield replace(term, width=_WIDTHS.get(shape, 1.0))
 
 
 def _likeness(diagnosis: Diagnosis, one: Judged, other: Judged) -> float:

@@ -6,7 +6,7 @@ member and the one that feeds it are one part, which is closed there by their eq
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -205,6 +205,7 @@ class Cuts:
         return [self._part([members[name] for name in names]) for names in distinct]
 
     def _part(self, members: Sequence[Member]) -> Part:
+        """Return members with what feeds them, and what is measured of them."""
         names = {member.name for member in members}
         inside = tuple(
             c
@@ -214,25 +215,28 @@ class Cuts:
         computed = {c.target: c.source for c in inside}
         inputs: dict[Port, InputSource] = {}
         missing: list[tuple[str, str]] = []
-        outputs: dict[Port, Array] = {}
         for member in members:
-            model = interface(member)
-            for name, signal in model.inputs.items():
+            for name, signal in interface(member).inputs.items():
                 port = Port(member.name, name)
                 source = self._source(port, member, signal, computed)
-                if source is None:
+                if source is not None:
+                    inputs[port] = source
+                else:
                     connection = self._feeding.get(port)
                     absent = str(connection.source) if connection else self._outer[port]
                     missing.append((name, absent))
-                else:
-                    inputs[port] = source
-            for name, signal in model.outputs.items():
+        outputs = dict(self._measured(members))
+        hold = tuple(port for port in self._hold if port.member in names)
+        return Part(tuple(members), inside, inputs, outputs, tuple(missing), hold)
+
+    def _measured(self, members: Sequence[Member]) -> Iterator[tuple[Port, Array]]:
+        """Yield outputs of members that are measured, with their values (n,)."""
+        for member in members:
+            for name, signal in interface(member).outputs.items():
                 port = Port(member.name, name)
                 values = self._known.get(port)
                 if signal.type == "real" and values is not None and np.isfinite(values).any():
-                    outputs[port] = values
-        hold = tuple(port for port in self._hold if port.member in names)
-        return Part(tuple(members), inside, inputs, outputs, tuple(missing), hold)
+                    yield port, values
 
     def _source(
         self, port: Port, member: Member, signal: Signal, computed: Mapping[Port, Port]
