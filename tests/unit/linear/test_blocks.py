@@ -9,7 +9,8 @@ from fmus.kit import Component, Input, Output, State, UserError, sqrt
 from fmus.kit.symbolic import trace
 from orchestration.linear.blocks import LinearBlocks, SampledUpdate, blocks_of
 from orchestration.linear.operating_point import start_point
-from orchestration.system import connect
+from orchestration.system import Port, connect
+from orchestration.system.model import Connection
 
 
 class Root(Component):
@@ -93,6 +94,23 @@ def test_a_held_connection_is_a_state_of_the_exchange_and_outputs_see_the_newest
     blocks.signals["b.y"] = np.array([0.0, 0.0, 1.0])
     with pytest.raises(UserError, match="an algebraic loop without a solution"):
         blocks.exchanging(connect("a.y -> b.u", "b.y -> a.u"), 0.1)
+
+
+def test_a_held_connection_has_its_factor():
+    # a.y = x + a.u, b.y = 0.5 b.u, with 2 a.y -> b.u and -b.y -> a.u: a.y = x / 2
+    signals = {
+        "x": np.array([1.0, 0.0, 0.0]),
+        "a.y": np.array([1.0, 1.0, 0.0]),
+        "b.y": np.array([0.0, 0.0, 0.5]),
+    }
+    blocks = LinearBlocks(("x",), (), ("a.u", "b.u"), np.array([[0.0, 1.0, 0.0]]), (), signals)
+    wires = (
+        Connection(Port("a", "y"), Port("b", "u"), 2.0),
+        Connection(Port("b", "y"), Port("a", "u"), -1.0),
+    )
+    held = blocks.exchanging(wires, 0.1)
+    by_name = dict(zip(held.discretes, held.updates[0].matrix[:, 0], strict=True))
+    assert by_name == {"a.u": pytest.approx(-0.5), "b.u": pytest.approx(1.0)}
 
 
 def test_unknown_signals_and_infinite_derivatives_are_refused():

@@ -116,3 +116,15 @@ def test_values_that_are_not_continuous_are_passed_around():
 def test_no_fixed_point(g):
     with pytest.raises(UserError, match=r"no solution found in|is no number"):
         FixedPoint(g, np.ones(1)).solve(np.full(1, 0.3))
+
+
+def test_an_updated_jacobian_explains_the_step_and_nothing_else():
+    """The secant equation, and no change across the step (Broyden, Math. Comp. 19, 1965)."""
+    rng = np.random.default_rng(4)
+    loop = FixedPoint(np.cos, np.ones(3))
+    loop._jacobian = before = rng.normal(size=(3, 3))
+    step, change = rng.normal(size=(2, 3))
+    loop._update_jacobian(step, change)
+    across = np.cross(step, [1.0, 2.0, 3.0])
+    assert loop._jacobian @ step == pytest.approx(change)
+    assert loop._jacobian @ across == pytest.approx(before @ across)

@@ -186,6 +186,14 @@ def test_outputs_without_limits_may_be_missing_as_long_as_one_is_there():
     assert MeasurementMonitor({}, {}, 0.2).check({}, 1e6) == "", "a rig may measure nothing"
 
 
+def test_an_output_that_falls_silent_ends_nothing_while_another_goes_on():
+    """Neither has limits; both had values at first."""
+    monitor = MeasurementMonitor({"a": "N", "b": "N"}, {}, 0.2)
+    assert monitor.check({"a": 1.0, "b": 1.0}, 0.0) == ""
+    for tenth in range(1, 10):
+        assert monitor.check({"a": nan, "b": 1.0}, 0.1 * tenth) == ""
+
+
 @pytest.mark.parametrize(
     ("age", "over"), [(0.0, False), (0.1999, False), (0.2, True), (1.0, True), (nan, True)]
 )

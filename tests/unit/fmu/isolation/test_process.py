@@ -38,6 +38,12 @@ def identity():
     return os.getpid()
 
 
+def later(seconds, value):
+    """Compute something for a while."""
+    time.sleep(seconds)
+    return value
+
+
 def press():
     """Press Ctrl-C."""
     os.kill(os.getpid(), signal.SIGINT)
@@ -54,6 +60,12 @@ def process():
         # an interrupt while the module is imported would be heard before there is anything to end
         assert one.call(identity) != os.getpid()
         yield one
+
+
+def test_only_calls_of_an_fmu_have_a_limited_time():
+    """Not the process as it starts, nor what it computes by itself."""
+    with Process(Limits(step_timeout=0.1)) as one:
+        assert one.call(later, 0.4, "done") == "done"
 
 
 def test_what_hears_it_may_still_answer(process):

@@ -62,11 +62,12 @@ def run(cls, sensitivities, u, **values):
     return model.run(SimulationInput(TIME, {"u": u}, known))
 
 
-def test_of_an_input_that_is_held():
+@pytest.mark.parametrize("delay", [DELAY, 0.15002], ids=["between", "close to a sample"])
+def test_of_an_input_that_is_held(delay):
     """A step arrives between two samples and is seen at the later one; more delay moves nothing."""
     u = np.where(TIME < 8.0, 0.0, 1.0)
-    ran = run(Amplifier, ["y_delay"], u)
-    assert ran.signals["y"].tolist() == np.where(TIME < 8.0 + DELAY, 0.0, 2.0).tolist()
+    ran = run(Amplifier, ["y_delay"], u, y_delay=delay)
+    assert ran.signals["y"].tolist() == np.where(8.0 + delay > TIME, 0.0, 2.0).tolist()
     assert not ran.sensitivities["y"].any()
 
 

@@ -46,6 +46,7 @@ def test_numbers_are_read_as_they_are_meant(cells, values):
         (["1,234.5", "0.25"], [1234.5, 0.25]),
         (["1,234", "12,345"], [1234.0, 12345.0]),
         (["0,5", "1,25"], [0.5, 1.25]),
+        (["0,123", "0,456"], [0.123, 0.456]),  # nobody writes that for thousands
     ],
 )
 def test_where_commas_divide_columns_one_before_three_digits_is_of_thousands(cells, values):

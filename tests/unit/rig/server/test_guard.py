@@ -10,13 +10,14 @@ from dataclasses import replace
 import pytest
 
 from orchestration.rig.server.device import longest_sleep
-from orchestration.rig.server.guard import fault_of
+from orchestration.rig.server.guard import Guard, fault_of
 from orchestration.rig.server.settings import WATCHDOGS, ServerSettings
 from orchestration.rig.server.shared_memory import (
     REST,
     RUN,
     Beat,
     Command,
+    Trip,
 )
 
 pytestmark = pytest.mark.real_time
@@ -66,6 +67,22 @@ def test_judgement(age, where, order, command_age, safe, part):
     reason = fault_of(beat, Command(order, 0, NOW - command_age), NOW, SETTINGS)
     assert part in reason
     assert bool(reason) == bool(part)
+
+
+@pytest.mark.parametrize(
+    ("trip", "final"),
+    [
+        (None, False),
+        (Trip(NOW - 1.0, True, True, b"of the device before"), False),
+        (Trip(NOW + 1.0, True, False, b"the device goes on"), False),
+        (Trip(NOW + 1.0, True, True, b"stopped"), True),
+    ],
+)
+def test_the_last_report_of_a_device_is_its_own(trip, final):
+    """Of one that was started now; its memory has the reports of all before it."""
+    guard = Guard.__new__(Guard)
+    guard._started = NOW
+    assert guard._is_final(trip) is final
 
 
 @pytest.mark.parametrize("watchdog", [*WATCHDOGS, 0.02, 0.2])

@@ -113,6 +113,17 @@ def test_a_confirmation_that_is_lost_is_not_told_any_more(trial):
     assert trial.latch.reached is None
 
 
+def test_a_confirmation_that_is_lost_has_as_much_time_to_come_back(trial):
+    """However long the rig was safe before: 0.3 s from the last time that it was seen."""
+    trial.rig.safe = 1000.0
+    trial.latch.close("stopped: smoke")
+    for _ in range(10):
+        assert trial.after(0.2) == "safe"
+    trial.rig.safe = None
+    assert trial.after(0.29) == "stopping"
+    assert trial.after(0.02) == "not reached"
+
+
 def test_further_stops_do_not_put_off_the_alarm(trial):
     trial.latch.close("stopped: smoke")
     for k in range(5):
@@ -128,8 +139,9 @@ def test_it_opens_for_its_name_alone(trial):
     first = trial.latch.name
     trial.latch.close("stopped: smoke")
     assert first != trial.latch.name
-    refusal = trial.latch.acknowledge(first, "lab")
-    assert trial.latch.name in refusal
+    for wrong in (first, ""):
+        assert trial.latch.name in trial.latch.acknowledge(wrong, "lab")
+        assert trial.latch.is_closed
     assert trial.rig.released == 0
     assert trial.latch.acknowledge(trial.latch.name, "lab") == ""
     assert not trial.latch.is_closed

@@ -71,3 +71,14 @@ def test_connections_that_cannot_be_followed(system, tmp_path, old, new, parts):
     refused_one(
         repacked(tmp_path / "with.ssp", lambda text: text.replace(old, new)), tmp_path / "u", *parts
     )
+
+
+def test_a_connection_that_starts_at_its_target_keeps_its_factor(system, tmp_path):
+    """In SSP the causality of the connectors gives the direction, not start and end."""
+    ssp.write(system, tmp_path / "with.ssp", connectors=True)
+    turned = WAY.replace("start", "from").replace("end", "start").replace("from", "end")
+    other = repacked(tmp_path / "with.ssp", lambda text: text.replace(WAY, turned))
+    read = ssp.read(other, tmp_path / "u")
+    assert {str(one.target): (str(one.source), one.factor, one.offset) for one in read.connections}[
+        "second load.length"
+    ] == ("drive.way", 1000.0, -0.1)
