@@ -206,7 +206,9 @@ def page(cls: type[Component], readme: Path) -> str:
 
     heading = f"# {cls.name}\n\n{cls.__doc__ or ''}"
     text = readme.read_text(encoding="utf-8") if readme.exists() else heading
-    rendered = MarkdownIt("commonmark").enable("table").render(text)
+    # a docstring may have the name of a file from anybody; the page loads no other file
+    markdown = MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")
+    rendered = markdown.render(text)
     opened = rendered.replace("<table>", '<div class="table"><table>')
     body = opened.replace("</table>", "</table></div>")
     layout = cls.layout

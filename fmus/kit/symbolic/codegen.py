@@ -6,10 +6,10 @@ specifies the contents of each file.
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import re
+import string
 from collections.abc import Mapping
 
 import casadi as ca
@@ -26,6 +26,7 @@ from fmus.kit.layout import LONGEST_SHIFT, Clock, Layout
 from fmus.kit.storage import scratch
 from fmus.kit.symbolic.tracing import Graph
 
+_PLAIN = {*string.ascii_letters, *string.digits, *" _-+*/^.,:;()[]{}<>="}  # in a literal of C
 _ROLES = {
     ParameterDeclaration: "ROLE_PARAMETER",
     InputDeclaration: "ROLE_INPUT",
@@ -63,8 +64,9 @@ def _c_double(value: float) -> str:
 
 
 def _c_string(text: str) -> str:
-    """Write a string literal in C."""
-    return json.dumps(text)  # the escapes of JSON are those of C for printable ASCII
+    """Write a string literal in C: in UTF-8, with escapes by three octal digits."""
+    characters = (chr(b) if chr(b) in _PLAIN else f"\\{b:03o}" for b in text.encode())
+    return f'"{"".join(characters)}"'
 
 
 def tables(graph: Graph, guid: str) -> dict[str, str]:

@@ -57,6 +57,16 @@ def test_documentation_shows_the_readme_and_the_remark(tmp_path, monkeypatch):
     assert page(Thermostat, readme) == page(Thermostat, readme)
 
 
+def test_what_a_docstring_has_of_html_is_text(monkeypatch):
+    hostile = (
+        "Behind a<script>alert(1)</script>.fmu ![](http://host/a.png) [b](javascript:alert(1))"
+    )
+    monkeypatch.setattr(Thermostat, "__doc__", hostile)
+    text = page(Thermostat, Path("none.md"))
+    assert "&lt;script&gt;" in text
+    assert not any(part in text for part in ("<script", "<img", 'href="javascript'))
+
+
 README = """# A pump
 
 ## Assumptions

@@ -1,3 +1,4 @@
+import ast
 import re
 import subprocess
 import sys
@@ -92,3 +93,13 @@ def test_laws_of_which_a_disk_takes_a_part_are_not_used(tmp_path, monkeypatch):
             codegen.native_sources(graph, GUID)
         (disk / "other").unlink()
         assert "laws.c" in codegen.native_sources(graph, GUID)
+
+
+def test_any_text_is_a_literal_of_c():
+    # octal escapes and bytes are those of Python's literals, too
+    for text in ("a.b/c", 'quo"te\\', "line\nbreak\0", "??/ trigraph", "é 😀 \u202e", "*/ %s 7"):
+        literal = codegen._c_string(text)
+        assert literal.isascii()
+        assert literal.isprintable()
+        assert "??" not in literal
+        assert ast.literal_eval(f"b{literal}") == text.encode()
