@@ -6,13 +6,7 @@ from .comparison import Comparison as Comparison
 from .comparison import fit_model as fit_model
 from .comparison import read_for as read_for
 from .comparison import read_runs_for as read_runs_for
-from .filters import autoregression as autoregression
 from .grey_box import Fit as Fit
 from .grey_box import fit_grey_box as fit_grey_box
 from .metrics import finite_or_none as finite_or_none
-from .metrics import fit_percent as fit_percent
-from .metrics import normalised_rms as normalised_rms
-from .metrics import rms as rms
 from .presentation import overview as overview
-from .probability import chi_squared_quantile as chi_squared_quantile
-from .probability import ranks as ranks

@@ -14,7 +14,6 @@ from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
 from fmus.kit.titles import capitalised, in_words
 from fmus.kit.units import convert, printed, write_prefixed
-from orchestration.identify import ranks
 from orchestration.reporting import option, pictures
 from orchestration.reporting.html import Markup, Page, escaped
 from orchestration.sweeps.reductions import REDUCTIONS
@@ -157,6 +156,8 @@ def _verdict(data: xarray.Dataset, ranges: list[Extreme]) -> str:
 
 def _correlations(data: xarray.Dataset, name: str) -> dict[str, float]:
     """Return the rank correlation of a number with every parameter that varies."""
+    from scipy.stats import rankdata
+
     value = data[name]
     if "time" in value.dims or value.size < _FEWEST:
         return {}
@@ -164,8 +165,8 @@ def _correlations(data: xarray.Dataset, name: str) -> dict[str, float]:
     for parameter in parameters_of(data):
         values, number = xarray.broadcast(data[parameter], value)
         finite = np.isfinite(number.values)
-        x = ranks(values.values[finite])
-        y = ranks(number.values[finite])
+        x = rankdata(values.values[finite])
+        y = rankdata(number.values[finite])
         if np.ptp(x) > 0.0 and np.ptp(y) > 0.0:
             correlations[parameter] = float(np.corrcoef(x, y)[0, 1])
     return correlations

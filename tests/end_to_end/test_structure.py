@@ -28,10 +28,7 @@ WIDER = {
     "orchestration": 22,
     "orchestration.api": 29,
     "orchestration.diagnosis": 19,
-    "orchestration.identify": 18,
     "orchestration.identify.black_box": 18,
-    "orchestration.identify.fitting": 27,
-    "orchestration.identify.uncertainty": 19,
     "orchestration.rig": 25,
     "studies.plants": 20,
 }

@@ -1,7 +1,6 @@
 from . import tails as tails
 from .autoregression import Autoregression as Autoregression
 from .autoregression import fit_autoregression as fit_autoregression
-from .autoregression import yule_walker as yule_walker
 from .ljung_box import WHITENESS_SAMPLES as WHITENESS_SAMPLES
 from .ljung_box import Whiteness as Whiteness
 from .ljung_box import whiteness as whiteness

@@ -13,8 +13,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from fmus.kit.arrays import Array, Mask
-from orchestration.identify.noise.tails import heavy_tails
-from orchestration.identify.probability import student_log_density
+from orchestration.identify.noise.tails import heavy_tails, student_log_density
 
 # least deviation, for records without noise: values over it must still have a fourth power
 _LEAST = 1e-30

@@ -6,11 +6,11 @@ of the noise varies, or the model is wrong there, and neither is a reason to giv
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, log, pi
 
 import numpy as np
 from scipy.ndimage import median_filter
-from scipy.special import gammaln, ndtri
+from scipy.special import gammaln, ndtri, poch
 
 from fmus.kit.arrays import Array
 
@@ -74,6 +74,23 @@ def weights(innovation: Array, freedom: float) -> Array:
     if freedom == inf:
         return np.ones_like(innovation)
     return np.asarray((freedom + 1.0) / (freedom + innovation**2))
+
+
+def student_log_density(values: Array, freedom: float) -> Array:
+    """Return the logarithm of the density of Student's t distribution of unit scale.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+    freedom : float
+        Degrees of freedom, finite.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    at_zero = log(poch(0.5 * freedom, 0.5)) - 0.5 * log(pi * freedom)
+    return np.asarray(at_zero - 0.5 * (freedom + 1.0) * np.log1p(values**2 / freedom))
 
 
 def deviance_roots(innovation: Array, freedom: float) -> tuple[Array, Array]:

@@ -20,19 +20,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import brentq
+from scipy.special import chdtri
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from fmus.kit.units import Described, format_value
 from orchestration.identify.metrics import finite_or_none
-from orchestration.identify.probability import chi_squared_quantile
 from orchestration.reporting import Displayable, one_line, option
 
 if TYPE_CHECKING:
     import pandas
     from rich.console import RenderableType
 
-LEVEL = chi_squared_quantile(0.95, 1)
+# 95 % quantile of chi-squared with one degree of freedom; `scipy.stats` would be slow to load
+LEVEL = float(chdtri(1, 1.0 - 0.95))
 Refit = Callable[[Array], tuple[Array, float]]
 # length of the first step, in halves of the ellipse's interval, or in units of the coordinate if
 # that is less

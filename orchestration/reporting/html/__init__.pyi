@@ -6,7 +6,6 @@ from .page import SCROLLED as SCROLLED
 from .page import Markup as Markup
 from .page import Page as Page
 from .page import escaped as escaped
-from .plots import MOST as MOST
 from .plots import Boundary as Boundary
 from .plots import Panel as Panel
 from .plots import Trace as Trace

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from scipy.stats import t as student
 
 from orchestration.identify.noise import tails
@@ -50,3 +51,10 @@ def test_likelihoods_and_scales_are_those_of_scipy():
     free = student.fit(sample, floc=0.0)
     assert heavy_tails(sample)[0] in (4.0, 5.0, 3.0)
     np.testing.assert_allclose(heavy_tails(sample, 4.0)[1], free[2], rtol=0.05)
+
+
+@pytest.mark.parametrize("freedom", [2.2, 4.0, 25.0, 1000.0])
+def test_student_density_is_that_of_scipy(freedom):
+    values = 3.0 * np.random.default_rng(1).standard_normal(1000)
+    expected = student.logpdf(values, freedom)
+    np.testing.assert_allclose(tails.student_log_density(values, freedom), expected, rtol=1e-13)
