@@ -361,15 +361,15 @@ def test_a_model_looked_at_earlier_is_the_register_before_the_start_too():
         SPRING | {"displacement_delay": 0.313} | BEFORE,
     )
     known = {p.name: p.start for p in cls.layout.parameters} | given
-    looked_at = DelayedModel(cls, list(BEFORE), linear=True).run(
-        SimulationInput(time, inputs, known)
-    )
+    looked_at = DelayedModel(cls, list(BEFORE)).run(SimulationInput(time, inputs, known))
     register = CompiledModel(cls, list(BEFORE)).run(time, inputs, given, linear=True)
     before = time - 7.0 < 0.313
     line = np.column_stack([before * 1.0, before * (time - 7.0)])
-    for ran in (looked_at, register):
+    delayed = time - 7.313
+    held = 0.05 * np.floor(delayed / 0.05)  # the model that is looked at holds its inputs
+    for ran, then in ((looked_at, held), (register, delayed)):
         assert ran.signals["displacement"] == pytest.approx(
-            np.where(before, 4.4 + 2.0 * (time - 7.0), 5.0 + 2.0 * (time - 7.313)), abs=1e-9
+            np.where(before, 4.4 + 2.0 * (time - 7.0), 5.0 + 2.0 * then), abs=1e-9
         )
         assert ran.sensitivities["displacement"] == pytest.approx(line, abs=1e-9)
         assert ran.signals["displacement_delay_history"] == pytest.approx(-0.6 + 2.0 * (time - 7.0))
