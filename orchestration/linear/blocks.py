@@ -330,14 +330,20 @@ def blocks_of(
         names = (f"next({discretes[place]})" for place in update.rows)
         signals |= zip(names, update.matrix, strict=True)
     signals |= {v.name: row for v, row in zip(layout.outputs, outputs, strict=True)}
-    for name, row in signals.items():
-        for column, derivative in zip(columns, row, strict=True):
+    blocks = LinearBlocks(states, discretes, inputs, rates, updates, signals)
+    _check_finite(blocks, graph.name, point)
+    return blocks
+
+
+def _check_finite(blocks: LinearBlocks, model: str, point: OperatingPoint) -> None:
+    """Raise UserError if a derivative of a signal is not finite."""
+    for name, row in blocks.signals.items():
+        for column, derivative in zip(blocks.columns, row, strict=True):
             if not np.isfinite(derivative):
                 raise UserError(
-                    f"{graph.name}: {name} has no finite derivative with respect to {column}"
+                    f"{model}: {name} has no finite derivative with respect to {column}"
                     f" {point.words}"
                 )
-    return LinearBlocks(states, discretes, inputs, rates, updates, signals)
 
 
 def _updates(

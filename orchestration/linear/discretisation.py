@@ -64,17 +64,10 @@ def hyper_period(periods: Mapping[str, float]) -> float:
     UserError
         If a ratio of periods is not one of small whole numbers, or the result is too long.
     """
-    name, shortest = min(periods.items(), key=lambda item: item[1])
-    ratios = []
-    for other, period in periods.items():
-        exact = period / shortest
-        ratio = Fraction(exact).limit_denominator(_LARGEST_RATIO)
-        if abs(float(ratio) - exact) > _SAME * exact:
-            raise UserError(
-                f"{other} = {period:g} s and {name} = {shortest:g} s have no common hyper-period:"
-                f" their ratio is not one of whole numbers up to {_LARGEST_RATIO:,}"
-            )
-        ratios.append(ratio)
+    fastest = min(periods, key=lambda clock: periods[clock])
+    shortest = periods[fastest]
+    ratios = [_ratio(periods, clock, fastest) for clock in periods]
+    # least common multiple of fractions, in shortest periods
     common = lcm(*(ratio.denominator for ratio in ratios))
     span = Fraction(lcm(*(int(ratio * common) for ratio in ratios)), common)
     if sum(span / ratio for ratio in ratios) > _MOST_SAMPLES:
@@ -83,6 +76,18 @@ def hyper_period(periods: Mapping[str, float]) -> float:
             f"{clocks}: more than {_MOST_SAMPLES:,} samples in their common hyper-period"
         )
     return float(span) * shortest
+
+
+def _ratio(periods: Mapping[str, float], clock: str, fastest: str) -> Fraction:
+    """Return the ratio of two periods; UserError if it is not one of small whole numbers."""
+    exact = periods[clock] / periods[fastest]
+    ratio = Fraction(exact).limit_denominator(_LARGEST_RATIO)
+    if abs(float(ratio) - exact) > _SAME * exact:
+        raise UserError(
+            f"{clock} = {periods[clock]:g} s and {fastest} = {periods[fastest]:g} s have no common"
+            f" hyper-period: their ratio is not one of whole numbers up to {_LARGEST_RATIO:,}"
+        )
+    return ratio
 
 
 def assemble(blocks: LinearBlocks, outputs: Sequence[str], step: float = 0.0) -> Matrices:

@@ -89,7 +89,18 @@ def trim(graph: Graph, near: OperatingPoint, request: TrimRequest) -> OperatingP
     start = replace(near, inputs=near.inputs | constants)
     equations = _equations(graph, start, request, targets)
     solution, residual = _solve(equations)
+    _check_residual(graph, equations, residual)
     undetermined = _undetermined(equations, solution)
+    for name in undetermined:
+        if name in request.free:
+            raise UserError(
+                f"{graph.name}: {option('free', [name])}: the equilibrium does not determine {name}"
+            )
+    return _operating_point(graph, start, equations, solution, request, undetermined)
+
+
+def _check_residual(graph: Graph, equations: _Equations, residual: Array) -> None:
+    """Raise UserError unless all equations are met."""
     worst = int(np.abs(residual).argmax()) if residual.size else 0
     if residual.size and not abs(residual[worst]) <= _SOLVED:
         advice = "fix less, free an input, or let a state drift"
@@ -97,12 +108,6 @@ def trim(graph: Graph, near: OperatingPoint, request: TrimRequest) -> OperatingP
             f"{graph.name}: no equilibrium found; {equations.rows[worst]} cannot be met together"
             f" with the others ({advice}: {option('drift')})"
         )
-    for name in undetermined:
-        if name in request.free:
-            raise UserError(
-                f"{graph.name}: {option('free', [name])}: the equilibrium does not determine {name}"
-            )
-    return _operating_point(graph, start, equations, solution, request, undetermined)
 
 
 def _check(graph: Graph, request: TrimRequest, targets: Mapping[str, float]) -> None:

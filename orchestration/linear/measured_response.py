@@ -104,26 +104,27 @@ def sine_sweep(
             f" {1.0 / (_FEWEST * sweep.period):g} Hz, with {_FEWEST:g} values in a cycle"
         )
 
-    def simulate(frequency: float, amplitude: float) -> tuple[Array, list[Array]]:
-        """Return the instants, s, at which outputs are read, and the outputs for a sine."""
-        instants, time, wave = _sine(sweep, frequency)
+    def simulate(time: Array, wave: Array) -> dict[str, Array]:
+        """Return the outputs at communication points for a wave that is added to the input."""
         inputs = {name: np.full(time.size, value) for name, value in (constant or {}).items()}
-        inputs[input] = inputs.get(input, np.zeros(time.size)) + amplitude * wave
+        inputs[input] = inputs.get(input, np.zeros(time.size)) + wave
         result = run(system, time, inputs, record=list(outputs), method=method)
         if not result.complete:
             raise UserError(result.message)
-        steps = (time.size - 1) // (instants.size - 1)
-        return instants, [result.signals[name][::steps] for name in outputs]
+        return result.signals
 
     responses: dict[str, list[complex]] = {name: [] for name in outputs}
     for frequency in sweep.frequencies.tolist():
-        instants, positive = simulate(frequency, sweep.amplitude)
-        _, negative = simulate(frequency, -sweep.amplitude)
+        instants, time, sine = _sine(sweep, frequency)
+        positive = simulate(time, sweep.amplitude * sine)
+        negative = simulate(time, -sweep.amplitude * sine)
+        steps_per_period = (time.size - 1) // (instants.size - 1)
         evaluated = slice(-ceil(_CYCLES / frequency / sweep.period), None)
-        for name, plus, minus in zip(outputs, positive, negative, strict=True):
+        for name, values in responses.items():
             # without the operating point and the even part of a nonlinearity
-            odd = (plus - minus)[evaluated] / (2.0 * sweep.amplitude)
-            responses[name].append(_complex_amplitude(odd, instants[evaluated], frequency))
+            odd = (positive[name] - negative[name]) / (2.0 * sweep.amplitude)
+            samples = odd[::steps_per_period][evaluated]
+            values.append(_complex_amplitude(samples, instants[evaluated], frequency))
     return {name: np.array(values) for name, values in responses.items()}
 
 

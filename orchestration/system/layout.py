@@ -257,16 +257,13 @@ def _place_columns(
     track_counts = Counter(boxes[source.member].column for source in tracks)
     for net in tracks.values():
         track_counts.update(column - 1 for column in net.entries)
-    gaps = {}
-    x = 0.2
-    for gap in range(-1, len(columns)):
-        gaps[gap] = x + (output_widths[gap] + 0.4 if gap >= 0 else 0.0)
-        x = gaps[gap] + _TRACK * (track_counts[gap] + 1) + 0.1
-        if gap + 1 < len(columns):
-            x += input_widths[gap + 1] + 0.5
-            for box in columns[gap + 1]:
-                box.x = x
-            x += max(box.width for box in columns[gap + 1])
+    gaps = {-1: 0.2}
+    for k, column in enumerate(columns):
+        end_of_tracks = gaps[k - 1] + _TRACK * (track_counts[k - 1] + 1) + 0.1
+        x = end_of_tracks + (input_widths[k] + 0.5)
+        for box in column:
+            box.x = x
+        gaps[k] = x + max(box.width for box in column) + (output_widths[k] + 0.4)
     return gaps
 
 

@@ -7,7 +7,7 @@ of that name are the same signal.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from fmus.kit import UserError
@@ -34,15 +34,23 @@ def signal_names(system: System) -> dict[str, Port]:
             known.setdefault(name, fed[0])
     for name, port in system.outputs.items():
         known.setdefault(name, port)
+    for variable, port in _unambiguous_variables(system, ports).items():
+        known.setdefault(variable, port)
+    return known
+
+
+def _unambiguous_variables(system: System, ports: Sequence[Port]) -> dict[str, Port]:
+    """Return a port by the name of its variable, if all variables of that name are one signal."""
     nets = _nets(system)
     by_variable: dict[str, list[Port]] = {}
     for port in ports:
         by_variable.setdefault(port.variable, []).append(port)
+    unambiguous = {}
     for variable, namesakes in by_variable.items():
-        carried = {nets.get(port, str(port)) for port in namesakes}
-        if len(carried) == 1:
-            known.setdefault(variable, namesakes[0])
-    return known
+        signals = {nets.get(port, str(port)) for port in namesakes}
+        if len(signals) == 1:
+            unambiguous[variable] = namesakes[0]
+    return unambiguous
 
 
 def _nets(system: System) -> dict[Port, str]:

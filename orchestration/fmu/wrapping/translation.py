@@ -7,7 +7,7 @@ clocks are omitted, because FMI 2.0 has no such types.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement
@@ -348,10 +348,18 @@ class _Translator:
         indices = [str(index + 1) for known, _ in knowns for index in known.elements]
         attributes = {"dependencies": " ".join(indices)}
         if declared_kinds:
-            scalar_kinds: list[str] = []
-            for known, kind in knowns:
-                # a kind holds for all elements of arrays together, so that one may differ from it
-                is_scalar = variable.count == known.count == 1
-                scalar_kinds += [kind if is_scalar else "dependent"] * known.count
-            attributes["dependenciesKind"] = " ".join(scalar_kinds)
+            attributes["dependenciesKind"] = " ".join(_scalar_kinds(variable, knowns))
         return attributes
+
+
+def _scalar_kinds(
+    variable: Fmi3Variable, knowns: Sequence[tuple[Fmi3Variable, str]]
+) -> Iterator[str]:
+    """Yield the kind of dependency of a variable on each element of its knowns.
+
+    A kind holds for all elements of arrays together, so that one may differ from it.
+    """
+    for known, kind in knowns:
+        is_scalar = variable.count == known.count == 1
+        for _ in known.elements:
+            yield kind if is_scalar else "dependent"
