@@ -229,7 +229,7 @@ class ClockJitter(BenchEffect):
         return _uniform(self.clock_register, _FIRST)
 
     def next_command_instant(self) -> Any:
-        """Time of this sample."""
+        """Next sampled instant: the time of this sample, s."""
         return self.time
 
     def next_previous_command(self) -> Any:

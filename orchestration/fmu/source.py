@@ -49,7 +49,7 @@ class Source(Protocol):
 
     @property
     def guid(self) -> str:
-        """Unique identifier."""
+        """GUID of the FMU, or a text that identifies a system."""
 
     @property
     def default_experiment(self) -> tuple[float, float | None, float | None]:

@@ -150,17 +150,16 @@ class LinearBlocks:
         names = tuple(received)
         connected = [self.columns.index(name) for name in names]
         rows = np.array(list(received.values())).reshape(len(names), len(self.columns))
-        loop_matrix = np.eye(len(names)) - rows[:, connected]
+        loop_matrix = np.eye(len(names)) - rows[:, connected]  # I - F
         if names and np.linalg.cond(loop_matrix) > 1.0 / np.finfo(float).eps:
             raise UserError(f"{', '.join(names)}: an algebraic loop without a solution")
-        rows[:, connected] = 0.0
-        solution = np.linalg.solve(loop_matrix, rows)
+        is_other = np.ones(len(self.columns))  # columns z
+        is_other[connected] = 0.0
+        solution = np.linalg.solve(loop_matrix, rows * is_other)
 
         def substitute(row: Array) -> Array:
             """Return a row with the connected inputs at a communication point eliminated."""
-            others = row.copy()
-            others[connected] = 0.0
-            return np.asarray(others + row[connected] @ solution)
+            return np.asarray(row * is_other + row[connected] @ solution)
 
         first = len(self.discretes)
         indices = tuple(range(first, first + len(names)))

@@ -139,18 +139,17 @@ def _nodes_with_names(
     order: dict[ExpressionNode, None] = {}
     for root in roots:
         _append_after_operands(root, order)
-    uses = Counter(roots)  # how often each node would be written
+    uses = Counter(roots)  # how often the text of each node would be written
     named = []
-    for node in reversed(order):
+    for node in reversed(order):  # before its operands
         is_sign = node.operation in _SIGNS and node.operands[0].is_leaf
-        has_name = node in laws or (uses[node] > 1 and not is_sign)
-        if has_name and not node.is_boolean:
+        has_name = not node.is_boolean and (node in laws or (uses[node] > 1 and not is_sign))
+        if has_name:
             named.append(node)
-            times = 1
-        else:
-            times = uses[node]
+        written = 1 if has_name else uses[node]
+        per_text = 2 if node.operation in _OPERANDS_WRITTEN_TWICE else 1
         for operand in node.operands:
-            uses[operand] += 2 * times if node.operation in _OPERANDS_WRITTEN_TWICE else times
+            uses[operand] += per_text * written
     return named[::-1]
 
 

@@ -222,6 +222,7 @@ class EffectForcing:
             for p in graph.layout.parameters
         ]
         numbers = np.hstack(columns)
+        # the step of one setting, copied for all settings, whose numbers it contains
         step = self._step_function(graph)
         states = ca.SX.sym("states", len(start), count)
         symbols, known = _symbols_of_row(self._component.steps)
