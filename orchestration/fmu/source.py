@@ -49,7 +49,7 @@ class Source(Protocol):
 
     @property
     def guid(self) -> str:
-        """GUID of the FMU, or a text that identifies a system."""
+        """GUID of an FMU, or digest of a system."""
 
     @property
     def default_experiment(self) -> tuple[float, float | None, float | None]:
