@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, cast
@@ -264,18 +264,10 @@ def diagnose(
         # an output that was not recorded has no mean
         warnings.simplefilter("ignore", RuntimeWarning)
         (found, conclusion), data, more = _decide(data, progress, deadline)
-    notes += [*others, *more, *_cut_off(found.subject, data.records)]
-    notes += [
-        *_free_response(found.subject),
-        *_predictions(model, found.subject),
-        *_denoised(found.subject),
-        *_in_cubics(found.subject),
-        *_unrelated(found),
-    ]
+    notes += [*others, *more, *_remarks(found, data)]
     if not deadline.was_met:
         notes.append(_time_note(options))
     design = _designed(found, conclusion, records, options)
-    notes += design.notes
     return Diagnosis(
         model,
         tuple(records),
@@ -283,7 +275,7 @@ def diagnose(
         tuple(data.records),
         found,
         conclusion,
-        tuple(notes),
+        (*notes, *design.notes),
         design.experiment,
     )
 
@@ -485,55 +477,67 @@ def _is_trusted(subject: Subject) -> bool:
     return subject.observer is not None and subject.observer.is_small
 
 
-def _predictions(model: Model, subject: Subject) -> list[Note]:
-    """Return the note on errors that are those of predictions."""
+def _remarks(found: Found, data: _Data) -> Iterator[Note]:
+    """Yield notes on how the records were used and the model was judged."""
+    subject = found.subject
+    yield from _cut_off(subject, data.records)
+    yield from _free_response(subject)
+    yield from _predictions(data.model, subject)
+    yield from _denoised(subject)
+    yield from _in_cubics(subject)
+    yield from _unrelated(found)
+
+
+def _predictions(model: Model, subject: Subject) -> Iterator[Note]:
+    """Yield the note on errors that are those of predictions."""
     if subject.observer is None:
-        return []
+        return
     text = (
         f"{model.name} keeps or lets grow what its states miss, so that a free run drifts: errors"
         f" are those of predictions by an observer, which corrects the states by the measured"
         f" outputs and has a memory of {subject.observer.memory:.2g} s"
     )
-    return [("predictions", model.name, text)]
+    yield "predictions", model.name, text
 
 
-def _free_response(subject: Subject) -> list[Note]:
-    """Return the notes on records of which blocks in between are left out."""
-    records = [one.record.label for one in subject.left_out if one.is_between]
+def _free_response(subject: Subject) -> Iterator[Note]:
+    """Yield notes on records of which blocks in between are left out."""
     text = (
         "no input moves after the beginning: the model is judged by how outputs settle, on blocks"
         " in between that no fit has seen"
     )
-    return [("free_response", record, text) for record in records]
+    for one in subject.left_out:
+        if one.is_between:
+            yield "free_response", one.record.label, text
 
 
-def _in_cubics(subject: Subject) -> list[Note]:
-    """Return the note on inputs that go in curves between samples."""
+def _in_cubics(subject: Subject) -> Iterator[Note]:
+    """Yield the note on inputs that go in curves between samples."""
     record = subject.problem.records[0]
     if not record.curved:
-        return []
+        return
     pairs = zip(subject.problem.model.inputs, record.smooth, strict=True)
     names = " and ".join(v.name for v, is_smooth in pairs if is_smooth)
     text = (
         f"{names}: taken to go in cubics between samples, by which the model follows the record"
         " better than in straight lines; a simulation has to read it so, or at more samples"
     )
-    return [("curved", names, text)]
+    yield "curved", names, text
 
 
-def _unrelated(found: Found) -> list[Note]:
-    """Return the note on outputs of which no fit predicts more than their means."""
+def _unrelated(found: Found) -> Iterator[Note]:
+    """Yield the note on outputs of which no fit predicts more than their means."""
     problem = found.subject.problem
     measured = problem.records[0].measured
     if not all(is_lost(one, found.subject_of(one.reading)) for one in (found.base, *found.fits)):
-        return []
+        return
     pairs = zip(problem.model.outputs, measured, strict=True)
     names = " and ".join(output.name for output, is_measured in pairs if is_measured)
     text = (
         f"no model that was tried predicts {names} much better than a mean: see whether inputs and"
         " outputs are of one run, and of this plant"
     )
-    return [("unrelated", names, text)]
+    yield "unrelated", names, text
 
 
 def _time_note(options: Options) -> Note:
@@ -605,27 +609,24 @@ def _check_clocks(model: LawModel, records: Sequence[Record], given: Mapping[str
             )
 
 
-def _cut_off(subject: Subject, records: Sequence[Record]) -> list[Note]:
-    """Return notes on records of which the beginning alone is used."""
-    notes = []
+def _cut_off(subject: Subject, records: Sequence[Record]) -> Iterator[Note]:
+    """Yield notes on records of which the beginning alone is used."""
     for used, record in zip(subject.beginnings, records, strict=True):
         length = float(record.time[-1])
         # what is thinned ends up to a step earlier
         if used < _WHOLE * length:
             text = f"of {record.label} the first {used:.6g} s of {length:.6g} s are used"
-            notes.append(("beginning", record.label, text))
-    return notes
+            yield "beginning", record.label, text
 
 
 def _names(records: Sequence[MeasuredRecord]) -> str:
     return ", ".join(dict.fromkeys(record.source.name for record in records))
 
 
-def _denoised(subject: Subject) -> list[Note]:
-    """Return notes on columns that are read without their noise."""
+def _denoised(subject: Subject) -> Iterator[Note]:
+    """Yield notes on columns that are read without their noise."""
     outputs = {output.name for output in subject.problem.model.outputs}
     records = [*subject.problem.records, *(one.record for one in subject.left_out)]
-    notes = []
     for name in dict.fromkeys(name for record in records for name in record.denoised):
         if name == TIME:
             text = "has noise, which adds to every slope: its steps are taken to be even"
@@ -633,5 +634,4 @@ def _denoised(subject: Subject) -> list[Note]:
             text = "has single values far from those beside them, which are left out"
         else:
             text = "has noise, which passes through the model: it is smoothed between its jumps"
-        notes.append(("denoised", name, f"{name} {text}"))
-    return notes
+        yield "denoised", name, f"{name} {text}"

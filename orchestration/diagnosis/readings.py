@@ -15,7 +15,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.signal import butter, sosfiltfilt
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array, Mask
+from fmus.kit.arrays import Array
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.runs import Record
 
@@ -372,14 +372,11 @@ def readings_by_run(
             for levels in ((0.0,) * len(names), begins):  # some take off the first value before
                 yield Reading(ReadingKind.INTEGRAL, names, levels=levels)
         own = measured[:, list(places)]
-        if (np.nanmin(own, axis=0) >= 0.0).all() and (_touches_zero(own)).all():
+        least, most = np.nanmin(own, axis=0), np.nanmax(own, axis=0)
+        # they come as near to zero as columns do that lose a sign there
+        if ((least >= 0.0) & (least < _NEAR_ZERO * most)).all():
             levels = tuple(nominal[:, list(places)].mean(axis=0).tolist())
             yield Reading(ReadingKind.UNSIGNED, names, levels=levels)
-
-
-def _touches_zero(columns: Array) -> Mask:
-    """Return which columns (n, m) come as near to zero as those do that lose a sign there."""
-    return np.asarray(np.nanmin(columns, axis=0) < _NEAR_ZERO * np.nanmax(columns, axis=0))
 
 
 def _units(column: str, unit: str) -> Iterator[Reading]:

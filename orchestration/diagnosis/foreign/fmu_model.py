@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from functools import cached_property
@@ -204,27 +204,32 @@ class FmuModel(LawModel):
     def _simulated(self, record: Record, point: Array) -> Record:
         """Return a record with what the FMU simulates with values (p,) of its parameters."""
         names = self._names
-        at = dict(zip(names.at, point.tolist(), strict=True))
         columns = dict(zip((v.name for v in self.inputs), record.inputs.T.copy(), strict=True))
-        given = {name: columns[names.variables[name]] for name in names.in_fmu}
-        ran = self._ran(record, given, at)
-        computed = {names.recorded[name]: values for name, values in given.items()}
-        for name, values in ran.signals.items():
-            column = names.run[name] if names.run[name] in columns else names.simulated[name]
-            computed[column] = values
-        for (output, parameter), slope in names.slopes.items():
-            number = list(at).index(parameter)
-            computed[slope] = ran.sensitivities[output][:, number]
-        for name, value in at.items():
-            computed[names.at[name]] = np.full(len(record.time), value)
         # of an output that was not measured there are no slopes
-        columns |= {name: values for name, values in computed.items() if name in columns}
-        smooth = dict(zip(columns, record.smooth, strict=True))
+        columns |= {n: v for n, v in self._computed(record, columns, point) if n in columns}
         # between samples the FMU goes on, unless it jumps with its inputs
         of_fmu = {*names.run.values(), *names.simulated.values(), *names.slopes.values()}
+        smooth = dict(zip(columns, record.smooth, strict=True))
         smooth |= {name: not jumps_of(columns[name]).any() for name in of_fmu & {*columns}}
         inputs = np.ascontiguousarray(np.column_stack([*columns.values()]))
         return replace(record, inputs=inputs, smooth=tuple(smooth.values()))
+
+    def _computed(
+        self, record: Record, columns: Mapping[str, Array], point: Array
+    ) -> Iterator[tuple[str, Array]]:
+        """Yield columns (n,) of what an FMU simulates, and of what it was simulated with."""
+        names = self._names
+        at = dict(zip(names.at, point.tolist(), strict=True))
+        given = {name: columns[names.variables[name]] for name in names.in_fmu}
+        ran = self._ran(record, given, at)
+        for name, values in given.items():
+            yield names.recorded[name], values
+        for name, values in ran.signals.items():
+            yield names.run[name] if names.run[name] in columns else names.simulated[name], values
+        for (output, parameter), slope in names.slopes.items():
+            yield slope, ran.sensitivities[output][:, list(at).index(parameter)]
+        for name, value in at.items():
+            yield names.at[name], np.full(len(record.time), value)
 
     def _ran(
         self, record: Record, given: Mapping[str, Array], at: Mapping[str, float]

@@ -259,7 +259,7 @@ def test_a_record_of_which_the_beginning_alone_is_used_is_noted():
     ((code, label, text),) = engine._cut_off(found.subject, [longer])
     assert (code, label) == ("beginning", "long")
     assert f"first {end:.6g} s of {3.0 * end:.6g} s" in text
-    assert not engine._cut_off(found.subject, [replace(record, time=np.array([0.0, end]))])
+    assert not [*engine._cut_off(found.subject, [replace(record, time=np.array([0.0, end]))])]
 
 
 @pytest.mark.usefixtures("without_search")
