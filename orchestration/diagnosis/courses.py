@@ -11,7 +11,7 @@ import numpy as np
 from fmus.kit.arrays import Array, Mask
 from orchestration.diagnosis.fitting import Fit
 from orchestration.diagnosis.law_model import LawModel
-from orchestration.diagnosis.runs import Course, Linearisation, Record, Setting
+from orchestration.diagnosis.runs import Course, Linearisation, Record, Setting, step_of
 
 _PLACES = 20  # of the function of a signal, by which the actions of two laws differ
 _DIFFERENT = 1e-3  # share of squares that no such function explains
@@ -61,7 +61,7 @@ class Courses:
     @property
     def step(self) -> float:
         """Shortest of the usual steps of the pieces, s."""
-        return min(float(np.median(np.diff(t))) for t in self.times)
+        return min(step_of(t) for t in self.times)
 
     def setting(self, piece: Record) -> Setting:
         """Return the setting of the run over a piece."""

@@ -26,7 +26,7 @@ from orchestration.diagnosis.conclude import Conclusion
 from orchestration.diagnosis.fitting import Fit, Problem, independent_weights, mean_squares
 from orchestration.diagnosis.options import Deadline
 from orchestration.diagnosis.prediction import Forecast
-from orchestration.diagnosis.runs import Record
+from orchestration.diagnosis.runs import Record, step_of
 from orchestration.diagnosis.search import Found
 from orchestration.diagnosis.subject import start_prior
 from orchestration.diagnosis.term_names import sentence
@@ -300,7 +300,7 @@ def _beyond(difference: Array, directions: Array) -> float:
 
 def _sampling(problem: Problem) -> float:
     """Return the time between two fitted samples, s."""
-    return float(np.median(np.diff(problem.records[0].time)))
+    return step_of(problem.records[0].time)
 
 
 def _after(problem: Problem, time: Array) -> Record:

@@ -18,7 +18,7 @@ from fmus.kit.arrays import Array
 from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.conclude import Pairs
 from orchestration.diagnosis.fitting import Fit, Point, Problem, fit
-from orchestration.diagnosis.runs import Record
+from orchestration.diagnosis.runs import Record, step_of
 from orchestration.diagnosis.terms import Term
 from orchestration.experiment.waveforms import multilevel
 
@@ -89,7 +89,7 @@ def _answer(truth: Fit) -> Problem | None:
     """Return the problem of fitting a model to another's answer to a trial input."""
     problem = truth.problem
     first = problem.records[0]
-    step = float(np.median(np.diff(first.time)))
+    step = step_of(first.time)
     time = first.time[0] + step * np.arange(min(len(first.time), _SAMPLES))
     seen = np.concatenate([record.inputs for record in problem.records])
     levels = [_levels(time - time[0], values, seed) for seed, values in enumerate(seen.T)]

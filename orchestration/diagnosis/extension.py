@@ -14,6 +14,7 @@ from fmus.kit.sampling import Sampling
 from fmus.kit.sensors import transport_delay
 from orchestration.diagnosis.fitting import Fit
 from orchestration.diagnosis.law_model import LawModel
+from orchestration.diagnosis.runs import step_of
 from orchestration.diagnosis.term_names import (
     seen_unit,
     sentence,
@@ -69,7 +70,7 @@ def _delay(fitted: Fit, term: DelayTerm) -> type[Effect]:
     """Return the effect of measurement that a delay is, for the samples of the first record."""
     time = fitted.problem.records[0].time
     seconds = max(float(term.size * fitted.values_of(term)[0]), 0.0)
-    sampling = Sampling(float(np.median(np.diff(time))), float(np.ptp(time)))
+    sampling = Sampling(step_of(time), float(np.ptp(time)))
     return transport_delay(fitted.problem.model.cls, term.law, sampling.holding(seconds))
 
 
@@ -114,7 +115,7 @@ def law_term(fitted: Fit, stem: str, term: Term) -> LawTerm:
     """
     problem = fitted.problem
     model = problem.model
-    step = min(float(np.median(np.diff(record.time))) for record in problem.records)
+    step = min(step_of(record.time) for record in problem.records)
     amount = term_parameters(model.cls, stem, term)[0]
     return LawTerm(
         term.law,

@@ -371,6 +371,16 @@ class Problem:
         setting = self.setting(point, terms, record.group)
         return self.model.run(record, setting, start, sensitive=sensitive)
 
+    def errors(self, point: Point, terms: Sequence[Term] = ()) -> tuple[Array, ...] | None:
+        """Return the errors (n, ny) of each record in spreads; None where a run fails."""
+        errors = []
+        for record, start in zip(self.records, point.starts, strict=True):
+            course = self.run(record, point, terms, start, False)
+            if course is None:
+                return None
+            errors.append((record.outputs - course.outputs) / self.spread)
+        return tuple(errors)
+
     def setting(self, point: Point, terms: Sequence[Term], group: int = 0) -> Setting:
         """Return a point as the model takes it over a group of records."""
         all_of_them = self.parameters(point.q, group)
@@ -546,19 +556,8 @@ class _Search:
 
     def cost(self, point: Point) -> float:
         """Return the cost at a point; infinite where a run fails."""
-        errors = self._errors(point)
+        errors = self.problem.errors(point, self.terms)
         return np.inf if errors is None else self._cost(point, errors)
-
-    def _errors(self, point: Point) -> tuple[Array, ...] | None:
-        """Return the errors (n, ny) of each record at a point; None where a run fails."""
-        problem = self.problem
-        errors = []
-        for record, start in zip(problem.records, point.starts, strict=True):
-            course = problem.run(record, point, self.terms, start, False)
-            if course is None:
-                return None
-            errors.append((record.outputs - course.outputs) / problem.spread)
-        return tuple(errors)
 
     def _cost(self, point: Point, errors: Sequence[Array]) -> float:
         far = self._far(point)
@@ -595,7 +594,7 @@ class _Search:
 
     def evaluate_near(self, point: Point, known: Evaluated) -> Evaluated | None:
         """Return the same with slopes that are known of a point near it, in a tenth of the time."""
-        errors = self._errors(point)
+        errors = self.problem.errors(point, self.terms)
         if errors is None:
             return None
         gradient = -self._far(point) / self._widths

@@ -34,7 +34,7 @@ from orchestration.diagnosis.fitting import (
 )
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.readings import Reading, ReadingKind, readings_by_run, readings_of
-from orchestration.diagnosis.runs import Course, Record
+from orchestration.diagnosis.runs import Course, Record, step_of
 from orchestration.diagnosis.subject import LeftOut, Subject, divided_as_read, thinned
 
 _OF_A_KIND = 2  # readings of a kind that are fitted
@@ -104,7 +104,7 @@ class _Screen:
         if reading.kind is ReadingKind.PACE:
             return [share for share in _PACES.tolist() if share]
         if reading.kind is ReadingKind.FILTERED:
-            step = float(np.median(np.diff(time)))
+            step = step_of(time)
             return np.geomspace(
                 _PERIODS / float(time[-1] - time[0]), 0.25 / step, _CUTOFFS
             ).tolist()
@@ -119,7 +119,7 @@ class _Screen:
         else:
             samples = np.arange(1, most + 1)
             is_early = True
-        step = float(np.median(np.diff(time)))
+        step = step_of(time)
         signs = (1.0, -1.0) if is_early else (1.0,)
         return [float(sign * k * step) for k in samples for sign in signs]
 
@@ -302,7 +302,7 @@ def _misfit(problem: Problem, point: Point) -> float:
 
 def _logarithms(problem: Problem, point: Point) -> Array:
     """Return the logarithm of the mean square error of each output (ny,)."""
-    errors = _errors(problem, point)
+    errors = problem.errors(point)
     if errors is None:
         return np.full(len(problem.spread), np.inf)
     return _logarithm(np.concatenate(errors))
@@ -311,17 +311,6 @@ def _logarithms(problem: Problem, point: Point) -> Array:
 def _logarithm(errors: Array) -> Array:
     """Return the logarithm of the mean square of each column of errors (n, ny)."""
     return np.log(np.maximum(mean_squares(errors), 1e-12))
-
-
-def _errors(problem: Problem, point: Point) -> list[Array] | None:
-    """Return the errors (n, ny) of each record in spreads."""
-    errors = []
-    for record, start in zip(problem.records, point.starts, strict=True):
-        course = problem.run(record, point, (), start, False)
-        if course is None:
-            return None
-        errors.append((record.outputs - course.outputs) / problem.spread)
-    return errors
 
 
 def _best_of_each_kind(trials: Sequence[_Trial]) -> Iterator[_Trial]:
@@ -392,7 +381,7 @@ def _best_change(trial: _Trial) -> Array | None:
     problem = trial.problem
     steps = np.diag(_differences(trial))
     ahead = [_moved(trial, step) for step in steps]
-    errors = [None if there is None else _errors(there.problem, trial.point) for there in ahead]
+    errors = [None if there is None else there.problem.errors(trial.point) for there in ahead]
     runs = _runs(problem, trial.point)
     tried = [np.concatenate(error).ravel() for error in errors if error is not None]
     if runs is None or len(tried) < len(steps):
@@ -412,7 +401,7 @@ def _differences(trial: _Trial) -> Array:
     A whole sample of a delay.
     """
     reading, record = trial.reading, trial.problem.records[0]
-    step = float(np.median(np.diff(record.time)))
+    step = step_of(record.time)
     if reading.kind is ReadingKind.LATE:
         return np.array([step])
     if reading.kind is ReadingKind.PACE:

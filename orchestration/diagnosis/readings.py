@@ -17,7 +17,7 @@ from scipy.signal import butter, sosfiltfilt
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.diagnosis.law_model import LawModel
-from orchestration.diagnosis.runs import Record
+from orchestration.diagnosis.runs import Record, step_of
 
 TIME = "time"
 _PREFIXES = {"m": 1e-3, "k": 1e3, "u": 1e-6}
@@ -271,7 +271,7 @@ def _earlier(values: Array, time: Array, shift: float, *, is_input: bool) -> Arr
     places = np.interp(instants, time, np.arange(len(time)))
     moved = values[np.round(places).astype(int)]
     if not is_input:
-        near = 0.5 * float(np.median(np.diff(time)))
+        near = 0.5 * step_of(time)
         inside = (instants > time[0] - near) & (instants < time[-1] + near)
         moved = np.where(inside, moved, np.nan)
     return moved
@@ -282,7 +282,7 @@ def _filtered(values: Array, time: Array, cutoff: float) -> Array:
 
     As they are where the cut-off is beyond their samples.
     """
-    share = 2.0 * cutoff * float(np.median(np.diff(time)))
+    share = 2.0 * cutoff * step_of(time)
     if not 0.0 < share < 1.0:
         return values
     return np.asarray(sosfiltfilt(butter(_ORDER, share, output="sos"), values, axis=0))

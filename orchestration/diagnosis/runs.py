@@ -19,6 +19,11 @@ _KNOTS = 4  # samples that determine a cubic
 _JUMP = 0.01  # standard deviations, from which on an input jumps that stands still at most samples
 
 
+def step_of(time: Array) -> float:
+    """Return the usual time between samples, s."""
+    return float(np.median(np.diff(time)))
+
+
 @dataclass(frozen=True, eq=False)
 class Record:
     """A record of one run, SI.

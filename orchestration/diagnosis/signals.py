@@ -11,6 +11,7 @@ import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
 from fmus.kit.arrays import Array, Indices
+from orchestration.diagnosis.runs import step_of
 from orchestration.diagnosis.terms import Memory
 
 _ALIKE = 0.9995  # correlation from which on two signals are one
@@ -146,7 +147,7 @@ def _constants(kind: Memory, times: Sequence[Array]) -> list[float]:
     length = max(float(t[-1] - t[0]) for t in times)
     if kind.counts:
         return [length]
-    step = min(float(np.median(np.diff(t))) for t in times)
+    step = min(step_of(t) for t in times)
     return np.geomspace(max(3.0 * step, length / 1000.0), length / 4.0, _TIMES).tolist()
 
 

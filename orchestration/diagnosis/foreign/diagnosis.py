@@ -18,6 +18,7 @@ from orchestration.diagnosis.foreign.component import Fitted, Names, output_corr
 from orchestration.diagnosis.foreign.fmu_model import FmuModel, FmuRuns
 from orchestration.diagnosis.foreign.response import FmuResponse, identify_responses
 from orchestration.diagnosis.options import Options
+from orchestration.diagnosis.runs import step_of
 from orchestration.experiment.design import DiscriminatingExperiment
 from orchestration.fmu import Model, Value
 from orchestration.fmu.signal import numeric
@@ -148,7 +149,7 @@ class _Subject:
             if name in self.names.in_fmu
         }
         time = record.time
-        self.experiment = float(time[-1] - time[0]), float(np.median(np.diff(time)))
+        self.experiment = float(time[-1] - time[0]), step_of(time)
         responses = self._responses(record, measured)
         self.moved = list(dict.fromkeys(name for _, name in responses))
         given = numeric(settings)
