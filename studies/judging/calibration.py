@@ -1,8 +1,8 @@
 """Calibration of how sure a cause is: `python -m studies.judging.calibration ROWS.jsonl ...`.
 
 A logistic regression of "the true cause is among the first one, two or three" on their features
-(`orchestration.diagnosis.features`), fitted to rows of `studies.judging.outside`. It is judged with
-one plant left out in turn, and its coefficients are printed for `comparison.py`.
+(`orchestration.diagnosis.features`), fitted to rows of `studies.judging.outside` and `hidden`. It
+is judged with one plant left out in turn, and its coefficients are printed for `comparison.py`.
 """
 
 from __future__ import annotations
@@ -12,11 +12,13 @@ import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from benchmarks.tables import Table, Topic
 from fmus.kit.arrays import Array
+from orchestration.diagnosis import Found, conclude
 from orchestration.diagnosis import features as of_causes
 from studies.judging.study import Row
 
@@ -47,6 +49,24 @@ class Logistic:
     def probability(self, features: Array) -> Array:
         """Return the probabilities (n,) of features (n, p)."""
         return _sigmoid(_design(features, self.middle, self.scale) @ self.coefficients)
+
+
+def groups_of(
+    found: Found, conclusion: conclude.Conclusion, is_right: Callable[[Any], bool]
+) -> list[Row]:
+    """Return the features of the first cause, of the first two and three, and if one is right.
+
+    None of a model that is consistent, of which no cause is claimed.
+    """
+    leading = () if conclusion.verdict == "consistent" else conclusion.leading
+    first = [leading[:count] for count in range(1, len(leading) + 1)]
+    return [
+        {
+            "features": of_causes.features_of(found, causes),
+            "right": any(map(is_right, causes)),
+        }
+        for causes in first
+    ]
 
 
 def fit_logistic(names: Sequence[str], features: Array, right: Array) -> Logistic:
@@ -158,7 +178,7 @@ def report(rows: Iterable[Row], names: Sequence[str] = USED) -> Topic:
         "logistic, fitted": fitted.probability(features),
         "logistic, plant left out": left_out,
     }
-    hidden = np.array([row["group"] != "clean" for row, _ in groups])
+    hidden = np.array([row.get("group") != "clean" for row, _ in groups])
     measured: list[list[str | int | float]] = [
         [
             name,

@@ -39,6 +39,7 @@ from studies.hidden import (
     left_beside,
 )
 from studies.hidden import left as widths_left
+from studies.judging.calibration import groups_of
 from studies.judging.floor import best_plain_term
 from studies.judging.stamp import DIAGNOSIS
 from studies.judging.study import (
@@ -223,6 +224,11 @@ def _told(diagnosis: Diagnosis, right: Sequence[Sequence[str]], truth: Mapping[s
         "causes": [_matches(_names(cause), right) for cause in causes],
         "parts": [_matches(_names_of(part), right) for part in causes[0].parts] if causes else [],
         "inside": inside,
+        "groups": groups_of(
+            diagnosis.found,
+            diagnosis.conclusion,
+            lambda cause: bool(_matches(_names(cause), right)),
+        ),
     }
 
 

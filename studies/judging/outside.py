@@ -22,11 +22,11 @@ from orchestration.diagnosis import (
     Record,
     Subject,
     conclude,
-    features,
     search,
     subject_of,
 )
 from orchestration.fmu import find_model
+from studies.judging.calibration import groups_of
 from studies.judging.floor import best_plain_term
 from studies.judging.stamp import DIAGNOSIS
 from studies.judging.study import Chosen, Part, Row, Study, among, grouped, share
@@ -70,7 +70,10 @@ def judge(case: OutsideCase) -> Row:
     conclusion = conclude.conclude(found)
     row |= {"seconds": clock.perf_counter() - began, "processor": clock.process_time() - used}
     row |= _answer(conclusion, drawn) | _errors(conclusion, drawn, subject)
-    row |= {"fits": len(found.fits), "groups": _groups(found, conclusion, drawn)}
+    row |= {
+        "fits": len(found.fits),
+        "groups": groups_of(found, conclusion, lambda cause: _is_right(cause.key, drawn.right)),
+    }
     return row | _in_search(found, drawn) | _floor(subject, drawn)
 
 
@@ -120,20 +123,6 @@ def _errors(conclusion: conclude.Conclusion, drawn: Drawn, subject: Subject) -> 
     if conclusion.verdict == "consistent":
         best = conclusion.base
     return {"before": conclusion.base.left_out / noise, "after": best.left_out / noise}
-
-
-def _groups(found: Found, conclusion: conclude.Conclusion, drawn: Drawn) -> list[Row]:
-    """Return the features of the first cause, of the first two and three, and if one is right."""
-    if conclusion.verdict == "consistent":
-        return []
-    first = [conclusion.leading[:count] for count in range(1, len(conclusion.leading) + 1)]
-    return [
-        {
-            "features": features.features_of(found, causes),
-            "right": any(_is_right(c.key, drawn.right) for c in causes),
-        }
-        for causes in first
-    ]
 
 
 def _in_search(found: Found, drawn: Drawn) -> Row:
