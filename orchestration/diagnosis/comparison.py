@@ -67,8 +67,8 @@ class Weights:
         of the largest gain.
     confidence : Mapping of str to float
         Log odds that the true cause is among some, by their `features.features_of`: fitted to
-        records of five plants, half of them with truths outside of what can be searched, and to
-        records with effects of a catalogue (decisions 91 and 98).
+        records of five plants, half of them with truths outside of what can be searched (decision
+        111).
     fed : float
         By which errors count more of a model that is fed what was measured, and so knows more.
     no_better : float
@@ -108,11 +108,11 @@ class Weights:
     temper_of_gain: float = 0.05
     confidence: Mapping[str, float] = field(
         default_factory=lambda: {
-            "constant": -0.4,
-            "margin": 4.2,
-            "share": 3.3,
-            "words": -0.45,
-            "rise": -3.0,
+            "constant": -0.8,
+            "margin": 4.5,
+            "share": 3.7,
+            "words": -0.3,
+            "rise": -1.0,
         }
     )
     fed: float = 2.0

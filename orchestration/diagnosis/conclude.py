@@ -249,7 +249,7 @@ def _calibrated(causes: Sequence[Cause], found: Found) -> list[Cause]:
     result = []
     before = 0.0
     for count, cause in enumerate(causes[: WEIGHTS.most], start=1):
-        reached = max(before, confidence(features_of(found, causes[:count])))
+        reached = confidence(features_of(found, causes[:count]))
         result.append(replace(cause, probability=reached - before))
         before = reached
     return sorted(result, key=lambda cause: -cause.probability)

@@ -27,9 +27,9 @@ from orchestration.diagnosis.observer import Observer
 from orchestration.diagnosis.options import Deadline, Options
 from orchestration.diagnosis.pieces import Note, pieces_of, recorded_inputs
 from orchestration.diagnosis.readings import TIME, Reading
-from orchestration.diagnosis.remainder import Remainder, drifts, remainders
+from orchestration.diagnosis.remainder import Remainder, drifts, leaves_more, remainders
 from orchestration.diagnosis.runs import Record
-from orchestration.diagnosis.search import Found, leaves_more, search
+from orchestration.diagnosis.search import Found, search
 from orchestration.diagnosis.subject import Subject, predicted, subject_of
 from orchestration.diagnosis.term_names import deviations, estimates, stems
 from orchestration.diagnosis.terms import Term

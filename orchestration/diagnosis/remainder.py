@@ -52,16 +52,18 @@ class Remainder:
         return self.is_slow and (self.noise_widths is None or self.noise_widths > _WIDTHS)
 
 
-def remainders(judged: Judged, sizes: Array) -> tuple[Remainder, ...]:
+def remainders(judged: Judged, sizes: Array | None = None) -> tuple[Remainder, ...]:
     """Return the remainder of every output that is measured where nothing was chosen by.
 
     Parameters
     ----------
     judged : Judged
-    sizes : ndarray, shape (ny,)
-        RMS of the outputs about their means, in their spreads; NaN of one that does not move.
+    sizes : ndarray, shape (ny,), optional
+        RMS of the outputs about their means, in their spreads; NaN of one that does not move. By
+        default the spreads.
     """
     result = []
+    sizes = np.ones(len(judged.fit.problem.spread)) if sizes is None else sizes
     for j, output in enumerate(judged.fit.problem.model.outputs):
         if not np.isfinite(sizes[j]):
             continue
@@ -79,8 +81,12 @@ def remainders(judged: Judged, sizes: Array) -> tuple[Remainder, ...]:
 
 def drifts(judged: Judged) -> bool:
     """Return whether a model leaves a large slow error where nothing was fitted."""
-    in_spreads = remainders(judged, np.ones(len(judged.fit.problem.spread)))
-    return any(one.share > _LARGE and one.is_slow for one in in_spreads)
+    return any(one.share > _LARGE and one.is_slow for one in remainders(judged))
+
+
+def leaves_more(judged: Judged) -> bool:
+    """Return whether a model leaves more than noise of an output where nothing was chosen by."""
+    return any(one.is_more_than_noise for one in remainders(judged))
 
 
 def noise_of(error: Array) -> float:

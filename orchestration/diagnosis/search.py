@@ -42,7 +42,7 @@ from orchestration.diagnosis.fitting import (
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.misreadings import misreadings
 from orchestration.diagnosis.readings import Reading
-from orchestration.diagnosis.remainder import remainders
+from orchestration.diagnosis.remainder import leaves_more
 from orchestration.diagnosis.runs import Record
 from orchestration.diagnosis.screening import (
     Screen,
@@ -298,12 +298,6 @@ def is_white(judged: Judged) -> bool:
         if (independent * (1.0 + 2.0 * _CHANCE / np.sqrt(n)) < n)[independent > 0.0].any():
             return False
     return True
-
-
-def leaves_more(judged: Judged) -> bool:
-    """Return whether a model leaves more than noise of an output where nothing was chosen by."""
-    spreads = np.ones(len(judged.fit.problem.spread))
-    return any(one.is_more_than_noise for one in remainders(judged, spreads))
 
 
 def _is_linearised_anew(found: Found) -> bool:
