@@ -306,7 +306,8 @@ def _near_the_likeliest(ranked: Sequence[Ranked], found: Found) -> list[Ranked]:
     """
     if not ranked:
         return []
-    # one that does not gain in all is no measure of what can be reached
+    # one that does not gain in all is no measure of what can be reached, and not as likely: where
+    # errors are large for a short while their difference is uncertain
     best = ranked[0]
     gaining = [entry for entry in ranked if entry.score > WEIGHTS.gaining * best.score] or [best]
     likeliest = max(gaining, key=lambda entry: entry.comparison.left_out)
@@ -323,7 +324,7 @@ def _near_the_likeliest(ranked: Sequence[Ranked], found: Found) -> list[Ranked]:
         is_behind = behind > max(deviations * error, WEIGHTS.share_behind * removed)
         return not is_behind or bool(plainer and most - entry.comparison.left_out <= worth)
 
-    return [entry for entry in ranked if is_near(entry)]
+    return [entry for entry in gaining if is_near(entry)]
 
 
 def _in_order(one: Judged, found: Found) -> tuple[Reading | Term, ...]:

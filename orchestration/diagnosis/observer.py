@@ -122,12 +122,14 @@ class Place:
     def courses(self) -> list[Array]:
         """Return states (n, nx + nz) of each record, by runs, or where they start.
 
-        A state that an output shows is that which was measured.
+        A state that an output shows is that which was measured. Where a run leaves its bounds
+        memories are empty.
         """
         runs = self.runs([record.gain for record in self.records])
         courses = []
         for i, (record, start) in enumerate(zip(self.records, self.starts, strict=True)):
-            still = np.tile(start.mean, (len(record.time), 1))
+            memories = self.problem.setting(self.point, self.terms, record.group).memories
+            still = np.tile(np.append(start.mean, np.zeros(memories)), (len(record.time), 1))
             states = still if runs is None else runs[i].states.copy()
             for state, output in self.problem.model.measured_states.items():
                 column = record.outputs[:, output]

@@ -15,9 +15,10 @@ from orchestration.diagnosis import Record
 from orchestration.diagnosis.conclude import Conclusion, conclude
 from orchestration.diagnosis.search import Found, search
 from orchestration.diagnosis.subject import subject_of
-from tests.support.diagnosed_mass import START, D, K, M, integrated, mass, pushed
+from tests.support.diagnosed_mass import D, K, M, integrated, mass, pushed
 
 NOISE = 0.001
+AT_REST = np.array([0.02, 0.0])  # as is declared, or more than the addition would be wrong
 Addition = Callable[[Array, float, float], float]
 
 
@@ -43,7 +44,7 @@ def drawn(addition: Addition, count: int = 300, seed: int = 0) -> Record:
     def rates(x: Array, u: float, t: float) -> list[float]:
         return [x[1], (u - K * x[0] - D * x[1] - addition(x, u, t)) / M]
 
-    states = integrated(record, rates, START, 1e-5)
+    states = integrated(record, rates, AT_REST, 1e-5)
     noise = NOISE * np.random.default_rng(seed).standard_normal((count, 1))
     return replace(record, outputs=states[:, :1] + noise)
 

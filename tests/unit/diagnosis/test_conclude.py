@@ -16,6 +16,7 @@ from orchestration.diagnosis.conclude import (
     _in_order,
     _is_one_with,
     _minimal,
+    _near_the_likeliest,
     _verdict,
     conclude,
     is_lost,
@@ -186,6 +187,17 @@ def test_a_fit_behind_the_lowest_is_second_even_if_its_score_is_higher() -> None
     assert 0.0 < second.probability < first.probability < 0.9
     far = found(judged(0.1, 0.1, DRY), judged(0.5, 0.5, SPRING))
     assert [c.name for c in conclude(far).causes] == ["friction(v)"], "one that is sure is alone"
+
+
+def test_what_gains_less_than_half_is_not_as_likely_however_uncertain_its_error() -> None:
+    """An error in a short burst has an uncertain mean square, by which it is behind no other."""
+    burst = SEEN * np.where(np.arange(len(SEEN)) < 8, 30.0, 0.5)[:, np.newaxis]
+    ahead, rival = judged(0.5, 0.5, DRY), judged(0.9, burst, SPRING)
+    behind, error = shortfall(rival, ahead, 0.5 * np.ones(1))
+    assert 0.0 < behind < 2.0 * error
+    entries = found(ahead, rival, judged(1.0, 3.0, CURVE))
+    near = _near_the_likeliest(entries.compared(), entries)
+    assert [entry.judged for entry in near] == [ahead]
 
 
 @pytest.mark.parametrize(("noise", "near"), [(WHITE, True), (SLOW, False)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from orchestration.diagnosis.report import wording
 from orchestration.diagnosis.responses import Drives, respond
 from orchestration.diagnosis.runs import Setting
 from orchestration.diagnosis.subject import _place
+from orchestration.diagnosis.terms import Memory
 from orchestration.fmu.model import declared_model_of
 from tests.support.control import PLANTS, control_record
 from tests.support.control_models import Cart, Upright
@@ -193,6 +195,19 @@ def test_a_model_that_forgets_its_states_runs_freely():
     assert subject.observer is None
     assert all(one.gain is None for one in subject.problem.records)
     assert growth_of(_place(subject.problem, subject.left_out, subject.base)) < -1.0
+
+
+def test_a_model_that_runs_away_with_a_memory_is_linearised_where_it_starts():
+    """The rates of the oscillator grow by 1e9 of a lag of its position."""
+    record = oscillator_record(1, samples=200)
+    columns = [record.signals[name][:, None] for name in ("force", "position")]
+    subject = subject_of(LawModel(Oscillator), [Record(record.time, *columns, (False,), "o")])
+    lag = Term("spring_force", "elongation", Shape.LINEAR, Memory.LAG, (0.1,))
+    far = replace(subject.base.point, values=np.array([-1e9, np.log(0.1)]))
+    fitted = replace(subject.base, terms=(lag,), point=far)
+    place = _place(subject.problem, subject.left_out, fitted)
+    assert place.runs([one.gain for one in place.records]) is None
+    assert growth_of(place) > 0.0
 
 
 def test_an_unstable_plant_is_predicted_within_its_noise():
