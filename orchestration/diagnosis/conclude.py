@@ -66,7 +66,7 @@ def conclude(found: Found, inseparable: Pairs = ()) -> Conclusion:
     ranked = [entry for entry in found.compared() if not entry.comparison.is_worse]
     near = _near_the_likeliest(ranked, found)
     top = _best_sets(near)
-    *shares, nothing = _shares(top, found.temper)
+    *shares, nothing = _shares(top, found)
     causes = _causes(top, shares, found, inseparable)
     group = _group(_calibrated(causes, found))
     if not _is_enough(group):
@@ -113,13 +113,15 @@ def _minimal(sets: Sequence[tuple[frozenset[object], Ranked]]) -> list[Ranked]:
     return list(kept.values())
 
 
-def _shares(top: Sequence[Ranked], temper: float) -> list[float]:
+def _shares(top: Sequence[Ranked], found: Found) -> list[float]:
     """Return the share of each set, and that of no term at all, by their scores.
 
     Where the best leaves white noise scores are nats of a likelihood; where it leaves more than
-    that, no set is exact, and they are worth less.
+    that, no set is exact, and they are worth less. Where no term leaves a large slow error,
+    something is missing.
     """
-    scores = np.array([entry.score for entry in top] + [0.0]) / temper
+    no_term = -np.inf if top and drifts(found.base) else 0.0
+    scores = np.array([*(entry.score for entry in top), no_term]) / found.temper
     shares = np.exp(scores - scores.max())
     return [float(share) for share in shares / shares.sum()]
 

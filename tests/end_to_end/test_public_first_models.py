@@ -36,7 +36,7 @@ class Expected:
     held_out: str = ""
 
     def __str__(self) -> str:
-        return self.records.split()[0]
+        return f"{self.records.split()[0]}, {self.model}"
 
 
 NAMED = [
@@ -55,6 +55,14 @@ NAMED = [
         "pendulum_ddp",
         "pendulum:Pendulum",
         "friction(velocity)",
+        0.147,
+        "pendulum_collocation",
+    ),
+    Expected(
+        "wild",
+        "pendulum_ddp",
+        "pendulum_listed:Pendulum",
+        "coulomb_friction stribeck_friction sliding_friction friction(velocity)",
         0.147,
         "pendulum_collocation",
     ),
