@@ -80,11 +80,11 @@ def test_every_room_is_described() -> None:
 
 
 def ambiguous_record(path: Path) -> None:
-    """Write a record that moves too little to tell a double layer from diffusion."""
+    """Write a record that moves too seldom to tell a double layer from diffusion."""
     time = 0.2 * np.arange(1501)
     current = steps(time, [20.0, 70.0, 150.0, 200.0, 260.0], [0.3, -0.2, 0.4, 0.0, 0.3])
     force = np.full(time.size, 0.5)
-    hidden = partial(DoubleLayer, transfer_resistance=0.1, layer_time=0.4)
+    hidden = partial(DoubleLayer, transfer_resistance=0.1, layer_time=4.0)
     rig = EmulatedRig(RigParameters(), 1, NOISE["voltage"], NOISE["displacement"], hidden=hidden)
     write_record(
         path, time, {"current": current, "force": force} | rig.run(time, current, force), UNITS
