@@ -17,26 +17,19 @@ from demonstrations.emulator.emulator import EmulatedRig
 from demonstrations.emulator.physics import RigParameters
 from orchestration.cli.examples import EXAMPLES
 from tests.support.command import measure, works
-from tests.support.pace import slow_but
 from tests.support.rig.process import Server
 from tests.support.rig.small_rig import free_port
 
 QUICK = (
     "list",
     "info",
-    "export modelica",
     "system export",
     "system list",
     "system show",
     "system draw",
     "system check",
     "check",
-    "simulate",
-    "linearise",
-    "run",
     "sweep",
-    "optimise",
-    "compare",
     "identify",
     "frequency",
 )
@@ -63,9 +56,22 @@ def folder(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("command", slow_but(QUICK, *(name for name in QUICK if name not in LONG)))
+@pytest.fixture(scope="module")
+def exported(folder):
+    """The same folder with a system."""
+    run("system export", folder)
+    return folder
+
+
+@pytest.mark.parametrize("command", QUICK)
 def test_examples_that_take_a_moment(folder, command):
     run(command, folder)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", LONG)
+def test_examples_that_take_longer(exported, command):
+    run(command, exported)
 
 
 @pytest.fixture(scope="module")
