@@ -168,7 +168,15 @@ ELSEWHERE = Term("inlet", "inflow", Shape.CUBE)
 
 SCALE = Scale(False, 1.0)
 PLAIN = SimpleNamespace(
-    errors=(WHITE,), terms=(), misfit=1.0, distance=0.0, freedom=0, explanations=0
+    errors=(WHITE,),
+    terms=(),
+    misfit=1.0,
+    distance=0.0,
+    freedom=0,
+    explanations=0,
+    problem=SimpleNamespace(
+        model=SimpleNamespace(outputs=[SimpleNamespace(name="level")]), spread=np.ones(1)
+    ),
 )
 BASE = Judged(PLAIN, SEEN, SEEN, SEEN, 0.0)
 SUBJECT = SimpleNamespace(sizes=np.full(9, np.nan))  # nothing is measured that moves
