@@ -92,10 +92,10 @@ def _best_sets(ranked: Sequence[Ranked]) -> list[Ranked]:
 
 
 def _others(behind: Sequence[Cause], causes: Sequence[Cause], found: Found) -> list[Cause]:
-    """Return the causes that are none of others in other words.
+    """Return the causes that are not among others in other words.
 
-    They are behind on what is left out; but by how far the best is ahead of them it is known how
-    sure that one is, and so they are what else it may be.
+    They are behind on what is left out, or gain less than half of the best. How sure the best is
+    follows from how far it is ahead of them; so they are what else the cause may be.
     """
     return [
         one
