@@ -59,13 +59,10 @@ def groups_of(
     None of a model that is consistent, of which no cause is claimed.
     """
     leading = () if conclusion.verdict == "consistent" else conclusion.leading
-    first = [leading[:count] for count in range(1, len(leading) + 1)]
+    groups = [leading[:count] for count in range(1, len(leading) + 1)]
     return [
-        {
-            "features": of_causes.features_of(found, causes),
-            "right": any(map(is_right, causes)),
-        }
-        for causes in first
+        {"features": of_causes.features_of(found, group), "right": any(map(is_right, group))}
+        for group in groups
     ]
 
 
