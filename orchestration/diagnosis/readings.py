@@ -207,7 +207,7 @@ class Reading:
         if self.kind is ReadingKind.LATE:
             return _earlier(values, time, self.shift, is_input=is_input)
         if self.kind in (ReadingKind.RATE, ReadingKind.INTEGRAL):
-            known = np.isfinite(values)  # a gap is bridged: after one nothing else would be known
+            known = np.isfinite(values)  # a gap is bridged, or the sum after it would be unknown
             own = values[known], time[known]
             change = _integral(*own) if self.kind is ReadingKind.RATE else _derivative(*own)
             meant = np.full(len(values), np.nan)
