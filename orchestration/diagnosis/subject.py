@@ -420,7 +420,7 @@ def subject_of(
         return None
     if second is None:
         return _as_read(first, False)
-    if likelihood_gain(second.subject.base, first.subject.base) > WEIGHTS.least:
+    if likelihood_gain(second.subject, first.subject) > WEIGHTS.least:
         first, second = second, first
     return replace(_as_read(first, True), otherwise=lambda: _as_read(second, False))
 
@@ -443,7 +443,7 @@ def _as_read(recorded: _Recorded, turns: bool) -> Subject:
             continue
         others = [clean(bare.model, record) for record in best.held_out]
         one = _as_recorded(bare, own, others, q)
-        if one is not None and likelihood_gain(one.subject.base, best.subject.base) > WEIGHTS.least:
+        if one is not None and likelihood_gain(one.subject, best.subject) > WEIGHTS.least:
             best = one
     few = _without_outliers(best.subject)
     return replace(few, complete=lambda: _of_all_samples(best, few))
@@ -695,16 +695,35 @@ def divided_as_read(subject: Subject, reading: Reading) -> tuple[Problem, tuple[
     return changed, left_out
 
 
-def likelihood_gain(one: Fit, other: Fit) -> float:
-    """Return the gain in log likelihood of a fit over another, nats.
+def likelihood_gain(one: Subject, other: Subject) -> float:
+    """Return the gain in log likelihood of a reading of records over another, nats.
 
-    That of each output counts: one in which a law is missing hides no other. It has as many
-    samples as are independent in the fit that leaves more structure there.
+    Of the samples that both kept: the noise of others differs by more than most gains. That of each
+    output counts: one in which a law is missing hides no other. It has as many samples as are
+    independent in the fit that leaves more structure there.
     """
-    counts = [[[effective_samples(c) for c in e.T] for e in f.errors] for f in (one, other)]
+    pairs = zip(one.problem.records, other.problem.records, strict=True)
+    shared = [_shared(first.time, second.time) for first, second in pairs]
+    errors = [
+        [e[kept[k]] for e, kept in zip(subject.base.errors, shared, strict=True)]
+        for k, subject in enumerate((one, other))
+    ]
+    counts = [[[effective_samples(c) for c in e.T] for e in both] for both in errors]
     samples = np.min(np.sum(counts, axis=1), axis=0)
-    shares = np.log(variance_of(other.errors) / variance_of(one.errors))
+    shares = np.log(variance_of(errors[1]) / variance_of(errors[0]))
     return float(0.5 * np.nansum(samples * shares))
+
+
+def _shared(one: Array, other: Array) -> tuple[Indices, Indices]:
+    """Return the positions in two clocks of samples of which each is the nearest of the other."""
+    nearest = _nearest(other, one)
+    kept = np.flatnonzero(_nearest(one, other)[nearest] == np.arange(len(one)))
+    return kept, nearest[kept]
+
+
+def _nearest(clock: Array, time: Array) -> Indices:
+    """Return the positions in a clock of the samples that are nearest to instants."""
+    return np.searchsorted(0.5 * (clock[1:] + clock[:-1]), time)
 
 
 def _divided(

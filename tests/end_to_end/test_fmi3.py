@@ -102,7 +102,7 @@ def test_what_a_sensor_does_is_named(tmp_path):
     )
     found = json.loads((tmp_path / "d.json").read_text())
     (cause,) = found["causes"]
-    assert (cause["effect"], cause["output"]) == ("sensor_offset", "y")
+    assert (cause["effect"], cause["law"]) == ("sensor_offset(y)", "y")
     assert cause["parameters"]["y_offset"]["value"] == pytest.approx(0.3, abs=0.005)
 
 

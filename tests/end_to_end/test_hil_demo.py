@@ -49,7 +49,8 @@ def test_the_hidden_effect_is_the_one_that_was_found(made):
     assert hidden
     assert hidden[1] in said.partition("what the rig hides")[0]
     title = effect_title(effects("ppy_actuator")[hidden[1]])
-    assert f"{title}: " in (folder / "hil.html").read_text(encoding="utf-8")
+    cause = title[0].lower() + title[1:]
+    assert f" % {cause}: " in (folder / "hil.html").read_text(encoding="utf-8")
 
 
 def test_the_extended_model_is_far_nearer_to_the_rig_in_real_time(made):

@@ -235,6 +235,16 @@ def test_fewer_samples_make_no_difference_beside_the_noise() -> None:
     assert thinned(problem, slow, problem.mean, 100, np.array([1e-9])) is slow
 
 
+def subject_leaving(errors: np.ndarray, step: int = 1) -> Subject:
+    """A subject that leaves errors (n, ny) of every so many samples, 0.01 s apart."""
+    subject = made(drawn())
+    record = subject.problem.records[0]
+    at = np.arange(0, len(errors), step)
+    kept = replace(record, time=0.01 * at, inputs=np.zeros((len(at), 1)), outputs=errors[at])
+    problem = replace(subject.problem, records=(kept,))
+    return replace(subject, problem=problem, base=replace(subject.base, errors=(errors[at],)))
+
+
 def test_an_output_in_which_a_law_is_missing_hides_no_other() -> None:
     """Of 1000 independent errors each: half of 1000 times the logarithm of the ratio of squares.
 
@@ -242,19 +252,31 @@ def test_an_output_in_which_a_law_is_missing_hides_no_other() -> None:
     """
     rng = np.random.default_rng(3)
     wrong, exact = 10.0 * rng.standard_normal(1000), rng.standard_normal(1000)
-    first = made(drawn()).base
-    worse = replace(first, errors=(np.column_stack([wrong, 1.2 * exact]),))
-    better = replace(first, errors=(np.column_stack([1.01 * wrong, exact]),))
+    worse = subject_leaving(np.column_stack([wrong, 1.2 * exact]))
+    better = subject_leaving(np.column_stack([1.01 * wrong, exact]))
     expected = 1000.0 * (np.log(1.2) - np.log(1.01))
     assert likelihood_gain(better, worse) == pytest.approx(expected, rel=0.1)
     assert likelihood_gain(worse, better) == pytest.approx(-expected, rel=0.1)
-    assert better.misfit > worse.misfit
     slow = lfilter([1.0], [1.0, -0.9], rng.standard_normal(1000))
-    held = replace(first, errors=(2.0 * (slow / slow.std())[:, np.newaxis],))
-    straight = replace(first, errors=(exact[:, np.newaxis],))
+    held = subject_leaving(2.0 * (slow / slow.std())[:, np.newaxis])
+    straight = subject_leaving(exact[:, np.newaxis])
     independent = 1000.0 * (1.0 - 0.9) / (1.0 + 0.9)
     expected = independent * np.log(2.0)
     assert likelihood_gain(straight, held) == pytest.approx(expected, rel=0.4), "of the slow ones"
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_readings_are_compared_by_samples_that_both_kept(seed: int) -> None:
+    """The same errors, of which one reading keeps a fourth and another half: none gains.
+
+    Variances of all that each kept would differ by chance, by some ten nats.
+    """
+    errors = np.random.default_rng(seed).standard_normal((3000, 2))
+    few, more = subject_leaving(errors, 4), subject_leaving(errors, 2)
+    assert likelihood_gain(few, more) == pytest.approx(0.0, abs=1e-9)
+    assert likelihood_gain(more, few) == pytest.approx(0.0, abs=1e-9)
+    better = subject_leaving(0.8 * errors, 2)
+    assert likelihood_gain(better, few) == pytest.approx(750 * 2 * np.log(1 / 0.8), rel=0.1)
 
 
 def test_parameters_that_are_held_and_values_that_are_given() -> None:
