@@ -1,4 +1,4 @@
-"""Simulation of a component over a whole record in one call, compiled or interpreted."""
+"""Simulation of a component over a whole record in one call."""
 
 import lazy_loader
 

@@ -3,8 +3,7 @@
 It makes fits fast. The laws, tables and integrator are those of the native FMU, with
 ``fmi/record.c`` in place of the FMI front-end; they are compiled once for this machine and stored
 in the user's cache folder. All models share the library with the integrator. Components that are
-stiff over the record have another integrator (``fmi/exponential.c``). Without a C compiler CasADi
-interprets the laws.
+stiff over the record have another integrator (``fmi/exponential.c``).
 """
 
 from __future__ import annotations
@@ -17,11 +16,10 @@ from threading import RLock
 import numpy as np
 
 from fmus.kit.arrays import Array
-from fmus.kit.build import record_model_sources, record_sources, toolchain
+from fmus.kit.build import record_model_sources, record_sources
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
 from fmus.kit.record.buffered_function import BufferedFunction
-from fmus.kit.record.interpreted import Interpreted
 from fmus.kit.record.library import RecordLibrary, compiled
 from fmus.kit.record.linearisation import Linearisation
 from fmus.kit.symbolic import Graph, hoist, trace, with_sensitivities
@@ -63,7 +61,7 @@ class CompiledModel:
     Raises
     ------
     UserError
-        If there is no sensitivity to a name (see :func:`.with_sensitivities`).
+        If there is no sensitivity to a name (see :func:`.with_sensitivities`), or no C compiler.
     """
 
     def __init__(self, model: type[Component] | Graph, sensitivities: Sequence[str] = ()):
@@ -77,11 +75,9 @@ class CompiledModel:
             self._parameters = np.zeros(len(self._graph.layout.parameters))
             self._hoisted = BufferedFunction(values, [self._parameters])
             layout = hoisted.layout
-            laws = record_model_sources(hoisted) if _has_compiler() else Interpreted(hoisted)
+            sources = record_model_sources(hoisted)
             del base, hoisted, values  # within the lock; see `_EXPRESSIONS`
-        self._engine = (
-            laws if isinstance(laws, Interpreted) else RecordLibrary.from_sources(layout, laws)
-        )
+        self._library = RecordLibrary.from_sources(layout, sources)
 
     def __del__(self) -> None:
         """Delete the expressions within the lock; see `_EXPRESSIONS`."""
@@ -142,7 +138,7 @@ class CompiledModel:
             self._parameters[:] = vector
             values = np.concatenate([vector, self._hoisted()])
             ladder = self._linearisation.ladder(times, table, bool(interpolated.any()), vector)
-        outputs, states, steps = self._engine.simulate(
+        outputs, states, steps = self._library.simulate(
             times,
             table,
             interpolated,
@@ -227,12 +223,3 @@ def _graph(model: type[Component] | Graph) -> Graph:
             f"{graph.name} has no equations: it stands for something outside; simulate or run it"
         )
     return graph
-
-
-def _has_compiler() -> bool:
-    """Return whether there is a C compiler for this machine."""
-    try:
-        toolchain.find_compiler(toolchain.host_platform())
-    except UserError:
-        return False
-    return True

@@ -95,7 +95,38 @@ class RecordLibrary:
         effort: float,
         ladder: Ladder | None,
     ) -> tuple[Array, Array, float]:
-        """Simulate the component over a record; see :meth:`.Interpreted.simulate`."""
+        """Simulate the component over a record of n samples.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            Seconds, increasing.
+        table : ndarray, shape (n, inputs)
+            Inputs, SI.
+        linear : ndarray, shape (inputs,)
+            1 for an input that is interpolated between samples, 0 for one that is constant.
+        parameters : ndarray, shape (parameters,)
+            SI.
+        tolerance : float
+            Accuracy of an internal step.
+        effort : float
+            Largest mean number of internal steps per sample.
+        ladder : Ladder or None
+            Matrix functions of a component that is stiff over the record.
+
+        Returns
+        -------
+        outputs : ndarray, shape (n, outputs)
+        states : ndarray, shape (n, states)
+            Continuous states, then discrete states.
+        steps : float
+            Number of internal steps.
+
+        Raises
+        ------
+        UserError
+            If the simulation fails.
+        """
         outputs = np.empty((len(time), self._outputs))
         states = np.empty((len(time), self._states))
         message = ctypes.create_string_buffer(1024)

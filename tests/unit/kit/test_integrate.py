@@ -23,8 +23,6 @@ from fmus.kit import (
 from fmus.kit import integrate as module
 from fmus.kit.integrate import Integrator
 from fmus.kit.record.compiled import CompiledModel
-from fmus.kit.record.interpreted import Interpreted
-from fmus.kit.symbolic import trace
 
 
 class Decay(Component):
@@ -487,11 +485,6 @@ def test_a_clock_with_a_shift_begins_that_much_later(step):
     time = np.concatenate([[0.0], ends])
     compiled = CompiledModel(Shifted).run(time, {}).signals["count"]
     assert compiled[1:].tolist() == counts
-    parameters = np.array([float(p.start) for p in Shifted.layout.parameters])
-    nothing = np.empty((time.size, 0)), np.empty(0)
-    engine = Interpreted(trace(Shifted))
-    _, states, _ = engine.simulate(time, *nothing, parameters, tolerance=1e-8, effort=1e6)
-    assert states[1:, 1].tolist() == counts
 
 
 def test_a_shift_that_is_no_parameter_is_refused():

@@ -9,7 +9,6 @@ import pytest
 from scipy.linalg import expm
 
 from fmus.kit import Component, Discrete, Input, Output, Parameter, State, UserError, stack
-from fmus.kit.record import compiled as kit_compiled
 from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.symbolic.sensitivity import with_sensitivities
 from fmus.kit.symbolic.tracing import trace
@@ -20,13 +19,6 @@ from orchestration.experiment.waveforms import multilevel, square_wave
 
 ELECTRICAL = {"R1": 0.61, "R2": 1.9, "C": 2.2, "charge_start": 0.7}
 MECHANICAL = {"k1": 5000.0, "b1": 2e5, "k2": 8000.0, "b2": 9e4, "kelvin_elongation_start": 2e-5}
-
-
-@pytest.fixture(params=["compiled", "interpreted"], autouse=True)
-def engine(request, monkeypatch):
-    """Every claim holds with a C compiler and without."""
-    monkeypatch.setattr(kit_compiled, "_has_compiler", lambda: request.param == "compiled")
-    return request.param
 
 
 class Sampled(Component):

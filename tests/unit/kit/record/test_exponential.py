@@ -5,6 +5,7 @@ equations.
 """
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -12,21 +13,14 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from fmus.kit import Component, Discrete, Input, Output, Parameter, State, stack
-from fmus.kit.record import compiled as kit_compiled
+from fmus.kit import Component, Discrete, Input, Output, Parameter, State, sin, stack
+from fmus.kit.build import record_model_sources
 from fmus.kit.record.compiled import CompiledModel
-from fmus.kit.record.exponential import ExponentialIntegrator
+from fmus.kit.record.library import RecordLibrary
 from fmus.kit.sensors import sensor_lag
+from fmus.kit.symbolic import trace
 from tests.support.pace import slow_but
 from tests.support.stiff_drive import STEP, Drive, Nonlinear, ladder_of
-
-
-@pytest.fixture(params=["compiled", "interpreted"], autouse=True)
-def engine(request, monkeypatch):
-    """Every claim holds with a C compiler and without."""
-    monkeypatch.setattr(kit_compiled, "_has_compiler", lambda: request.param == "compiled")
-    return request.param
-
 
 NOMINAL = {"current": 1.0, "position": 0.1, "velocity": 1.0}
 SIZE = {
@@ -199,18 +193,38 @@ def test_sample_instants_between_samples_are_exact():
     np.testing.assert_allclose(ran.sensitivities["x"][1:, 0], by_gain, rtol=1e-7, atol=1e-9)
 
 
+class Shaken(Nonlinear):
+    """The same on a floor that shakes many times within a sample."""
+
+    name = "shaken"
+
+    def velocity_rate(self):
+        return super().velocity_rate() + 1e3 * sin(3e3 * self.time)
+
+
 def test_steps_that_are_not_worth_while_are_left_to_runge_and_kutta():
     """A remainder that oscillates within a sample needs more steps than Runge and Kutta's cost."""
-    ladder = ladder_of(2.0 * STEP * np.arange(10), Nonlinear)
-    assert ladder.worth * 2.0 * STEP < 4.0
-    integrator = ExponentialIntegrator(
-        ladder, lambda t, x: np.array([math.sin(3e3 * t), 0.0, 0.0]), np.ones(3), 1e-8, 0.0
-    )
-    now, x, tried = 0.0, np.zeros(3), 0
-    while (done := integrator.step(now, 2.0 * STEP, x, False)) is not None:
-        (now, x), tried = done, tried + 1
-    assert tried == math.floor(ladder.worth * 2.0 * STEP) + 1
-    assert integrator.step(now, 200.0 * STEP, x, False) is not None  # later they may be again
+    time = 2.0 * STEP * np.arange(10)
+    ladder = ladder_of(time, Shaken)
+    library = RecordLibrary.from_sources(Shaken.layout, record_model_sources(trace(Shaken)))
+    parameters = np.array([float(p.start) for p in Shaken.layout.parameters])
+
+    def steps(worth):
+        _, _, count = library.simulate(
+            time,
+            np.ones((10, 1)),
+            np.zeros(1),
+            parameters,
+            tolerance=1e-8,
+            effort=1e6,
+            ladder=replace(ladder, worth=worth),
+        )
+        return count
+
+    by_runge_kutta = steps(0.0) - 1.0  # one exponential step is tried
+    tried = math.floor(ladder.worth * time[-1]) + 1
+    assert abs(steps(ladder.worth) - by_runge_kutta) <= tried
+    assert abs(steps(math.inf) - by_runge_kutta) > tried
 
 
 class Hastened(Component):

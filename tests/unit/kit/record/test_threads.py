@@ -66,9 +66,7 @@ def test_expressions_are_made_by_one_thread_at_a_time(monkeypatch, step):
     assert most == 1
 
 
-@pytest.mark.parametrize("compiled", [True, False])
-def test_one_model_serves_several_threads(monkeypatch, compiled):
-    monkeypatch.setattr(kit_compiled, "_has_compiler", lambda: compiled)
+def test_one_model_serves_several_threads():
     model, rates = CompiledModel(Decay, ["a"]), np.linspace(1.0, 3.0, 8)
     with ThreadPoolExecutor(4) as pool:
         ran = list(
