@@ -2,8 +2,6 @@ from .equilibrium import TrimRequest as TrimRequest
 from .equilibrium import trim as trim
 from .fmu_derivatives import FmuRequest as FmuRequest
 from .fmu_derivatives import linearise_fmu as linearise_fmu
-from .measured_response import SineSweep as SineSweep
-from .measured_response import sine_sweep as sine_sweep
 from .model import LinearModel as LinearModel
 from .model import LoopMargins as LoopMargins
 from .model import w_plane as w_plane

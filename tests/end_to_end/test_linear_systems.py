@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from orchestration.linear import SineSweep, point_at, sine_sweep, subject_of
+from orchestration.linear import point_at, subject_of
 from orchestration.system import library
+from tests.support.sine_sweep import SineSweep, sine_sweep
 
 BENCH = ("actuator.tension", "bench.position", "bench.force_measured")
 FILMS = ("actuator.voltage", "actuator.displacement")
