@@ -163,7 +163,8 @@ def _instance_of_symbols(cls: type[Component], make: Any) -> Component:
     vars(instance).update(
         {v.name: make(v.unit) for v in cls.layout.variables if hasattr(v, "start")}
     )
-    instance.time = Symbol({"s": 1.0}, ANY.numbers)  # a function of time may have bare numbers
+    # a function of time may have bare numbers
+    instance.time = Symbol({"s": 1.0}, ANY.numbers, is_variable=True)
     return instance
 
 

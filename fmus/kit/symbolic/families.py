@@ -1,6 +1,6 @@
 """Effects for the laws of any model, chosen by units, over every signal that a law reads.
 
-The laws are evaluated once on numbers with units, which gives the units of laws, and once on a
+The laws are evaluated once on symbols with units, which gives the units of laws, and once on a
 component that records the signals that each law reads. The units of law and signal select the
 shapes.
 """
@@ -28,7 +28,8 @@ from fmus.kit.inputs import INPUT_CURVES, INPUT_MEMORIES
 from fmus.kit.interrupt import uninterrupted
 from fmus.kit.sampling import Sampling
 from fmus.kit.symbolic.calls import Calls
-from fmus.kit.symbolic.quantities import Quantity, Unit
+from fmus.kit.symbolic.law_units import Unit
+from fmus.kit.symbolic.symbols import Symbol
 from fmus.kit.symbolic.tracing import trace
 
 # usual spellings of units; the first one of a dimension is preferred
@@ -482,25 +483,18 @@ def units_of_laws(cls: type[Component], laws: Iterable[str]) -> dict[str, str]:
     calls = Calls(cls, set())
     for v in (*layout.parameters, *layout.inputs, *layout.states, *layout.discretes):
         if v.type == "real":
-            calls.instance.__dict__[v.name] = Quantity(
-                _nonzero_value(v), units.powers_of_names(v.unit)
-            )
-    calls.instance.time = Quantity(1.0, {"s": 1.0})
+            calls.instance.__dict__[v.name] = Symbol(units.powers_of_names(v.unit))
+    calls.instance.time = Symbol({"s": 1.0})
     for law in laws:
         try:
             value = getattr(calls.instance, law)()
-            if law in declared and isinstance(value, Quantity):
-                declared[law].match(value.unit)
-        except Exception:  # a law may raise any exception on a number with a unit
+            if law in declared and isinstance(value, Symbol):
+                value.match(Symbol(declared[law].powers))
+        except Exception:  # a law may raise any exception on a symbol
             continue
     known = {}
     for law, values in calls.values.items():
-        units_of_calls = [value.unit for value in values if isinstance(value, Quantity)]
-        if units_of_calls:  # a call after which the unit is determined comes first
-            known[law] = min(units_of_calls, key=lambda unit: unit.is_open)
+        symbols = [value for value in values if isinstance(value, Symbol)]
+        if symbols:  # a call after which the unit is certain comes first
+            known[law] = min(symbols, key=lambda symbol: bool(symbol.numbers)).unit
     return {law: _usual_spelling(unit) for law, unit in (known | declared).items()}
-
-
-def _nonzero_value(v: Declaration) -> float:
-    """Return a typical value of a variable that is not zero."""
-    return float(getattr(v, "start", 0.0) or v.nominal)

@@ -1,11 +1,12 @@
-"""Numbers with a unit and without a value, on which laws are evaluated to check them.
+"""Numbers with a unit and without a value, by which laws are checked and have their units.
 
 A law must work on floats, arrays and CasADi symbols, so that it may not branch on a value or pass
 it to a function of floats. The numbers here have no value: code that needs one raises an error.
-Units are products of powers of declared units (:mod:`fmus.kit.symbolic.quantities`); an angle has
+Units are products of powers of declared units (:mod:`fmus.kit.symbolic.law_units`); an angle has
 no dimension. A numeric constant in a law may have any unit as a term of a sum. As a factor it has
 no unit if it is a simple number (2, 1/3, pi and the like); any other may convert
-(``load / 3600.0``) or have a unit (``9.81 * mass``).
+(``load / 3600.0``) or have a unit (``9.81 * mass``), which the first sum with a number whose unit
+is certain determines.
 """
 
 from __future__ import annotations
@@ -21,16 +22,27 @@ from typing import Any
 import numpy as np
 
 from fmus.kit.declare import Constant
-from fmus.kit.symbolic.quantities import (
-    ANGLES,
-    COMPARISONS,
-    MATCHING,
-    PURE,
-    ROOTS,
-    Unit,
-    dimension,
-)
+from fmus.kit.symbolic.law_units import Unit, dimension
 from fmus.kit.units import powers_of_names
+
+# functions of NumPy by the units of arguments and result; these have all in one unit
+_MATCHING = {
+    "absolute",
+    "fabs",
+    "floor",
+    "ceil",
+    "rint",
+    "hypot",
+    "maximum",
+    "minimum",
+    "remainder",
+    "fmin",
+    "fmax",
+}
+_PURE = {"exp", "expm1", "log", "log10", "log1p", "sin", "cos", "tan", "sinh", "cosh", "tanh"}
+_ANGLES = {"arccos", "arcsin", "arctan"}
+_ROOTS = {"sqrt": 0.5, "square": 2}
+_COMPARISONS = {"equal", "not_equal", "less", "less_equal", "greater", "greater_equal"}
 
 _LARGEST_PLAIN = 4  # largest numerator and denominator of a constant without a unit
 # tolerance of a conversion, because a product may have another factor, such as an efficiency
@@ -78,14 +90,25 @@ class Symbol:
         Power of each unit by name.
     numbers : tuple of float
         Numeric factors that may convert or have a unit; NaN is a factor that may be any.
+    is_variable : bool
+        Whether no sum determines its unit, because other laws use it, too.
     """
 
-    def __init__(self, powers: Mapping[str, float], numbers: tuple[float, ...] = ()):
+    def __init__(
+        self,
+        powers: Mapping[str, float],
+        numbers: tuple[float, ...] = (),
+        is_variable: bool = False,
+    ):
         self.unit = Unit(powers)
         self.numbers = numbers
+        self.is_variable = is_variable
 
     def match(self, other: Any) -> Symbol:
         """Return the sum of this and another number, after a check of their units.
+
+        If one of them is certain, the other, whose numeric factors explain the difference, takes
+        its unit.
 
         Raises
         ------
@@ -97,19 +120,21 @@ class Symbol:
         if not isinstance(other, Symbol):
             check_number(other)
             return self
-        # of the two, the one without numeric factors, whose unit is certain
-        known = min(self, other, key=lambda symbol: bool(symbol.numbers))
+        # of the two, the one without numeric factors, whose unit is certain, comes first
+        known, doubtful = sorted((self, other), key=lambda symbol: bool(symbol.numbers))
         if self.unit.powers == other.unit.powers:
             return known
         numbers = self.numbers + other.numbers
         if dimension(self.unit) != dimension(other.unit):
             if not numbers:
                 raise LawError(f"{self.unit} and {other.unit} are of different kinds")
-            return known
-        larger, smaller = sorted((self.unit, other.unit), key=lambda unit: -unit.factor)
-        ratio = larger.factor / smaller.factor
-        if not isclose(ratio, 1.0, rel_tol=1e-9) and not _may_convert(numbers, ratio):
-            raise ScaleError(f"1 {larger} is {ratio:g} {smaller}")
+        else:
+            larger, smaller = sorted((self.unit, other.unit), key=lambda unit: -unit.factor)
+            ratio = larger.factor / smaller.factor
+            if not isclose(ratio, 1.0, rel_tol=1e-9) and not _may_convert(numbers, ratio):
+                raise ScaleError(f"1 {larger} is {ratio:g} {smaller}")
+        if doubtful.numbers and not (known.numbers or doubtful.is_variable):
+            doubtful.unit, doubtful.numbers = known.unit, ()
         return known
 
     def check_pure(self, name: str) -> None:
@@ -235,10 +260,10 @@ class Symbol:
     def looked_up(self, xs: Sequence[Any], ys: Sequence[Any]) -> Any:
         """Return a value of a table at this number (:func:`fmus.kit.table`)."""
         _common_symbol([self, *xs])
-        return _common_symbol([ANY, *ys])
+        return _common_symbol(ys)
 
 
-ANY = Symbol({}, (nan,))  # a number of any unit
+ANY = Symbol({}, (nan,), is_variable=True)  # a variable of any unit
 
 
 def check_number(value: Any) -> None:
@@ -266,11 +291,9 @@ def check_number(value: Any) -> None:
 
 
 def _common_symbol(values: Sequence[Any]) -> Any:
-    """Return the symbol of values that must have one unit; `ANY` if none of them has a unit."""
+    """Return the symbol of values that must have one unit; of any unit if none of them has one."""
     symbols = [each for each in values if isinstance(each, Symbol)]
-    if not symbols:
-        return ANY
-    known = symbols[0]
+    known = symbols[0] if symbols else Symbol({}, ANY.numbers)
     for each in values:
         known = known.match(each)
     return known
@@ -282,17 +305,17 @@ def _apply_numpy_function(name: str, inputs: Sequence[Any]) -> Any:
     if name in _OPERATORS:
         return _OPERATORS[name](*plain)
     first = next(each for each in plain if isinstance(each, Symbol))
-    if name in MATCHING:
+    if name in _MATCHING:
         return _common_symbol(plain)
-    if name in ROOTS:
-        return first ** ROOTS[name]
-    if name in PURE:
+    if name in _ROOTS:
+        return first ** _ROOTS[name]
+    if name in _PURE:
         first.check_pure(name)
         return Symbol({})
-    if name in COMPARISONS or name in ("arctan2", *_LOGICAL):
+    if name in _COMPARISONS or name in ("arctan2", *_LOGICAL):
         _common_symbol(plain if name not in _LOGICAL else [first])
         return Symbol({"rad": 1.0} if name == "arctan2" else {})
-    if name in ANGLES:
+    if name in _ANGLES:
         first.check_pure(name)
         return Symbol({"rad": 1.0})
     raise LawError(f"there is no {name} for laws", "use the functions of fmus.kit")

@@ -113,6 +113,23 @@ def test_a_factor_explains_what_it_can_explain(expression, unit, fits):
             eval(expression, scope).match(wanted)
 
 
+def test_the_first_sum_with_a_certain_number_determines_the_unit_of_a_factor():
+    """Oracle: by hand. The variable, which other laws use, keeps its unit."""
+    speed, weight = Symbol({"m": 1.0, "s": -1.0}), 9.81 * Symbol({"kg": 1.0})
+    converted = 1e3 * speed
+    total = Symbol({"mm": 1.0, "s": -1.0}) - converted
+    assert str(converted.unit) == str(total.unit) == "mm/s"
+    assert str(speed.unit) == "m/s"
+    assert str((-weight + Symbol({"N": 1.0})).unit) == str(weight.unit) == "N"
+    with pytest.raises(LawError):
+        weight + Symbol({"K": 1.0})
+
+
+def test_a_table_of_numbers_has_the_unit_of_the_sum_it_stands_in():
+    voltage = eval("table(m, (0.0, 1.0), (3.1, 3.6))", KIT | symbols())
+    assert str((voltage - Symbol({"V": 1.0})).unit) == str(voltage.unit) == "V"
+
+
 def test_a_factor_between_units_of_one_kind_is_told():
     with pytest.raises(ScaleError, match=r"1 A\*h is 3600 A\*s"):
         symbols()["q"].match(Symbol({"A": 1.0, "s": 1.0}))
