@@ -14,7 +14,7 @@ from tests.contract.raw import ERROR, Instance, Library, instance, unzipped
 from tests.contract.schedule import continuation, go, schedule
 from tests.contract.subjects import Subject
 
-STEPS = 60
+STEPS = 20
 
 
 def library_knows_the_guid_of_the_description(archive: Path) -> None:

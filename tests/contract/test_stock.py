@@ -69,7 +69,7 @@ def works(function: Callable, *arguments):
 # --------------------------------------------------------------------------------------------------
 
 
-def stimulus(name: str, n: int = 120) -> tuple[np.ndarray, dict, list[str]]:
+def stimulus(name: str, n: int = 40) -> tuple[np.ndarray, dict, list[str]]:
     """Equal steps, inputs that jump at every one, and the real outputs."""
     random, cls = np.random.default_rng(3), component(name)
     inputs = {
