@@ -184,7 +184,6 @@ def curve(
     *,
     scale: float | None = None,
     names: EffectNames | None = None,
-    either_way: bool = False,
 ) -> type[Effect]:
     """Make an effect that adds a shape of one signal to a law: law + a f(x; w).
 
@@ -207,8 +206,6 @@ def curve(
     names : EffectNames, optional
         Names of the effect, of ``a`` and of ``w``. By default the effect has the name of the shape,
         and its parameters are ``<law>_<shape>`` and ``<law>_<shape>_width``.
-    either_way : bool
-        Whether ``a`` may have any sign, as in a rate from which a braking term is subtracted.
 
     Returns
     -------
@@ -242,7 +239,7 @@ def curve(
             per(unit, argument.unit, definition.power),
             nominal / size**definition.power,
             f"part {definition.text} of {law}, x being {signal} (a)",
-            least=-ANY if either_way else definition.least,
+            least=definition.least,
         ),
     }
     if definition.width:

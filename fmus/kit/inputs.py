@@ -455,5 +455,22 @@ def input_lag(
     return _input_effect("input_lag", input, doc, change)
 
 
-INPUT_CURVES = (dead_zone, asymmetric_dead_zone, input_offset, input_saturation)
-INPUT_MEMORIES = (backlash, input_lag)  # made for a record's sampling
+def input_effects(
+    component: type[Component], sampling: Sampling | None = None
+) -> list[type[Effect]]:
+    """Make all effects of this module for every real input of a component.
+
+    Parameters
+    ----------
+    component : type[Component]
+    sampling : Sampling, optional
+        Sampling of the record that the effects are made for.
+    """
+    effects: list[type[Effect]] = []
+    for variable in component.layout.inputs:
+        if variable.type == "real":
+            for make in (dead_zone, asymmetric_dead_zone, input_offset, input_saturation):
+                effects.append(make(component, variable.name))
+            for make in (backlash, input_lag):
+                effects.append(make(component, variable.name, sampling=sampling))
+    return effects

@@ -14,46 +14,23 @@ _GENERIC = {
     "asymmetric_dead_zone": "A dead zone with unequal ends",
     "asymmetric": "A part that is the same in both directions",
     "asymmetric_friction": "Friction that differs in the two directions",
-    "asymmetric_resistance": "Resistance that differs in the two directions",
     "backlash": "Play",
-    "bouc_wen_hysteresis": "Hysteresis",
-    "capacitance_of_voltage": "Capacitance that changes with voltage",
     "coulomb_friction": "Dry friction",
-    "current_dependent_resistance": "Resistance that changes with current",
     "dead_zone": "A dead zone",
-    "end_stops": "Stops at both ends",
-    "even_capacitance_of_voltage": "Capacitance that bends with voltage",
-    "heating": "Heat that builds up",
     "input_lag": "A late arrival",
     "input_offset": "An offset",
     "input_saturation": "A saturation",
-    "kelvin_element": "A further creep time constant",
     "lagging": "A part that lags",
-    "lagging_law": "A part that lags",
-    "leading": "A part that fades",
     "levelling": "A flat middle",
     "linear": "A straight part",
-    "maxwell_arm": "A Maxwell element in parallel",
-    "parallel_rc_branch": "An RC branch in parallel",
-    "play": "Hysteresis with play",
-    "prandtl_play": "Hysteresis with play",
-    "rc_pair": "A further RC pair",
-    "resistance_heating": "Resistance that rises as it warms",
     "saturating": "A part that levels off",
-    "saturating_law": "A part that levels off",
-    "saturating_compliance": "Compliance that levels off",
-    "saturating_resistance": "Resistance that levels off",
     "sign": "A step at zero",
     "sign_beyond": "A step beyond a dead zone",
-    "sliding": "Hysteresis that slides",
-    "sliding_friction": "Friction that gives before it slides",
     "stops": "Stops at both ends",
-    "storing_law": "A part that fades",
     "stribeck_friction": "Friction that falls with speed, after Stribeck",
-    "thermal_node": "A further thermal node",
     "warming": "A part that rises as it warms",
 }
-_ADJECTIVES = ("ic", "ic_law", "ial", "ial_law", "root")
+_ADJECTIVES = ("ic", "ial", "root")
 
 
 def in_words(identifier: str) -> str:
@@ -104,7 +81,7 @@ def generic_title(identifier: str, subject: str) -> str:
     if known is not None:
         return f"{known} in {subject}"
     article = "An" if identifier[0] in "aeiou" else "A"
-    kind = in_words(identifier.removesuffix("_law"))
+    kind = in_words(identifier)
     noun = "" if " " in kind or not identifier.endswith(_ADJECTIVES) else " part"
     return f"{article} {kind}{noun} in {subject}"
 

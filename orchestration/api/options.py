@@ -155,12 +155,11 @@ class DiagnoseOptions(RecordOptions, SearchOptions, total=False):
     effects: Annotated[
         Sequence[str] | None,
         Option(
-            "Effects that may be causes by name, e.g. diffusion,sensor_lag(voltage), or none;"
-            " families: all known ones and general ones that fit the model's laws by their units,"
-            " e.g. dead_zone(voltage), the default for a model without a list of effects.",
-            "Effects that may be causes by name, as ``id`` or ``id(output)``, or none."
-            ' ``["families"]`` means all known effects and general ones that fit the model\'s laws'
-            " by their units, the default for a model without a list of effects. Terms of the laws"
+            "Effects that may be causes by name, e.g. diffusion,sensor_lag(voltage), or none; by"
+            " default, or as families, all that the model lists. Any input has some, e.g."
+            " dead_zone(voltage).",
+            "Effects that may be causes by name, as ``id``, ``id(output)`` or ``id(input)``, or"
+            ' none. By default, or as ``["families"]``, all that the model lists. Terms of the laws'
             " are searched beside them; see ``laws``.",
             form=EFFECTS,
             complete="effect",
@@ -207,8 +206,8 @@ class LawsOptions(RecordOptions, SearchOptions, total=False):
     effects: Annotated[
         Sequence[str] | None,
         Option(
-            "Effects that may be causes beside laws, e.g. diffusion; families is all that are"
-            " known; default none.",
+            "Effects that may be causes beside laws, e.g. diffusion; families is all that"
+            " the model lists; default none.",
             "Effects that may be causes beside laws, as in `diagnose`. By default none.",
             default=(),
             form=EFFECTS,

@@ -12,7 +12,7 @@ from fmus.kit.registry import Excitation
 from orchestration.diagnosis.catalogue import usable_effects, usable_of
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.terms import NamedTerm, SensorTerm, Term
-from orchestration.fmu.model import families, known_effects
+from orchestration.fmu.model import effects_of_inputs, known_effects
 from orchestration.reporting import option
 
 _FAMILIES = "families"  # which terms over all laws and signals are, without any name
@@ -131,7 +131,7 @@ class Options:
         for wanted in self.effects:
             named = {n: e for n, e in usable.items() if wanted in (n, e.id)}
             if not named:
-                known = families(cls) | known_effects(cls)
+                known = effects_of_inputs(cls) | known_effects(cls)
                 if wanted not in known:
                     raise UserError(
                         f"{option('effects', [wanted])}: no effect named"

@@ -99,37 +99,12 @@ def played(d):
     return rates
 
 
-def maxwell(x, u):
-    return [x[1], (u - D * x[1] - K * x[0] - A * (x[0] - x[2])) / M, (x[0] - x[2]) / T]
-
-
-def dahl(x, u):
-    return [x[1], (u - D * x[1] - K * x[0] - A * x[2]) / M, (x[1] - abs(x[1]) * x[2]) / W]
-
-
-def heated(x, u):
-    return [x[1], (u - D * x[1] - K * x[0] - A * x[1] * x[2]) / M, (x[1] ** 2 - x[2]) / T]
+def late(x, u):
+    return [x[1], (u - D * x[1] - K * x[0] - A * x[2]) / M, (x[1] - x[2]) / T]
 
 
 def warmed(x, u):
     return [x[1], (u - D * x[1] - K * x[0] - A * x[2]) / M, (x[0] ** 2 - x[2]) / T]
-
-
-def bouc_wen(x, u):
-    """As Wen has it: A dx - beta |dx| |z| z - gamma dx z^2, with A = 1 and beta = gamma = 1/2, over
-    w.
-    """
-    z, v = x[2], x[1]
-    return [
-        v,
-        (u - D * v - K * x[0] - A * z) / M,
-        (v - 0.5 * abs(v) * abs(z) * z - 0.5 * v * z * z) / W,
-    ]
-
-
-def prandtl(x, u):
-    stretched = np.clip(x[0] - x[2], -W, W)
-    return [x[1], (u - D * x[1] - K * x[0] - A * stretched) / M, (x[0] - stretched - x[2]) / 0.01]
 
 
 SPRING, DAMPER = ("spring_force", "elongation"), ("damper_force", "velocity")
@@ -137,40 +112,16 @@ SPRING, DAMPER = ("spring_force", "elongation"), ("damper_force", "velocity")
 
 # effect, values, rates and number of states of the oracle
 ARM_CASES = {
-    "maxwell": (
-        lag_effect(MASS, *SPRING, "leading", 1.0, "N"),
-        {"spring_force_leading": A, "spring_force_leading_constant": T},
-        maxwell,
+    "late": (
+        lag_effect(MASS, *DAMPER, "lagging", 1.0, "N"),
+        {"damper_force_lagging": A, "damper_force_lagging_constant": T},
+        late,
         3,
     ),
-    "dahl": (
-        lag_effect(MASS, *DAMPER, "sliding", 0.1, "N"),
-        {"damper_force_sliding": A, "damper_force_sliding_constant": W},
-        dahl,
-        3,
-    ),
-    "heat times speed": (
-        lag_effect(MASS, *DAMPER, "heating", 1.0, "N"),
-        {"damper_force_heating": A, "damper_force_heating_constant": T},
-        heated,
-        3,
-    ),
-    "heat alone": (
+    "heat": (
         lag_effect(MASS, *SPRING, "warming", 1.0, "N"),
         {"spring_force_warming": A, "spring_force_warming_constant": T},
         warmed,
-        3,
-    ),
-    "Bouc and Wen": (
-        lag_effect(MASS, *SPRING, "hysteresis", 0.1, "N"),
-        {"spring_force_hysteresis": A, "spring_force_hysteresis_constant": W},
-        bouc_wen,
-        3,
-    ),
-    "Prandtl": (
-        lag_effect(MASS, *SPRING, "play", 0.1, "N"),
-        {"spring_force_play": A, "spring_force_play_constant": W},
-        prandtl,
         3,
     ),
 }

@@ -1,15 +1,13 @@
 from . import codegen as codegen
 from .checking import check_component as check_component
-from .families import NAMELESS as NAMELESS
-from .families import families_for as families_for
-from .families import list_laws as list_laws
-from .families import units_of_laws as units_of_laws
 from .forcing import ComponentAlong as ComponentAlong
 from .forcing import EffectForcing as EffectForcing
 from .forcing import Forcing as Forcing
 from .forcing import Points as Points
 from .hoisting import hoist as hoist
 from .instructions import carry_out as carry_out
+from .laws import list_laws as list_laws
+from .laws import units_of_laws as units_of_laws
 from .perturbed import PerturbedLaws as PerturbedLaws
 from .sensitivity import with_sensitivities as with_sensitivities
 from .tracing import Graph as Graph

@@ -1,44 +1,37 @@
-"""Record of the calls of a component's laws: the signals that they read, and their values."""
+"""Record of the calls of a component's laws, and their values."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from typing import Any
 
 from fmus.kit.component import Component
 
 
 class Calls:
-    """Recorder of the calls of a component's laws, in their order.
+    """Recorder of the calls of a component's laws.
 
     Parameters
     ----------
     cls : type[Component]
-    signals : collection of str
-        Inputs and states whose use is recorded.
 
     Attributes
     ----------
-    one : Component
+    instance : Component
         Instance whose calls are recorded.
-    reads : dict of str to set of str
-        Signals that each law reads itself, not through another law.
+    names : list of str
+        Laws in the order of their first calls.
     values : dict of str to list
         Values of each law without arguments.
     """
 
-    def __init__(self, cls: type[Component], signals: Collection[str]):
-        self.reads: dict[str, set[str]] = {}
+    def __init__(self, cls: type[Component]):
+        self.names: list[str] = []
         self.values: dict[str, list[Any]] = {}
-        self._running: list[str] = []
 
         def get(instance: Any, name: str) -> Any:
-            """Return an attribute, recording a signal and wrapping a law."""
+            """Return an attribute, wrapping a law."""
             value = object.__getattribute__(instance, name)
-            if name in signals:
-                if self._running:
-                    self.reads[self._running[-1]].add(name)
-                return value
             is_law = callable(value) and not name.startswith("_") and not hasattr(Component, name)
             return self._recorded(name, value) if is_law else value
 
@@ -48,12 +41,9 @@ class Calls:
         """Return a function that calls a law and records the call."""
 
         def call(*arguments: Any) -> Any:
-            self._running.append(name)
-            self.reads.setdefault(name, set())
-            try:
-                value = law(*arguments)
-            finally:
-                self._running.pop()
+            if name not in self.names:
+                self.names.append(name)
+            value = law(*arguments)
             if not arguments:
                 self.values.setdefault(name, []).append(value)
             return value

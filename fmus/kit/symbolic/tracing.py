@@ -265,7 +265,7 @@ def trace_with_laws(cls: type[Component]) -> tuple[Graph, dict[str, ca.SX]]:
     laws : dict of str to casadi.SX
         Values by name, for laws without arguments that return one number.
     """
-    calls = Calls(cls, ())
+    calls = Calls(cls)
     graph = _traced(cls, calls.instance)
     laws = {}
     for name, values in calls.values.items():

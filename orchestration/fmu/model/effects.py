@@ -1,4 +1,4 @@
-"""Effects that can be added to a model by name: catalogue, measurement effects and families."""
+"""Effects that can be added to a model by name: of its catalogue, of sensors and of inputs."""
 
 from __future__ import annotations
 
@@ -98,8 +98,10 @@ def known_effects(
     }
 
 
-def families(cls: type[Component], sampling: Sampling | None = None) -> dict[str, type[Effect]]:
-    """Return generic effects for a component's laws by their units, without its catalogue.
+def effects_of_inputs(
+    cls: type[Component], sampling: Sampling | None = None
+) -> dict[str, type[Effect]]:
+    """Return the effects of a component's inputs, as ``id(input)``.
 
     Parameters
     ----------
@@ -110,23 +112,12 @@ def families(cls: type[Component], sampling: Sampling | None = None) -> dict[str
     Returns
     -------
     dict of str to type[Effect]
-        By name.
     """
-    from fmus.kit.symbolic import families_for
+    from fmus.kit.inputs import input_effects
 
     if cls.engine is not None:  # without laws of its own
         return {}
-    catalogue_terms = {_term_key(effect) for effect in catalogue(cls).values()}
-    return {
-        effect_name(effect): effect
-        for effect in families_for(unstack(cls)[0], sampling)
-        if _term_key(effect) not in catalogue_terms
-    }
-
-
-def _term_key(effect: type[Effect]) -> tuple[str, ...]:
-    """Return law, signal and shape, by which two effects are the same."""
-    return effect.term.law, effect.term.signal, effect.term.shape
+    return {effect_name(effect): effect for effect in input_effects(unstack(cls)[0], sampling)}
 
 
 def find_effects(
@@ -141,7 +132,7 @@ def find_effects(
     ----------
     cls : type[Component]
     names : sequence of str
-        Names such as ``strain_saturation``, ``sensor_lag(voltage)`` or
+        Names such as ``strain_saturation``, ``sensor_lag(voltage)``, ``dead_zone(current)`` or
         ``path/to/file.py:Effect``.
     model_name : str
         Name of the component in messages.
@@ -165,7 +156,7 @@ def find_effects(
     user_effects = {name: load_subclass(name, Effect)[2] for name in names if names_class(name)}
     known = known_effects(cls, sampling) | user_effects
     if any(name not in known for name in names):
-        known = families(cls, sampling) | known
+        known = effects_of_inputs(cls, sampling) | known
     for name in names:
         if name not in known:
             raise UserError(

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from fmus.kit import curves as catalogue_curves
-from orchestration.fmu.model import families, find_model, known_effects
+from fmus.kit.symbolic import list_laws
+from orchestration.fmu.model import effects_of_inputs, find_model, known_effects
 from studies.clean.records import Case, draw
 from studies.hidden import curves
 from studies.hidden.records import HiddenCase, cases, draw_hidden, left, widths
@@ -142,10 +143,18 @@ def test_memories_do_what_they_are_called():
 
 
 def test_right_answers_exist():
+    """An effect by name, or a law over or remembering an input or a state."""
     names = {}
     for name, cls in _KNOWN.items():
-        effects = families(cls) | known_effects(cls)
+        effects = effects_of_inputs(cls) | known_effects(cls)
         names[name] = {*effects} | {effect.term.family for effect in effects.values()}
+        layout = cls.layout
+        names[name] |= {
+            f"{law.name} {word} {v.name}"
+            for law in list_laws(cls)
+            for word in ("over", "remembering")
+            for v in (*layout.inputs, *layout.states)
+        }
     for variation in VARIATIONS.values():
         assert variation.right <= names[variation.plant], variation
         assert bool(variation.right) == (variation.family != OUTSIDE)

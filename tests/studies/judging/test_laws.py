@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from fmus.kit.curves import SHAPES
-from fmus.kit.symbolic.families import list_laws
+from fmus.kit.symbolic import list_laws
 from orchestration.fmu.model import find_model
 from studies.clean.records import Case, draw
 from studies.hidden_laws.kinds import KINDS, NAMES

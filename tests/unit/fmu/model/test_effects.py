@@ -1,4 +1,4 @@
-"""Claims: effects are found by name in the catalogue, among measurements and in families, and an
+"""Claims: effects are found by name in the catalogue, among those of sensors and of inputs, and an
 unknown name is refused with the nearest one.
 """
 
@@ -10,9 +10,14 @@ from types import ModuleType
 import pytest
 
 from fmus import component
-from fmus.kit import Component, Output, Parameter, UserError
+from fmus.kit import Component, Output, Parameter, UserError, stack
 from fmus.kit.effects import effect_name
-from orchestration.fmu.model.effects import catalogue, families, find_effects, known_effects
+from orchestration.fmu.model.effects import (
+    catalogue,
+    effects_of_inputs,
+    find_effects,
+    known_effects,
+)
 
 
 def test_effects_are_found_in_the_order_of_their_names():
@@ -25,12 +30,13 @@ def test_effects_are_found_in_the_order_of_their_names():
     assert find_effects(cls, [], "actuator") == []
 
 
-def test_families_repeat_no_effect_of_the_catalogue():
+def test_effects_of_inputs_are_known_by_name_for_the_model_without_other_effects():
     cls = component("ppy_actuator")
-    own = {(e.term.law, e.term.signal, e.term.shape) for e in catalogue(cls).values()}
-    others = {(e.term.law, e.term.signal, e.term.shape) for e in families(cls).values()}
-    assert others
-    assert own.isdisjoint(others)
+    (zone,) = find_effects(cls, ["dead_zone(current)"], "actuator")
+    assert zone.term.signal == "current"
+    assert zone is not find_effects(stack(cls, zone), ["dead_zone(current)"], "actuator")[0]
+    assert {e.term.signal for e in effects_of_inputs(cls).values()} == {"current", "force"}
+    assert not effects_of_inputs(cls).keys() & known_effects(cls).keys()
 
 
 @pytest.mark.parametrize(

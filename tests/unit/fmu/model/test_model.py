@@ -15,10 +15,9 @@ import orchestration as ppy
 from fmus import component, effects
 from fmus.kit import UserError, stack
 from fmus.kit.build import build_cached
-from fmus.kit.effects import effect_name
+from fmus.kit.inputs import dead_zone
 from fmus.kit.law_terms import LawTerm, law_term_effect
 from fmus.kit.symbolic import trace
-from fmus.kit.symbolic.families import families_for
 from fmus.kit.units import format_value
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.model.model import built, declared_model, find_class, find_model
@@ -288,10 +287,10 @@ LAG = LawTerm("terminal_voltage", "current", "linear", "lag", "second_pair", "oh
 
 @pytest.mark.parametrize("runtime", ["native", "python"])
 def test_an_fmu_with_terms_of_its_laws_keeps_its_equations(tmp_path, runtime):
-    """As a diagnosis makes them, after an effect by name, of the catalogue or of a family."""
+    """As a diagnosis makes them, after an effect by name, of the catalogue or of an input."""
     base = component("ppy_actuator")
-    dead_zone = next(one for one in families_for(base) if effect_name(one) == "dead_zone(current)")
-    named = (effects("ppy_actuator")["strain_saturation"], dead_zone)
+    zone = dead_zone(base, "current")
+    named = (effects("ppy_actuator")["strain_saturation"], zone)
     made = stack(base, *named)
     terms = (law_term_effect(made, term.law, term) for term in (TERM, LAG))
     values = {"R1": 0.5, "second_pair": 0.3, "second_pair_time": 40.0, TERM.stem: -2e-5}

@@ -1,4 +1,4 @@
-"""Claims: calls of laws are followed through `self`, with what each gives and reads."""
+"""Claims: calls of laws are followed through `self`, with what each gives."""
 
 import casadi as ca
 import pytest
@@ -9,11 +9,11 @@ from fmus.kit.symbolic.calls import Calls
 from tests.support.kit_samples import Thermostat
 
 
-def test_values_of_laws_and_what_each_reads_itself():
-    calls = Calls(Thermostat, {"temperature", "outside", "boost"})
+def test_laws_in_the_order_of_their_calls_with_their_values():
+    calls = Calls(Thermostat)
     assert calls.instance.warming() == pytest.approx((0.0 - 0.5 * 10.0) / 20.0)
     assert calls.values["power"] == [0.0]
-    assert calls.reads == {"warming": {"temperature", "outside"}, "power": {"boost"}}
+    assert calls.names == ["warming", "power"]
 
 
 def test_the_traced_laws_are_those_that_rates_outputs_and_updates_call():

@@ -24,8 +24,9 @@ from fmus.kit import (
     sin,
     stack,
 )
+from fmus.kit.inputs import input_effects
 from fmus.kit.sensors import measurement_effects
-from fmus.kit.symbolic import check_component, families_for
+from fmus.kit.symbolic import check_component
 from orchestration.fmu.model import catalogue, load_class
 
 ROOT = Path(__file__).parents[4]
@@ -105,7 +106,7 @@ def test_components_fit_their_units_with_each_effect():
 @pytest.mark.parametrize("place", PLACES)
 def test_examples_and_plants_fit_their_units_with_every_effect_there_is(place):
     cls = load_class(f"{ROOT / place}")
-    for effect in (*catalogue(cls).values(), *families_for(cls), *measurement_effects(cls)):
+    for effect in (*catalogue(cls).values(), *input_effects(cls), *measurement_effects(cls)):
         check_component(stack(cls, effect))
 
 

@@ -219,20 +219,3 @@ def test_a_play_is_that_of_its_equations(step, error):
     z = solve_ivp(rate, (0.0, 1.6), [0.0], t_eval=time, rtol=1e-7, atol=1e-9, max_step=1e-3).y[0]
     expected = -2.0 * np.clip(u - z, -0.3, 0.3)
     assert found.shown[:, 0, 0] == pytest.approx(expected, abs=error)
-
-
-def test_a_loop_over_a_state_is_that_of_bouc_and_wen():
-    time = 0.01 * np.arange(301)
-    states = np.stack([np.sin(3.0 * time), 3.0 * np.cos(3.0 * time)])
-    begin, end = points(np.zeros((1, 301)), states, step=0.01)
-    loop = lag_effect(Pendulum, "gravity", "angle", "hysteresis", 0.2, "1/s^2")
-    amount, way = (n for n in loop.declared if n in loop.layout.parameter_index)
-    found = EffectForcing(along(begin, end), loop).of([{amount: 0.0, way: 0.2}])
-
-    def rate(t, z):
-        v = 3.0 * np.cos(3.0 * t)
-        return (v - 0.5 * abs(v) * abs(z) * z - 0.5 * v * z * z) / 0.2
-
-    z = solve_ivp(rate, (0.0, 3.0), [0.0], t_eval=time, rtol=1e-8, atol=1e-10).y[0]
-    assert np.ptp(z) > 1.5
-    assert found.begin[:, 1, 0] == pytest.approx(-z, abs=5e-3)
