@@ -56,3 +56,16 @@ def test_it_says_what_is_expected_and_which_pair_stays():
     by_bic = replace(EXPERIMENT, probabilities={})
     assert "reached" not in by_bic.as_json()
     assert by_bic.sentence.startswith("No experiment within these limits that was looked at tells")
+
+
+def test_names_of_somebody_elses_fmu_are_read_as_they_are():
+    """A dot begins a table in TOML, and a quote or the end of a line ends a text."""
+    name, value = 'body.mass[1] "é"\n\\', 2.5e-7
+    rehearsal = Rehearsal({name: "A"}, [name], {name: value}, [name])
+    stimuli = {name: menu.Stimulus("multilevel", LEVELS)}
+    limits = {name: (-1.0, 0.5)}
+    odd = replace(EXPERIMENT, stimuli=stimuli, rehearsal=rehearsal, limits=limits)
+    told = tomllib.loads(odd.toml(name, "two\nlines"))
+    assert told["parameters"] == {name: value}
+    assert told["inputs"][name] == LEVELS | {"kind": "multilevel", "levels": ["-1.0 A", "0.5 A"]}
+    assert (told["component"], told["record"], told["effects"]) == (name, [name], [name])
