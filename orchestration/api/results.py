@@ -3,31 +3,38 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
 from textwrap import shorten
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
 from fmus.kit import Component, UserError, files
 from fmus.kit.build import host_platform
 from orchestration.api.builds import export
-from orchestration.diagnosis import Diagnosis
+from orchestration.api.stored import stamped
+from orchestration.diagnosis import Diagnosis, DiagnosisView
 from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.foreign import FmuDiagnosis, corrected_system
 from orchestration.diagnosis.law_map import LawMap
 from orchestration.diagnosis.report import (
     Explanation,
     TriedSet,
+    answer_of,
+    changes_view,
     effect_source,
     explain,
+    law_rows,
     summary,
     terminal,
     tried_sets,
+    view_of,
     wording,
 )
+from orchestration.diagnosis.systems import SystemView
 from orchestration.experiment.design import DiscriminatingExperiment
 from orchestration.identify.changes import Change
 from orchestration.identify.uncertainty import Estimate, estimates_frame
@@ -197,17 +204,29 @@ class Diagnosed(Displayable):
 
     Parameters
     ----------
-    shown : object
-        The value that the page shows, by its type.
     command : sequence of str
         Words of an equivalent command.
     """
 
     parameters: dict[str, Estimate]
 
-    def __init__(self, shown: object, command: Sequence[str]):
-        self._shown = shown
+    def __init__(self, command: Sequence[str]):
         self._command = shlex.join(command)
+        self._written: Mapping[str, str] = {}
+
+    def as_typed(self, command: str, written: Mapping[str, str]) -> Self:
+        """Return the result of a command as it was typed.
+
+        Parameters
+        ----------
+        command : str
+        written : Mapping of str to str
+            Files that it writes, by option, which are not advised then.
+        """
+        typed = copy(self)
+        typed._command = command
+        typed._written = written
+        return typed
 
     def to_frame(self) -> pandas.DataFrame:
         """Return the parameters as a table, a row for each.
@@ -235,7 +254,11 @@ class Diagnosed(Displayable):
             If the page cannot be written, or its name does not end in ``.html``.
         """
         with in_shell():  # as from the command, which the page shows
-            return write_page(self._shown, path, command or self._command)
+            return write_page(self._view(command or self._command), path)
+
+    def _view(self, command: str) -> DiagnosisView | SystemView:
+        """Return what the page shows."""
+        raise NotImplementedError
 
 
 class DiagnosisResult(Diagnosed):
@@ -298,7 +321,7 @@ class DiagnosisResult(Diagnosed):
         around: FmuDiagnosis | None = None,
         law_map: LawMap | None = None,
     ):
-        super().__init__(changed or law_map or diagnosis, command)
+        super().__init__(command)
         self._sources = [one.source for one in (*diagnosis.records, *diagnosis.holdouts)]
         self._diagnosis = diagnosis
         self._changed = changed
@@ -340,11 +363,11 @@ class DiagnosisResult(Diagnosed):
 
     def overview(self) -> list[RenderableType]:
         """Return the renderables that the command prints."""
-        parts: list[RenderableType] = [terminal.overview(self._diagnosis)]
+        parts: list[RenderableType] = [terminal.overview(answer_of(self._diagnosis, self._written))]
         if self._changed is not None:
-            parts.append(terminal.comparison(self._changed))
+            parts.append(terminal.comparison(changes_view(self._changed)))
         if self._law_map is not None:
-            parts.append(terminal.laws(self._law_map))
+            parts.append(terminal.laws([*law_rows(self._law_map)]))
         return parts
 
     def __repr__(self) -> str:
@@ -356,13 +379,20 @@ class DiagnosisResult(Diagnosed):
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON, in the form of ``ppy diagnose --json``."""
         with in_shell():
-            figures = summary.summary(self._diagnosis)
+            return stamped(self._figures(), self._view(self._command))
+
+    def _figures(self) -> dict[str, Any]:
+        figures = summary.summary(self._diagnosis, self._written)
         if self._law_map is not None:
             figures |= {"law_map": self.law_map}
         if self.changes is None or self.later is None:
             return figures
         comparison = [change.to_dict() for change in self.changes]
-        return figures | {"comparison": comparison, "later": self.later.to_dict()}
+        return figures | {"comparison": comparison, "later": self.later._figures()}
+
+    def _view(self, command: str) -> DiagnosisView:
+        shown = self._changed or self._law_map or self._diagnosis
+        return view_of(shown, command, self._written)
 
     def draw(self) -> Figure:
         """Draw the validation data of the output whose error falls most, above the residuals.

@@ -7,13 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError
 from orchestration.api.results import Diagnosed
+from orchestration.api.stored import stamped
 from orchestration.diagnosis.systems import (
     MemberDiagnosis,
     MemberParameter,
     SystemDiagnosis,
+    SystemView,
     overview,
     sentence,
     summary,
+    view_of,
 )
 from orchestration.records import Record
 from orchestration.reporting import draw, in_shell, one_line
@@ -62,7 +65,7 @@ class SystemResult(Diagnosed):
     def __init__(self, diagnosis: SystemDiagnosis, command: Sequence[str] = ()):
         figures = summary(diagnosis)
         members = figures["members"]
-        super().__init__(diagnosis, command)
+        super().__init__(command)
         self._diagnosis = diagnosis
         self.verdict = str(diagnosis.verdict)
         self.sentence = sentence(diagnosis)
@@ -88,7 +91,7 @@ class SystemResult(Diagnosed):
 
     def overview(self) -> list[RenderableType]:
         """Return the renderables that the command prints."""
-        return [overview(self._diagnosis)]
+        return [overview(self._view(self._command))]
 
     def __repr__(self) -> str:
         named = ", ".join([*self.causes, *self.alternatives]) or ", ".join(self.suspects)
@@ -98,7 +101,10 @@ class SystemResult(Diagnosed):
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON, in the form of ``ppy diagnose --system --json``."""
         with in_shell():
-            return summary(self._diagnosis)
+            return stamped(summary(self._diagnosis), self._view(self._command))
+
+    def _view(self, command: str) -> SystemView:
+        return view_of(self._diagnosis, command)
 
     def draw(self) -> Figure:
         """Draw the validation data of the first suspect's output whose error falls most.

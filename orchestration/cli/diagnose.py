@@ -79,6 +79,7 @@ def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
     with progress() as tell:
         chosen["progress"] = tell
         result = diagnose(judged.records, judged.model, **chosen)
+    result = result.as_typed(command, _written(options))
     _show(result, options["json"])
     if options["explain"]:
         out.print()
@@ -97,7 +98,7 @@ def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
 
     write_all(
         [
-            (_report(result, command), options["report"]),
+            (_report(result), options["report"]),
             (fmu, options["fmu"]),
             (experiment, options["experiment"]),
             (lambda path, tell: [result.system(path)], options["ssp"]),
@@ -133,6 +134,7 @@ def run_laws(options: LawsCommand, command: str) -> DiagnosisResult:
     with progress() as tell:
         chosen["progress"] = tell
         result = laws(judged.records, judged.model, **chosen)
+    result = result.as_typed(command, _written(options))
     _show(result, options["json"])
 
     def is_found(path: Path) -> bool:
@@ -148,7 +150,7 @@ def run_laws(options: LawsCommand, command: str) -> DiagnosisResult:
 
     write_all(
         [
-            (_report(result, command), options["report"]),
+            (_report(result), options["report"]),
             (effect, options["effect_out"]),
             (fmu, options["fmu"]),
         ]
@@ -184,11 +186,11 @@ def run_system(options: DiagnoseCommand, system: str, command: str) -> SystemRes
     chosen = only(DiagnoseKeywords, options)
     with progress() as tell:
         chosen["progress"] = tell
-        result = diagnose(record, system=system, **chosen)
+        result = diagnose(record, system=system, **chosen).as_typed(command, {})
     tell_repairs(result.record.repairs)
     out.print(*result.overview(), sep="\n")
     write_json(options["json"], result.to_dict())
-    write_all([(_report(result, command), options["report"])])
+    write_all([(_report(result), options["report"])])
     return result
 
 
@@ -289,18 +291,25 @@ def _number_after_first(k: int) -> str:
     return f" ({k + 1})" if k else ""
 
 
+def _written(options: DiagnoseCommand | LawsCommand) -> dict[str, str]:
+    """Return the files of a model or an experiment that a command writes, by option."""
+    given = cast("Mapping[str, Any]", options)
+    names = ("fmu", "ssp", "experiment")
+    return {name: str(given[name]) for name in names if given.get(name) is not None}
+
+
 def _show(result: DiagnosisResult, path: Path | None) -> None:
     """Print a result, and write it as JSON if wanted."""
     out.print(*result.overview(), sep="\n")
     write_json(path, result.to_dict())
 
 
-def _report(result: DiagnosisResult | SystemResult, command: str) -> Writer:
+def _report(result: DiagnosisResult | SystemResult) -> Writer:
     """Return a function that writes the report of a result."""
 
     def report(path: Path, tell: Callable[[str], None]) -> list[Path]:
         tell("drawing the report")
-        return [result.report(path, command)]
+        return [result.report(path)]
 
     return report
 

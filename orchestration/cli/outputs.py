@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import shlex
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,6 +18,8 @@ from fmus.kit.extras import require
 STANDARD_OUTPUT = Path("-")
 JSON = (".json",)
 PAGE = (".html", ".htm")
+# a list of numbers, whose lines are joined; a text has no end of a line in it
+_NUMBERS = re.compile(r"\[\n\s+(?:(?:-?\d[\d.eE+-]*|null),?\n\s+)+\]")
 _WRITTEN_BY = {
     ".parquet": ("pyarrow",),
     **dict.fromkeys((".png", ".svg", ".pdf", *PAGE), ("matplotlib",)),
@@ -155,6 +158,7 @@ def write_json(path: Path | None, data: Any) -> None:
     import json
 
     text = json.dumps(_finite(data), indent=2, allow_nan=False) + "\n"
+    text = _NUMBERS.sub(lambda numbers: " ".join(numbers[0].split()), text)
     if path == STANDARD_OUTPUT:
         sys.stdout.write(text)
         return

@@ -17,3 +17,4 @@ from .subject import Subject as Subject
 from .subject import subject_of as subject_of
 from .terms import Shape as Shape
 from .terms import Term as Term
+from .view import DiagnosisView as DiagnosisView

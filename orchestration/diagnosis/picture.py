@@ -38,10 +38,11 @@ def draw_diagnosis(diagnosis: Diagnosis) -> Figure:
     figure, (above, below) = pictures.panels(2, title)
     above.plot(time, measured, color=pictures.MEASURED, lw=3, label="measured")
     for one in curves.simulations(diagnosis, course):
+        colour = pictures.FITTED if one.is_final else pictures.MODEL
         error = "" if one.error is None else f": {wording.error_text(one.error)} error"
         values = one.values[unseen]
-        above.plot(time, values, color=one.colour, lw=1.2, label=f"{one.label}{error}")
-        below.plot(time, measured - values, color=one.colour, lw=1.0)
+        above.plot(time, values, color=colour, lw=1.2, label=f"{one.label}{error}")
+        below.plot(time, measured - values, color=colour, lw=1.0)
     pictures.label(above, course.output, course.unit)
     pictures.label(below, "residual", course.unit)
     above.legend(

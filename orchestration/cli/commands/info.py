@@ -1,8 +1,9 @@
-"""``ppy info``: the signals, parameters and limits of a model, or the columns of a record."""
+"""``ppy info``: signals, parameters, limits of a model, columns of a record, or a diagnosis."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fmus.kit import UserError
@@ -18,12 +19,17 @@ if TYPE_CHECKING:
 
 @command(InfoCommand)
 def info(options: InfoCommand) -> None:
-    """Show a model's variables, units, ranges, effects; or a record's columns, rate and gaps."""
+    """Show a model's variables and effects, a record's columns, or a diagnosis as it was shown."""
     from orchestration.cli.models import model_file
     from orchestration.cli.record_overview import is_record, record_info
 
     model = options["model"]
     path = options["json"]
+    if model.lower().endswith(".json"):
+        _show_diagnosis(options)
+        return
+    if options["report"] is not None:
+        raise UserError(f"--report: {model} is no diagnosis (.json), of which there is a page")
     if is_record(model):
         record_info(options)
         return
@@ -34,6 +40,23 @@ def info(options: InfoCommand) -> None:
     with standard_output_for(path):
         _show(known)
         write_json(path, _as_json(known))
+
+
+def _show_diagnosis(options: InfoCommand) -> None:
+    """Show a diagnosis from its file as it was shown when it was made."""
+    from orchestration.api import read_diagnosis
+    from orchestration.cli.outputs import PAGE
+    from orchestration.reporting.console import out, wrote
+
+    file, path, page = Path(options["model"]), options["json"], options["report"]
+    endings = {"--json": JSON, "--report": PAGE}
+    Outputs({"the diagnosis": file}, {"--json": path, "--report": page}, endings).check()
+    stored = read_diagnosis(file)
+    with standard_output_for(path):
+        out.print(*stored.overview(), sep="\n")
+        write_json(path, stored.to_dict())
+    if page is not None:
+        wrote(stored.report(page))
 
 
 class _Facts(NamedTuple):

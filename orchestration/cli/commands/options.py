@@ -48,15 +48,22 @@ from orchestration.cli.options import (
 # --- components and FMUs -------------------------------------------------------------------------
 
 
-class InfoCommand(LaidOverOption, JsonOption, total=False):
+class ReportOption(TypedDict, total=False):
+    """The page of a result."""
+
+    report: Annotated[Path | None, Option("Page (.html) with all of it, to look at and pass on.")]
+
+
+class InfoCommand(LaidOverOption, JsonOption, ReportOption, total=False):
     """Options of ``ppy info``."""
 
     model: Annotated[
         str,
         Option(
-            "A component (see ppy list), path/to/file.py:Class, an .fmu file; or a record.",
+            "A component (see ppy list), path/to/file.py:Class, an .fmu file; a record; or a"
+            " diagnosis (.json), which is shown as it was.",
             default=REQUIRED,
-            metavar="MODEL|RECORD",
+            metavar="MODEL|RECORD|DIAGNOSIS",
             complete="component",
             argument=True,
         ),
@@ -252,12 +259,6 @@ class RunCommand(
     total=False,
 ):
     """Options of ``ppy run``."""
-
-
-class ReportOption(TypedDict, total=False):
-    """The page of a result."""
-
-    report: Annotated[Path | None, Option("Page (.html) with all of it, to look at and pass on.")]
 
 
 class RangesOption(TypedDict, total=False):

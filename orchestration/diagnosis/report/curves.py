@@ -14,7 +14,6 @@ from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.fitting import Fit
 from orchestration.diagnosis.runs import Course
 from orchestration.diagnosis.terms import NamedTerm, Term
-from orchestration.reporting import pictures
 
 _POINTS = 200  # of a curve
 _OUTSIDE = 0.005  # share of the samples beyond either end of a curve
@@ -54,14 +53,15 @@ class Simulation(NamedTuple):
     ----------
     label : str
     values : ndarray, shape (n,)
-    colour : str
+    is_final : bool
+        Whether of the final model, and not of the one without terms.
     error : float or None
         On samples by which nothing was chosen; see `Diagnosis.errors`.
     """
 
     label: str
     values: Array
-    colour: str
+    is_final: bool
     error: float | None
 
 
@@ -111,10 +111,10 @@ def simulations(diagnosis: Diagnosis, course: OutputCourse) -> list[Simulation]:
     result = []
     if np.isfinite(course.before).any():
         error = diagnosis.errors(diagnosis.found.base)[course.output]
-        result.append(Simulation(before, course.before, pictures.MODEL, error))
+        result.append(Simulation(before, course.before, False, error))
     if diagnosis.is_named:
         error = diagnosis.errors(diagnosis.final)[course.output]
-        result.append(Simulation(after, course.after, pictures.FITTED, error))
+        result.append(Simulation(after, course.after, True, error))
     return result
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from orchestration.diagnosis.cause import Cause
@@ -23,8 +24,15 @@ from orchestration.diagnosis.terms import Term
 from orchestration.identify.uncertainty import Estimate
 
 
-def summary(diagnosis: Diagnosis) -> dict[str, Any]:
-    """Return the figures of a diagnosis, SI; None is a figure that there is none of."""
+def summary(diagnosis: Diagnosis, written: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """Return the figures of a diagnosis, SI; None is a figure that there is none of.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    written : Mapping of str to str, optional
+        Files that are written with it, by option; see `wording.next_step`.
+    """
     causes = diagnosis.causes if diagnosis.is_named else ()
     lead = causes[:1]
     before = diagnosis.errors(diagnosis.found.base)
@@ -33,7 +41,7 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
     return {
         "verdict": diagnosis.verdict,
         "headline": f"{wording.headline(diagnosis)}. {wording.support(diagnosis)}".strip(),
-        "next_step": wording.next_step(diagnosis),
+        "next_step": wording.next_step(diagnosis, written),
         "baseline": {"holdout_fit_percent": {n: wording.fit_percent(v) for n, v in before.items()}},
         "parameters": {n: e.to_dict() for n, e in diagnosis.parameters.items()},
         "changed": list(diagnosis.changed),
@@ -145,5 +153,8 @@ def _term_figures(
         "shape": shape_text(term),
         "memory": memory_text(term),
         "factor": term.factor,
+        "middle": term.middle,
+        "scale": term.scale,
+        "places": [term.middle + term.scale * place for place in term.places],
         "parameters": {name: fitted[name].to_dict() for name in names},
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 
 from fmus.kit.units import format_value
@@ -173,8 +173,16 @@ def remainder_sentence(one: Remainder) -> str:
     )
 
 
-def next_step(diagnosis: Diagnosis) -> str:
-    """Return what to do next, for every verdict; a file that cannot be believed goes first."""
+def next_step(diagnosis: Diagnosis, written: Mapping[str, str] | None = None) -> str:
+    """Return what to do next, for every verdict; a file that cannot be believed goes first.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    written : Mapping of str to str, optional
+        Files that are written with it, by the option that names them: what is done is not advised.
+    """
+    written = written or {}
     doubtful = {code for code in FAULTS if Fault(code).discredits} | _DOUBTFUL
     doubts = [text for code, _, text in diagnosis.notes if code in doubtful]
     if doubts:
@@ -183,11 +191,11 @@ def next_step(diagnosis: Diagnosis) -> str:
             " counts for little."
         )
     if diagnosis.is_named and diagnosis.causes[0].reading is not None:
-        return _next_of_misread(diagnosis, diagnosis.causes[0].reading)
-    return _NEXT[diagnosis.verdict](diagnosis)
+        return _next_of_misread(diagnosis, diagnosis.causes[0].reading, written)
+    return _NEXT[diagnosis.verdict](diagnosis, written)
 
 
-def _next_of_consistent(diagnosis: Diagnosis) -> str:
+def _next_of_consistent(diagnosis: Diagnosis, written: Mapping[str, str]) -> str:
     """Return how far the model may be used."""
     largest = max(diagnosis.remainders, key=lambda one: one.share, default=None)
     error = f", within {error_text(largest.share)} of {largest.output}" if largest else ""
@@ -197,11 +205,14 @@ def _next_of_consistent(diagnosis: Diagnosis) -> str:
     )
 
 
-def _next_of_recalibrate(diagnosis: Diagnosis) -> str:
+def _next_of_recalibrate(diagnosis: Diagnosis, written: Mapping[str, str]) -> str:
     """Return the values to use."""
     if diagnosis.begins_elsewhere:
-        return _next_of_start(diagnosis)
+        return _next_of_start(diagnosis, written)
     values = ", ".join(_settings(diagnosis, diagnosis.changed))
+    model = _model_in(written)
+    if model:
+        return f"use the model with {values}: {model} has them."
     return f"use the model with {values}; {_built(diagnosis, 'fitted')} builds it."
 
 
@@ -215,14 +226,23 @@ def _settings(diagnosis: Diagnosis, names: Sequence[str]) -> list[str]:
     return texts
 
 
-def _next_of_cause(diagnosis: Diagnosis) -> str:
+def _next_of_cause(diagnosis: Diagnosis, written: Mapping[str, str]) -> str:
     """Return how to use the extended model."""
     left = [one.output for one in diagnosis.remainders if one.is_more_than_noise]
     more = f" It does not explain all of {_listed(left)} yet." if left else ""
-    return (
-        f"build the extended model with {_built(diagnosis, 'extended')}, and test it on a record"
-        f" that it has not seen, with {option('holdout', 'NEW.csv')}.{more}"
-    )
+    model = _model_in(written)
+    step = f"build the extended model with {_built(diagnosis, 'extended')}"
+    if diagnosis.holdouts:
+        return f"{f'use the extended model, {model}' if model else step}.{more}"
+    record = "on a record that it has not seen"
+    if model:
+        return f"test the extended model {record}, with {option('model', model)}.{more}"
+    return f"{step}, and test it {record}, with {option('holdout', 'NEW.csv')}.{more}"
+
+
+def _model_in(written: Mapping[str, str]) -> str:
+    """Return the file of the model with the answer; empty if none is written."""
+    return written.get("fmu") or written.get("ssp") or ""
 
 
 def _built(diagnosis: Diagnosis, name: str) -> str:
@@ -231,17 +251,19 @@ def _built(diagnosis: Diagnosis, name: str) -> str:
     return str(option("fmu", f"{name}.fmu") if has_equations else option("ssp", f"{name}.ssp"))
 
 
-def _next_of_misread(diagnosis: Diagnosis, reading: Reading) -> str:
+def _next_of_misread(diagnosis: Diagnosis, reading: Reading, written: Mapping[str, str]) -> str:
     """Return how to correct the files."""
     ways = " or ".join(one.correction for one in (reading, *reading.instead))
     check = "" if diagnosis.verdict == "cause" else "check file and wiring; if it is so, "
+    model = _model_in(written)
+    fitted = f"{model} is" if model else f"{_built(diagnosis, 'fitted')} builds"
     return (
-        f"{check}{ways} ({files(diagnosis)}), and diagnose it again;"
-        f" {_built(diagnosis, 'fitted')} builds the model fitted to the corrected values."
+        f"{check}{ways} ({files(diagnosis)}), and diagnose it again; {fitted} the model fitted to"
+        " the corrected values."
     )
 
 
-def _next_of_start(diagnosis: Diagnosis) -> str:
+def _next_of_start(diagnosis: Diagnosis, written: Mapping[str, str]) -> str:
     """Return where the model is to start, and other values to use."""
     declared = diagnosis.subject.problem.model
     starts = [declared.parameters[i].name for i in declared.start_positions]
@@ -251,16 +273,18 @@ def _next_of_start(diagnosis: Diagnosis) -> str:
     common = [name for name in diagnosis.changed if "@" not in name]
     sets = " ".join(str(option("set", text)) for text in _settings(diagnosis, [*other, *common]))
     ways = f"start the model there, with {sets}," if sets else "start the model where the run does"
-    return f"{ways} or begin a record at rest; {_built(diagnosis, 'fitted')} builds it so."
+    model = _model_in(written)
+    built = f"{model} starts" if model else f"{_built(diagnosis, 'fitted')} builds it"
+    return f"{ways} or begin a record at rest; {built} so."
 
 
-def _next_of_ambiguous(diagnosis: Diagnosis) -> str:
+def _next_of_ambiguous(diagnosis: Diagnosis, written: Mapping[str, str]) -> str:
     """Return the experiment that would tell the causes of a group apart."""
     told = f" {diagnosis.experiment.sentence}" if diagnosis.experiment else ""
-    return f"{_experiment(diagnosis)}, and diagnose both records together.{told}"
+    return f"{_experiment(diagnosis, written)}, and diagnose both records together.{told}"
 
 
-def _next_of_unexplained(diagnosis: Diagnosis) -> str:
+def _next_of_unexplained(diagnosis: Diagnosis, written: Mapping[str, str]) -> str:
     """Return where to look for what no term explains."""
     largest = _structured_first(diagnosis.remainders)
     output = largest[0].output if largest else "the output"
@@ -269,11 +293,11 @@ def _next_of_unexplained(diagnosis: Diagnosis) -> str:
         " recorded"
     )
     told = f" {diagnosis.experiment.sentence}" if diagnosis.experiment else ""
-    return f"{look}; {_experiment(diagnosis)}.{told}" if diagnosis.causes else f"{look}."
+    return f"{look}; {_experiment(diagnosis, written)}.{told}" if diagnosis.causes else f"{look}."
 
 
 _DOUBTFUL = {"pieced", "other_specimen", "unrelated"}  # notes on files by what a model follows
-_NEXT: dict[str, Callable[[Diagnosis], str]] = {
+_NEXT: dict[str, Callable[[Diagnosis, Mapping[str, str]], str]] = {
     "consistent": _next_of_consistent,
     "recalibrate": _next_of_recalibrate,
     "cause": _next_of_cause,
@@ -282,9 +306,11 @@ _NEXT: dict[str, Callable[[Diagnosis], str]] = {
 }
 
 
-def _experiment(diagnosis: Diagnosis) -> str:
+def _experiment(diagnosis: Diagnosis, written: Mapping[str, str]) -> str:
     """Return the record that would tell the causes of a group apart."""
     if diagnosis.experiment is not None:
+        if "experiment" in written:
+            return f"make the experiment {written['experiment']}"
         return f"make the experiment that {option('experiment', 'next.toml')} writes"
     if any(code == "futile_experiment" for code, _, _ in diagnosis.notes):
         return "record another signal as well, on which the causes act in another way"

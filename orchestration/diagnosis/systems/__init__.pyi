@@ -6,6 +6,8 @@ from .diagnosis import SystemOptions as SystemOptions
 from .diagnosis import diagnose_system as diagnose_system
 from .parts import InputOrigin as InputOrigin
 from .parts import InputSource as InputSource
+from .report import SystemView as SystemView
 from .report import overview as overview
 from .report import sentence as sentence
 from .report import summary as summary
+from .report import view_of as view_of

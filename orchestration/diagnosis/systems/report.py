@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from rich.console import Group
-from rich.table import Table
 from rich.text import Text
 
 from fmus.kit import registry
 from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.engine import Diagnosis
+from orchestration.diagnosis.report import view_of as diagnosis_view_of
 from orchestration.diagnosis.report import wording
 from orchestration.diagnosis.systems.diagnosis import (
     MemberDiagnosis,
@@ -22,10 +24,13 @@ from orchestration.diagnosis.systems.diagnosis import (
 from orchestration.diagnosis.systems.parts import InputOrigin, InputSource
 from orchestration.diagnosis.term_names import shape_text
 from orchestration.diagnosis.terms import Term
+from orchestration.diagnosis.view import DiagnosisView, Rows, View
 from orchestration.identify import finite_or_none
-from orchestration.reporting import plain_table
+from orchestration.reporting import flag, plain_table
+from orchestration.reporting.html import facts_about
 
 MEMBER_HEAD = ("member", "verdict", "judged", "why")
+OUTPUT_HEAD = ("output", "error", "noise widths", "pace")
 _VERDICTS = {
     MemberVerdict.WRONG: "The laws of {members} are wrong.",
     MemberVerdict.RECALIBRATE: (
@@ -91,21 +96,91 @@ def source_text(source: InputSource) -> str:
     return str(source.signal)
 
 
-def overview(diagnosis: SystemDiagnosis) -> Group:
+class PartView(View):
+    """The diagnosis of a part of a system."""
+
+    label: str
+    shown: DiagnosisView
+
+
+class SystemView(View):
+    """The diagnosis of a system as people are shown it.
+
+    Attributes
+    ----------
+    system, verdict, sentence : str
+    reason : str
+        Why the first suspect is one; empty without any.
+    members, outputs : tuple of tuple of str
+        See `MEMBER_HEAD` and `OUTPUT_HEAD`.
+    notes : tuple of str
+    parts : tuple of PartView
+    file, command : str
+    facts : Mapping of str to str
+        Versions, and the digest of the file.
+    """
+
+    system: str
+    verdict: str
+    sentence: str
+    reason: str
+    members: Rows
+    outputs: Rows
+    notes: tuple[str, ...]
+    parts: tuple[PartView, ...]
+    file: str
+    command: str
+    facts: Mapping[str, str]
+
+
+def view_of(diagnosis: SystemDiagnosis, command: str = "") -> SystemView:
+    """Return the diagnosis of a system as people are shown it.
+
+    Parameters
+    ----------
+    diagnosis : SystemDiagnosis
+    command : str
+        That made it; unless given, one that makes the same.
+    """
+    source = diagnosis.record.source
+    rows = tuple(_member_rows(diagnosis))
+    first = next(iter(diagnosis.wrong), None)
+    reasons = {name: why for name, *_, why in rows}
+    again = ["ppy", "diagnose", str(source), flag("system"), diagnosis.system]
+    return SystemView(
+        system=diagnosis.system,
+        verdict=str(diagnosis.verdict),
+        sentence=sentence(diagnosis),
+        reason="" if first is None else f"{first.name}: {reasons[first.name]}.",
+        members=rows,
+        outputs=tuple(row for member in diagnosis.members for row in _output_rows(member)),
+        notes=tuple(remarks(diagnosis)),
+        parts=tuple(
+            PartView(label=part.part.label, shown=diagnosis_view_of(part.diagnosis))
+            for part in diagnosis.parts
+            if part.diagnosis is not None
+        ),
+        file=source.name,
+        command=command or shlex.join(again),
+        facts=facts_about([source]),
+    )
+
+
+def overview(shown: SystemView) -> Group:
     """Return what ``ppy diagnose --system`` prints."""
-    members = plain_table(None, *MEMBER_HEAD)
-    outputs = plain_table("outputs", "output", "error", "noise widths", "pace")
-    for row in member_rows(diagnosis):
+    members, outputs = plain_table(None, *MEMBER_HEAD), plain_table("outputs", *OUTPUT_HEAD)
+    for row in shown.members:
         members.add_row(*row)
+    for row in shown.outputs:
+        outputs.add_row(*row)
+    told = [Text(f"  {text}") for text in shown.notes]
+    return Group(Text(shown.sentence, "bold"), members, *told, outputs)
+
+
+def _member_rows(diagnosis: SystemDiagnosis) -> Iterator[tuple[str, ...]]:
+    """Yield a row for each member; see `MEMBER_HEAD`."""
     for member in diagnosis.members:
-        _add_outputs(outputs, member)
-    told = [Text(f"  {text}") for text in remarks(diagnosis)]
-    return Group(Text(sentence(diagnosis), "bold"), members, *told, outputs)
-
-
-def member_rows(diagnosis: SystemDiagnosis) -> list[tuple[str, str, str, str]]:
-    """Return a row for each member; see `MEMBER_HEAD`."""
-    return [(m.name, str(m.verdict), _judged_text(m), reason(m)) for m in diagnosis.members]
+        yield member.name, str(member.verdict), _judged_text(member), reason(member)
 
 
 def _judged_text(member: MemberDiagnosis) -> str:
@@ -114,14 +189,15 @@ def _judged_text(member: MemberDiagnosis) -> str:
     return f"with {', '.join(member.partners)}" if member.partners else "cut at its ports"
 
 
-def _add_outputs(table: Table, member: MemberDiagnosis) -> None:
+def _output_rows(member: MemberDiagnosis) -> Iterator[tuple[str, ...]]:
+    """Yield a row for each output that was judged; see `OUTPUT_HEAD`."""
     for name, output in member.outputs.items():
         error = wording.error_text(output.after)
         if output.before is not None and output.before != output.after:
             error = f"{wording.error_text(output.before)} → {error}"
         pace = "slow" if output.remainder.is_slow else "fast"
         widths = wording.noise_widths(output.remainder)
-        table.add_row(f"{member.name}.{name}", error, widths, pace)
+        yield f"{member.name}.{name}", error, widths, pace
 
 
 def remarks(diagnosis: SystemDiagnosis) -> list[str]:

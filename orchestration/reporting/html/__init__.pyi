@@ -6,6 +6,7 @@ from .page import SCROLLED as SCROLLED
 from .page import Markup as Markup
 from .page import Page as Page
 from .page import escaped as escaped
+from .page import facts_about as facts_about
 from .plots import Boundary as Boundary
 from .plots import Panel as Panel
 from .plots import Trace as Trace

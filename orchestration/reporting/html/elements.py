@@ -12,7 +12,7 @@ from orchestration.reporting.html.page import Markup, escaped
 
 def chip(kind: str, text: str) -> Markup:
     """Return a short text on a rounded background; the kind is the CSS class of its colour."""
-    return Markup(f'<span class="chip {kind.replace(" ", "")}">{escaped(text)}</span>')
+    return Markup(f'<span class="chip {escaped(kind.replace(" ", ""))}">{escaped(text)}</span>')
 
 
 def two_lines(first: str, second: str) -> Markup:

@@ -6,7 +6,7 @@ import base64
 import html
 import platform
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from hashlib import sha256
 from importlib.metadata import version
@@ -185,11 +185,12 @@ class Page:
 
     def reproduction(self, files: Sequence[Path], command: str) -> None:
         """Append the command that made the page, versions, and digests of its input files."""
+        self.made_by(command, facts_about(files))
+
+    def made_by(self, command: str, facts: Mapping[str, str]) -> None:
+        """Append the command that made the page, with facts of `facts_about`."""
         self.subheading("How to reproduce")
         self.code([command])
-        facts = {"ppy-rig": version("ppy-rig"), "Python": platform.python_version()}
-        for file in files:
-            facts[f"SHA-256 of {file.name}"] = _digest(file)
         lines = (f"{escaped(name)}: <code>{escaped(text)}</code>" for name, text in facts.items())
         self.items([*map(Markup, lines)])
         self.text("Nothing is drawn at random: the same files give the same page.")
@@ -221,6 +222,12 @@ class Page:
 def _plain(texts: Sequence[str]) -> str:
     """Return texts without markup, for an attribute or the title, joined by commas."""
     return ", ".join(re.sub(r"<[^>]+>", " ", escaped(text)).strip() for text in texts)
+
+
+def facts_about(files: Sequence[Path]) -> dict[str, str]:
+    """Return versions, and digests of files, by what they are of."""
+    facts = {"ppy-rig": version("ppy-rig"), "Python": platform.python_version()}
+    return facts | {f"SHA-256 of {file.name}": _digest(file) for file in files}
 
 
 def _digest(path: Path) -> str:

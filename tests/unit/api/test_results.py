@@ -87,7 +87,7 @@ def test_a_later_record_gives_its_changes_and_its_own_diagnosis():
     assert result.later.records == [later]
     figures = result.to_dict()
     assert figures["comparison"][0]["parameter"] == "damping"
-    assert figures["later"] == result.later.to_dict()
+    assert figures["later"].items() <= result.later.to_dict().items()
     assert "What changed: damping, times 2" in str(result)
 
 

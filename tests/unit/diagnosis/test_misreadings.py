@@ -20,7 +20,7 @@ from orchestration.diagnosis.misreadings import (
     reading_that_runs,
 )
 from orchestration.diagnosis.readings import Reading, ReadingKind
-from orchestration.diagnosis.report import summary, terminal, wording
+from orchestration.diagnosis.report import answer_of, summary, wording
 from orchestration.records import Record
 from tests.support.control import control_record
 from tests.support.control_models import Upright
@@ -93,9 +93,10 @@ def test_the_fault_and_its_correction_are_said(flipped: Diagnosis) -> None:
     assert "force has the opposite sign" in wording.headline(flipped)
     assert "in oscillator_1.csv" in wording.headline(flipped)
     assert wording.next_step(flipped).startswith("multiply force by -1")
-    (row,) = terminal.group_rows(flipped)
+    answer = answer_of(flipped)
+    (row,) = answer.causes
     assert row[1].startswith("force has the opposite sign")
-    assert [model for model, _ in terminal.ladder_rows(flipped)][1] == f"+ {row[1]}"
+    assert answer.ladder[1][0] == f"+ {row[1]}"
     figures = json.loads(json.dumps(summary.summary(flipped)))
     (cause,) = figures["causes"]
     reading = cause["reading"]

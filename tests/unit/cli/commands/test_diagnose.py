@@ -89,7 +89,7 @@ def test_what_cannot_be_is_refused_in_a_line(folder, arguments, told):
 def test_what_was_asked_reaches_the_laws_and_all_is_written(folder, monkeypatch, capsys):
     """The answer itself is a stand-in; who gives a real one is tested by itself."""
     monkeypatch.chdir(folder)
-    asked, written, platforms = {}, [], []
+    asked, typed, written, platforms = {}, {}, [], []
 
     def writes(path, *others):
         written.append(str(path))
@@ -98,7 +98,8 @@ def test_what_was_asked_reaches_the_laws_and_all_is_written(folder, monkeypatch,
 
     def answer(records, model, **options):
         asked.update(options, model=model.cls.__name__, record=records[0].source.name)
-        return SimpleNamespace(
+        answered = SimpleNamespace(
+            as_typed=lambda command, written: typed.update(written) or answered,
             overview=lambda: ["friction depends on omega"],
             to_dict=lambda: {"law_map": []},
             causes=["friction(omega)"],
@@ -106,6 +107,7 @@ def test_what_was_asked_reaches_the_laws_and_all_is_written(folder, monkeypatch,
             effect=writes,
             fmu=writes,
         )
+        return answered
 
     monkeypatch.setattr(asking, "laws", answer)
     options = (
@@ -128,6 +130,7 @@ def test_what_was_asked_reaches_the_laws_and_all_is_written(folder, monkeypatch,
     )
     assert written == ["a.html", "a.py", "a.fmu"]
     assert platforms == [available_platforms()]
+    assert typed == {"fmu": "a.fmu"}
     assert "friction depends on omega" in capsys.readouterr().out
 
 

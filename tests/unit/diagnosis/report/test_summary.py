@@ -5,9 +5,12 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
+import pytest
+
 from orchestration.diagnosis.report import wording
-from orchestration.diagnosis.report.summary import summary
-from tests.support.oscillator import telling_apart, with_group
+from orchestration.diagnosis.report.summary import _term_figures, summary
+from orchestration.diagnosis.terms import Shape
+from tests.support.oscillator import DRY, telling_apart, with_group
 from tests.support.reference import documented_fields
 
 
@@ -32,6 +35,7 @@ def test_the_json_has_the_keys_of_the_contract(dry):
     )
     assert cause["shape"] == "a tanh(x/w)"
     assert cause["memory"] == ""
+    assert (cause["middle"], cause["scale"], cause["places"]) == (DRY.middle, DRY.scale, [])
     amount = cause["parameters"]["friction_of_velocity"]
     assert amount["unit"] == "N"
     assert amount["ci95"][0] < 1.5 < amount["ci95"][1]
@@ -42,7 +46,8 @@ def test_the_json_has_the_keys_of_the_contract(dry):
 def test_every_field_is_documented(dry):
     experiment = telling_apart("friction(velocity)", "friction(elongation)")
     figures = summary(replace(dry, experiment=experiment))
-    assert {*figures, "comparison", "later"} == documented_fields()
+    stamp = {"format", "product", "shown"}
+    assert {*figures, *stamp, "comparison", "later"} == documented_fields()
     assert figures["experiment"]["reached"]["friction(elongation)"] == 0.6
     assert "experiment" not in summary(dry)
 
@@ -55,3 +60,12 @@ def test_a_reading_of_the_file_has_figures_of_its_own(flipped):
     assert (reading["kind"], reading["columns"]) == ("sign", ["force"])
     assert (reading["factor"], reading["shift"]) == (-1.0, 0.0)
     assert reading["correction"] == "multiply force by -1"
+
+
+def test_a_curve_has_its_knots(dry):
+    """In the order of its values, at its scale and middle."""
+    curve = replace(DRY, shape=Shape.CURVE, scale=0.5, middle=0.1, places=(-1.0, 0.0, 2.0))
+    names = [f"curve_at_{k}" for k in range(3)]
+    figures = _term_figures(dry, "curve", curve, dict.fromkeys(names, dry.parameters["mass"]))
+    assert figures["places"] == pytest.approx([-0.4, 0.1, 1.1])
+    assert [*figures["parameters"]] == names

@@ -120,6 +120,34 @@ def test_every_verdict_has_a_next_step(dry, verdict, step):
 
 
 @pytest.mark.parametrize(
+    ("verdict", "written", "step"),
+    [
+        ("cause", {"fmu": "x.fmu"}, "test the extended model on a record that it has not seen"),
+        ("cause", {"ssp": "x.ssp"}, "test the extended model on a record that it has not seen"),
+        ("recalibrate", {"fmu": "x.fmu"}, "use the model with mass=1.0: x.fmu has them."),
+        ("ambiguous", {"experiment": "x.toml"}, "make the experiment x.toml, and diagnose both"),
+    ],
+)
+def test_what_was_just_written_is_not_advised(dry, verdict, written, step):
+    one = replace(dry, experiment=telling_apart("friction(velocity)", "friction(elongation)"))
+    one.__dict__.update(verdict=verdict, changed=("mass",))
+    with in_shell():
+        told = wording.next_step(one, written)
+    told = re.sub(r"mass=[\d.]+", "mass=1.0", told)
+    assert told.startswith(step)
+    assert not re.search("--(fmu|ssp|experiment) ", told)
+    (name,) = written.values()
+    assert name in told
+
+
+def test_an_answer_that_was_held_against_another_record_asks_for_no_other(dry):
+    one = replace(dry, holdouts=dry.records)
+    with in_shell():
+        assert wording.next_step(one) == "build the extended model with --fmu extended.fmu."
+        assert wording.next_step(one, {"fmu": "x.fmu"}) == "use the extended model, x.fmu."
+
+
+@pytest.mark.parametrize(
     ("correlation", "widths", "end"),
     [
         (0.9, 3.0, "slow (neighbouring samples correlate by 0.90): more than noise."),
@@ -158,7 +186,7 @@ def test_what_is_more_than_noise_is_said_before_what_is_larger(dry):
     assert "Left in force: 10 %" in wording.support(one)
     assert "It does not explain all of force yet." in wording.next_step(one)
     one.__dict__.update(verdict="consistent")
-    assert "within 30 % of position" in wording._NEXT["consistent"](one)
+    assert "within 30 % of position" in wording._NEXT["consistent"](one, {})
 
 
 @pytest.mark.parametrize("verdict", ["consistent", "recalibrate", "cause", "ambiguous"])

@@ -22,7 +22,7 @@ from orchestration.diagnosis.systems.diagnosis import (
 )
 from orchestration.diagnosis.systems.fused_component import fused
 from orchestration.diagnosis.systems.parts import Cuts
-from orchestration.diagnosis.systems.report import overview, reason, sentence, summary
+from orchestration.diagnosis.systems.report import overview, reason, sentence, summary, view_of
 from orchestration.diagnosis.terms import NamedTerm
 from orchestration.identify.uncertainty import Estimate
 from orchestration.records import Record, write_record
@@ -140,7 +140,7 @@ def test_the_member_that_silts_is_told_cut_and_closed(
         assert cause.probability > 0.9
         assert "silting" in reason(members[1]) or "out" in reason(members[1])
         assert sentence(found) == "The laws of b are wrong."
-    overview(found)
+    overview(view_of(found))
     assert [m["member"] for m in summary(found)["members"]] == ["a", "b"]
 
 

@@ -15,7 +15,14 @@ from orchestration.diagnosis.systems.diagnosis import (
     SystemDiagnosis,
 )
 from orchestration.diagnosis.systems.parts import InputOrigin, InputSource, Part
-from orchestration.diagnosis.systems.report import overview, reason, sentence, source_text, summary
+from orchestration.diagnosis.systems.report import (
+    overview,
+    reason,
+    sentence,
+    source_text,
+    summary,
+    view_of,
+)
 from orchestration.records import Record
 from orchestration.reporting.console import out
 from orchestration.system import Port
@@ -50,7 +57,7 @@ def test_what_cannot_be_judged_says_why() -> None:
     assert sentence(found) == "Nothing can be judged from this record."
     assert reason(one) == "none of its outputs is measured"
     with out.capture() as shown:
-        out.print(overview(found))
+        out.print(overview(view_of(found)))
     assert "cannot be judged" in shown.get()
     figures = json.loads(json.dumps(summary(found), allow_nan=False))
     assert figures["verdict"] == "cannot be judged"

@@ -1,0 +1,299 @@
+"""What terminal and page show of a diagnosis, gathered from it."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmus.kit.arrays import Array
+from fmus.kit.titles import capitalised, in_words
+from fmus.kit.units import format_value
+from orchestration.diagnosis.changes import Changed
+from orchestration.diagnosis.engine import Diagnosis
+from orchestration.diagnosis.law_map import LawMap
+from orchestration.diagnosis.remainder import TESTS
+from orchestration.diagnosis.report import curves, wording
+from orchestration.diagnosis.report.tried import tried_sets
+from orchestration.diagnosis.term_names import memory_text, sentence, shape_text, unit_of
+from orchestration.diagnosis.terms import Term
+from orchestration.diagnosis.view import (
+    Answer,
+    ChangesView,
+    CourseView,
+    CurveView,
+    DiagnosisView,
+    LawRow,
+    Line,
+    Numbers,
+    Proposal,
+)
+from orchestration.identify.changes import Change, change_rows, describe_changes
+from orchestration.records import Record
+from orchestration.reporting import flag
+from orchestration.reporting.html import facts_about
+
+_SETS = 12  # that are listed
+_BINS = 800  # of a course, of which every line keeps its lowest and its highest point
+_MARKS = 150  # samples that are marked below a curve
+_DIGITS = 6  # of a number that is drawn
+
+
+def answer_of(diagnosis: Diagnosis, written: Mapping[str, str] | None = None) -> Answer:
+    """Return the answer of a diagnosis in words and tables.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    written : Mapping of str to str, optional
+        Files that are written with it, by option; see `wording.next_step`.
+    """
+    return Answer(
+        model=diagnosis.model.name,
+        verdict=diagnosis.verdict,
+        headline=wording.headline(diagnosis),
+        support=wording.support(diagnosis),
+        next_step=wording.next_step(diagnosis, written),
+        is_named=diagnosis.is_named,
+        notes=_messages(diagnosis),
+        causes=tuple(_group_rows(diagnosis)),
+        aliases=tuple(wording.alias_lines(diagnosis)),
+        ladder=tuple(_ladder_rows(diagnosis)) if diagnosis.causes else (),
+        left=tuple(_remainder_rows(diagnosis)),
+        error_meaning=wording.error_meaning(diagnosis),
+        parameters=tuple(_parameter_rows(diagnosis)),
+    )
+
+
+def view_of(
+    shown: Diagnosis | Changed | LawMap,
+    command: str = "",
+    written: Mapping[str, str] | None = None,
+) -> DiagnosisView:
+    """Return a diagnosis as a page shows it.
+
+    Parameters
+    ----------
+    shown : Diagnosis, Changed or LawMap
+        With what changed in a later record, or with the map of its laws.
+    command : str
+        That made it; unless given, one that makes the same.
+    written : Mapping of str to str, optional
+        Files that are written with it, by option; see `wording.next_step`.
+    """
+    changed = shown if isinstance(shown, Changed) else None
+    law_map = shown if isinstance(shown, LawMap) else None
+    if isinstance(shown, Diagnosis):
+        diagnosis = shown
+    else:
+        diagnosis = shown.before if isinstance(shown, Changed) else shown.diagnosis
+    later = [] if changed is None else [*changed.later.records]
+    used = (*diagnosis.records, *diagnosis.holdouts, *later)
+    sources = list(dict.fromkeys(record.source for record in used))
+    terms = curves.term_curves(diagnosis.final.fit, diagnosis.terms).values()
+    return DiagnosisView(
+        answer=answer_of(diagnosis, written),
+        files=tuple(source.name for source in sources),
+        facts=facts_about(sources),
+        command=command or _command(diagnosis, later),
+        errors=tuple(rung.error for rung in diagnosis.ladder),
+        courses=tuple(_course(diagnosis, one) for one in curves.output_courses(diagnosis)),
+        curves=tuple(_curve(diagnosis, one) for one in terms),
+        compared=(
+            f"{len(diagnosis.found.compared())} fits of sets of terms in"
+            f" {wording.runs(diagnosis)} were compared with the model without terms."
+        ),
+        sets=tuple(_set_rows(diagnosis)),
+        experiment=_proposal(diagnosis),
+        changes=None if changed is None else changes_view(changed),
+        laws=None if law_map is None else tuple(law_rows(law_map)),
+    )
+
+
+def _command(diagnosis: Diagnosis, later: Sequence[Record]) -> str:
+    """Return a command that makes the same diagnosis."""
+    words = ["ppy", "diagnose", *(str(record.source) for record in diagnosis.records)]
+    for record in diagnosis.holdouts:
+        words += [flag("holdout"), str(record.source)]
+    for record in later:
+        words += [flag("compare"), str(record.source)]
+    words += [flag("model"), diagnosis.model.name]
+    return shlex.join(words)
+
+
+def law_rows(law_map: LawMap) -> Iterator[LawRow]:
+    """Yield a row for each law over a signal, the largest gain first."""
+    cls = law_map.diagnosis.subject.problem.model.cls
+    for entry in law_map.entries:
+        term = entry.term
+        yield LawRow(
+            law=term.law,
+            signal=term.signal,
+            text=sentence(cls, term),
+            shape=shape_text(term),
+            memory=memory_text(term),
+            gain=entry.gain,
+        )
+
+
+def changes_view(changed: Changed) -> ChangesView:
+    """Return what changed in a later record."""
+    changes = changed.changes
+    return ChangesView(
+        before=wording.files(changed.before),
+        after=wording.files(changed.later),
+        text=describe_changes(changes),
+        rows=tuple(map(tuple, change_rows(changes))),
+        intervals=tuple(map(_intervals, changes)),
+        verdict=changed.later.verdict,
+        by_itself=wording.by_itself(changed),
+        notes=_messages(changed.later),
+    )
+
+
+def _messages(diagnosis: Diagnosis) -> tuple[str, ...]:
+    return tuple(message for _, _, message in diagnosis.notes)
+
+
+def _intervals(change: Change) -> tuple[str, ...]:
+    """Return the intervals of a value before and after."""
+    return tuple(
+        wording.ends(interval, lambda value: format_value(value, change.declaration, 4))
+        for interval in (change.before_interval, change.after_interval)
+    )
+
+
+def _proposal(diagnosis: Diagnosis) -> Proposal | None:
+    experiment = diagnosis.experiment
+    if experiment is None:
+        return None
+    text = experiment.sentence
+    return Proposal(sentence=text, toml=experiment.toml(diagnosis.model.name, text))
+
+
+def _group_rows(diagnosis: Diagnosis) -> Iterator[tuple[str, ...]]:
+    """Yield a row for each cause of the group."""
+    for cause in diagnosis.causes:
+        first, *others = cause.parts
+        term = first if isinstance(first, Term) else None
+        yield (
+            wording.percent(cause.probability),
+            wording.cause_text(diagnosis, cause),
+            wording.error_text(diagnosis.error(cause.judged)),
+            shape_text(term) if term else "",
+            memory_text(term) if term else "",
+            "; ".join(wording.part_text(diagnosis, part) for part in others),
+        )
+
+
+def _ladder_rows(diagnosis: Diagnosis) -> Iterator[tuple[str, ...]]:
+    """Yield a row for the model with fitted parameters, and for each part that is added."""
+    for rung in diagnosis.ladder:
+        added = [f"+ {wording.part_text(diagnosis, part)}" for part in rung.parts[-1:]]
+        (model,) = added or ["parameters fitted"]
+        yield model, wording.error_text(rung.error)
+
+
+def _remainder_rows(diagnosis: Diagnosis) -> Iterator[tuple[str, ...]]:
+    """Yield a row for each output."""
+    for one in diagnosis.remainders:
+        yield (
+            one.output,
+            wording.error_text(one.share),
+            wording.noise_widths(one),
+            "slow" if one.is_slow else "fast",
+            *(f"{one.tests[name]:.2f}" for name in TESTS),
+        )
+
+
+def _parameter_rows(diagnosis: Diagnosis) -> Iterator[tuple[str, ...]]:
+    """Yield a row for each parameter; those that differ from nominal are marked."""
+    of_terms = {name for name in diagnosis.parameters if name.startswith(tuple(diagnosis.terms))}
+    for name, estimate in diagnosis.parameters.items():
+        yield (
+            f"{name} *" if name in diagnosis.changed else name,
+            wording.quantity(diagnosis, name, estimate.value),
+            wording.interval(diagnosis, name, estimate),
+            "" if name in of_terms else wording.quantity(diagnosis, name, estimate.nominal),
+        )
+
+
+def _set_rows(diagnosis: Diagnosis) -> Iterator[tuple[str, ...]]:
+    """Yield a row for each of the sets of terms that were fitted, the best first."""
+    for one, _ in zip(tried_sets(diagnosis), range(_SETS), strict=False):
+        figures = [f"{value:.1f}" for value in (one.fitted, one.left_out, one.score)]
+        yield (one.parts, *figures, wording.error_text(one.error))
+
+
+def _course(diagnosis: Diagnosis, course: curves.OutputCourse) -> CourseView:
+    """Return an output beside the models."""
+    shown = curves.simulations(diagnosis, course)
+    lines = [course.measured, *(one.values for one in shown)]
+    kept = _extremes([*lines, *(course.measured - one.values for one in shown)])
+    time, *lines = (line[kept] for line in (course.time, *lines))
+    title = capitalised(in_words(course.output))
+    caption = f"{title} of record {course.record}, and what the models leave of it."
+    if diagnosis.reading is not None:
+        caption = f"{caption} In the file {diagnosis.reading.sentence}."
+    is_corrected = diagnosis.reading is not None and not np.isfinite(course.before).any()
+    is_own = diagnosis.subject.left_out[0].of is None
+    return CourseView(
+        output=title,
+        unit=course.unit,
+        caption=caption,
+        measured_as="measured, corrected" if is_corrected else "measured",
+        time=_numbers(time),
+        measured=_numbers(lines[0]),
+        simulated=tuple(
+            Line(label=one.label, is_final=one.is_final, values=_numbers(values))
+            for one, values in zip(shown, lines[1:], strict=True)
+        ),
+        unseen_from=course.unseen_from if course.unseen_from > course.time[0] else None,
+        before="its start states are fitted" if is_own else "fitted",
+    )
+
+
+def _extremes(lines: Sequence[Array]) -> NDArray[np.intp]:
+    """Return indices of samples: all, or those where a line has an end of a stretch's range."""
+    n = len(lines[0])
+    edges = np.linspace(0, n, _BINS + 1).astype(int)
+    if n <= 2 * _BINS * len(lines):
+        return np.arange(n)
+    kept = {0, n - 1}
+    for line in lines:
+        low, high = np.nan_to_num(line, nan=np.inf), np.nan_to_num(line, nan=-np.inf)
+        for first, last in pairwise(edges.tolist()):
+            kept |= {first + int(low[first:last].argmin()), first + int(high[first:last].argmax())}
+    return np.array(sorted(kept))
+
+
+def _numbers(values: Array) -> Numbers:
+    """Return numbers as they are drawn; what is not finite is a gap."""
+    return tuple(float(f"{v:.{_DIGITS}g}") if np.isfinite(v) else None for v in values.tolist())
+
+
+def _curve(diagnosis: Diagnosis, curve: curves.TermCurve) -> CurveView:
+    """Return what a term adds over its signal."""
+    cls = diagnosis.subject.problem.model.cls
+    term = curve.term
+    unit = "1" if term.factor else unit_of(cls, term.law)
+    added = f"part of {in_words(term.factor)}" if term.factor else f"added to {in_words(term.law)}"
+    places = np.quantile(curve.samples, np.linspace(0.0, 1.0, _MARKS))
+    places = places[(places >= curve.signal[0]) & (places <= curve.signal[-1])]
+    return CurveView(
+        added=_with_unit(added, unit),
+        signal=_with_unit(in_words(term.signal), unit_of(cls, term.signal)),
+        caption=(
+            f"{capitalised(sentence(cls, term))}: {shape_text(term)}, where x is the signal below."
+        ),
+        x=_numbers(curve.signal),
+        y=_numbers(curve.addition),
+        samples=_numbers(places),
+    )
+
+
+def _with_unit(title: str, unit: str) -> str:
+    return title if unit == "1" else f"{title} [{unit}]"
