@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import hypot
 
+from demonstrations.thesis import loop_analysis as analysis
 from demonstrations.thesis.claim import Claim, Entry, Erratum, Illustration
 from fmus.galvanostat import Galvanostat
 from fmus.kit import Integrator
 from fmus.kit.units import convert
-from fmus.voice_coil_dma import VoiceCoilDma, analysis
+from fmus.voice_coil_dma import VoiceCoilDma
 
 _DMA = {p.name: float(p.start) for p in VoiceCoilDma.layout.parameters}
 _A1_CUTOFF = _DMA["force_cutoff"]

@@ -9,17 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from demonstrations.thesis import loop_analysis as analysis
 from demonstrations.thesis.claim import Claim, Entry, Erratum, Illustration, number
 from fmus.kit.arrays import Array
 from fmus.kit.units import convert
-from fmus.voice_coil_dma import VoiceCoilDma, analysis
+from fmus.voice_coil_dma import VoiceCoilDma
 from orchestration.experiment import read, run
 from orchestration.reporting import pictures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_TEST = "components/voice_coil_dma/test_analysis"
+_TEST = "demonstrations/thesis/test_loop_analysis"
 _DMA = {p.name: float(p.start) for p in VoiceCoilDma.layout.parameters}
 _A1 = {"gain": 15.0, "zero_time": 0.002}  # controller of appendix A1
 _A1_CUTOFF = _DMA["force_cutoff"]

@@ -10,11 +10,11 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
+from demonstrations.thesis import loop_analysis as analysis
 from fmus.kit import Parameter, State
 from fmus.kit.integrate import Integrator
 from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.symbolic.tracing import trace
-from fmus.voice_coil_dma import analysis
 from fmus.voice_coil_dma.model import VoiceCoilDma
 from tests.support.voice_coil import B2, CORNER, K1, K2, B, K, L, M, R, S, T, equation_2_1
 

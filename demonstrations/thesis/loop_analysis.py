@@ -1,6 +1,6 @@
 """Linear analysis of the force loop: plant of eq. 2.1, Bode data, margins and closed-loop step.
 
-Not part of the FMU, since it needs python-control. Defaults are those of thesis appendix A1.
+Defaults are those of thesis appendix A1.
 Equation 2.1 is the force of the coil over its voltage, with the actuator as a spring k1 in parallel
 with a spring k2 and a dashpot b2 in series. The load cell measures that force less slide friction
 and inertia.
@@ -128,9 +128,7 @@ def discrete_coefficients(
 def continuous_coefficients(
     b0: float, b1: float, period: float = SAMPLE_PERIOD
 ) -> tuple[float, float]:
-    """Return gain in V/(N s) and time of the zero in s, the inverse of
-    :func:`discrete_coefficients`.
-    """
+    """Return gain, V/(N s), and time of the zero, s: the inverse of `discrete_coefficients`."""
     gain = (b0 + b1) / period
     return gain, (b0 - b1) / (2.0 * gain)
 
@@ -228,8 +226,7 @@ def closed_loop_step(
     cutoff: float | None = 100.0,
     **plant_parameters: Any,
 ) -> Array:
-    """Return the force after a reference step of 1 N (fig. 2-6), with the filter in the feedback
-    path as in A1.
+    """Return the force after a reference step of 1 N (fig. 2-6), with A1's filter in the feedback.
 
     Parameters
     ----------

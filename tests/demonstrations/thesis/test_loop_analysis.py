@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from fmus.voice_coil_dma import analysis
+from demonstrations.thesis import loop_analysis as analysis
 from fmus.voice_coil_dma.model import VoiceCoilDma
 from tests.support.voice_coil import CORNER, S, T, equation_2_1
 
