@@ -10,12 +10,13 @@ from demonstrations.emulator import EmulatedRig, RigParameters
 from demonstrations.emulator.hidden_coupling import LaggingStrain, SaturatingStrain
 from demonstrations.emulator.physics import together
 from demonstrations.emulator.stepping import DEVIATIONS, ForceDriven, Noise, SteppedRig
-from orchestration.experiment.work_loop import MODES, TrackedLoop, WorkLoop, planned_current
+from demonstrations.work_loops import MODES, ellipse, inputs, planned_current
+from orchestration.experiment.work_loop import TrackedLoop
 from orchestration.system import library
 from tests.support.pace import slow_but
 from tests.support.stepped_system import run_on_rig
 
-LOOP = WorkLoop.ellipse()
+LOOP = ellipse()
 SAMPLE = LOOP.period / 40
 CYCLES = 6
 TIME = 0.05 * np.arange(round(CYCLES * LOOP.period / 0.05) + 1)
@@ -37,7 +38,7 @@ def on_rig(mode, seed=None, films=None):
     noise = None if seed is None else Noise({name: DEVIATIONS[name] for name in sensed}, seed)
     rig = SteppedRig(ForceDriven(films or hidden()), sensed, noise)
     system = library.system("work_loop").given(dict(MODES[mode]))
-    return run_on_rig(system, "actuator", rig, TIME, LOOP.inputs(TIME, SAMPLE))
+    return run_on_rig(system, "actuator", rig, TIME, inputs(LOOP, TIME, SAMPLE))
 
 
 def cycles(found):
