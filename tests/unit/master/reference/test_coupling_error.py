@@ -9,16 +9,12 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from fmus.kit import Component, Input, Output, Parameter, State, UserError
+from fmus.kit import Component, Input, Output, Parameter, State
 from orchestration.master import run
-from orchestration.master.reference.coupling_error import (
-    CouplingError,
-    coupling_error,
-    imbalance,
-    mechanical,
-)
+from orchestration.master.reference import imbalance, mechanical
 from orchestration.system import library
 from orchestration.system.model import Connection, Member, Port, System, connect
+from tests.support.coupling_error import CouplingError, coupling_error
 from tests.support.pace import slow_but
 
 PERIOD = 1.0 / 30.0  # s, of the bench's controller
@@ -222,12 +218,3 @@ def test_couplings_of_the_systems_that_ship_are_found_and_their_imbalance_is_of_
     for name in found.imbalances:
         assert found.order(name) == pytest.approx(1.0, abs=0.02)
     assert mechanical(library.system("degradation_watch")) == []
-
-
-def test_mistakes_are_told():
-    system = system_of(PAIR, loop(1.0))
-    with pytest.raises(
-        UserError, match=r"^stop time 1 s is no multiple of the communication step 0.3 s$"
-    ):
-        coupling_error(system, [0.3], 1.0, {})
-    assert np.isnan(coupling_error(system, [0.1], 1.0, {}).order("p.x"))
