@@ -63,6 +63,8 @@ class LawTerm:
         Between the instants at which play or a Dahl element follows its signal, s.
     is_held : bool
         Whether such a memory keeps its value between these instants.
+    known : int
+        Number of effects that the model had when the term was found: laws are seen with these.
     """
 
     law: str
@@ -80,6 +82,7 @@ class LawTerm:
     places: tuple[float, ...] = ()
     period: float = 0.0
     is_held: bool = True
+    known: int = 0
 
 
 def check_term(term: LawTerm, laws: Collection[str], signals: Collection[str]) -> None:
@@ -103,7 +106,7 @@ def check_term(term: LawTerm, laws: Collection[str], signals: Collection[str]) -
     if not term.stem.isidentifier():
         raise UserError(f"the term {term.stem!r} has a name that no parameter can have")
     values = (term.power, term.middle, *term.places)
-    positive = (term.size, term.scale, 1.0 + term.period)
+    positive = (term.size, term.scale, 1.0 + term.period, 1.0 + term.known)
     if not (all(map(isfinite, (*values, *positive))) and min(positive) > 0.0):
         raise UserError(f"the term {term.stem!r} has a value that is not finite, or not positive")
     steps = [high - low for low, high in pairwise(term.places)]
@@ -113,16 +116,18 @@ def check_term(term: LawTerm, laws: Collection[str], signals: Collection[str]) -
 
 
 @cache
-def _without(cls: type[Component], effects: tuple[type[Effect], ...]) -> type[Component]:
-    """Return the class of a component without some effects and without the terms stacked on it."""
+def _without(
+    cls: type[Component], effects: tuple[type[Effect], ...], known: int
+) -> type[Component]:
+    """Return the class of a component without some effects, and without terms after the known."""
     component, stacked = unstack(cls)
-    terms = [effect for effect in stacked if made_by(effect) is law_term_effect]
+    terms = [effect for effect in stacked[known:] if made_by(effect) is law_term_effect]
     others = [effect for effect in stacked if effect not in (*terms, *effects)]
     return stack(component, *others) if others else component
 
 
-def base_value(self: Any, name: str, effects: tuple[type[Effect], ...] = ()) -> Any:
-    """Return an input, a state, the time, or a law without any terms and without some effects.
+def base_value(self: Any, name: str, effects: tuple[type[Effect], ...] = (), known: int = 0) -> Any:
+    """Return an input, a state, the time, or a law without terms and without some effects.
 
     Parameters
     ----------
@@ -132,12 +137,14 @@ def base_value(self: Any, name: str, effects: tuple[type[Effect], ...] = ()) -> 
     effects : tuple of type[Effect]
         That are stacked on it, and change the law: those of a file by `--effect-out` leave out each
         other.
+    known : int
+        Number of effects whose terms the law has.
     """
     value = getattr(self, name)
     if not callable(value):
         return value
     stacked = next(part for part in type(self).__mro__ if "_stacked" in vars(part))
-    plain: Any = object.__new__(_without(stacked, effects))
+    plain: Any = object.__new__(_without(stacked, effects, known))
     vars(plain).update(vars(self))
     plain._kept = None
     return getattr(plain, name)()
@@ -168,7 +175,9 @@ def law_term_effect(component: type[Component], law: str, term: LawTerm) -> type
     def corrected(self: Any, *arguments: Any) -> Any:
         base = getattr(super(effect, self), law)(*arguments)
         addition = _shape_value(self, term, memory.value(self))
-        return base + (addition * base_value(self, term.factor) if term.factor else addition)
+        if term.factor:
+            addition = addition * base_value(self, term.factor, known=term.known)
+        return base + addition
 
     members = _shape_parameters(term) | memory.members
     text = f"{law} hangs on {term.signal or 'a constant'}: {term.shape} shape"
@@ -268,7 +277,7 @@ def _memory(term: LawTerm) -> _Memory:
     if not term.signal:
         return _Memory({}, lambda self: 0.0)
     if term.memory == "none":
-        return _Memory({}, lambda self: base_value(self, term.signal))
+        return _Memory({}, lambda self: base_value(self, term.signal, known=term.known))
     if term.memory in _FROM_REST:
         return _from_rest(term)
     return _sampled(term) if term.memory in ("play", "dahl") else _continuous(term)
@@ -280,7 +289,7 @@ def _from_rest(term: LawTerm) -> _Memory:
     state = f"{term.stem}_{term.memory}"
 
     def rate(self: Any) -> Any:
-        now = base_value(self, term.signal)
+        now = base_value(self, term.signal, known=term.known)
         if term.memory == "heat":
             return (now * now - getattr(self, state)) / getattr(self, time)
         return absolute(now) if term.memory == "throughput" else now
@@ -313,7 +322,7 @@ def _continuous(term: LawTerm) -> _Memory:
     time = f"{stem}_time"
 
     def now(self: Any) -> Any:
-        return base_value(self, term.signal)
+        return base_value(self, term.signal, known=term.known)
 
     def remembered(self: Any) -> Any:
         start = where(getattr(self, begun), getattr(self, begin), now(self))
@@ -371,7 +380,7 @@ def _sampled(term: LawTerm) -> _Memory:
     is_dahl = term.memory == "dahl"
 
     def now(self: Any) -> Any:
-        return base_value(self, term.signal)
+        return base_value(self, term.signal, known=term.known)
 
     def begin(self: Any) -> Any:
         return 0.0 * now(self) if is_dahl else now(self)

@@ -206,7 +206,8 @@ def _fitted_jointly(
 def _changes(selected: Selected) -> tuple[Change, ...]:
     """Return every value as it is before and after, those that surely changed first."""
     joint = selected.joint
-    made = extended_component(selected.common.fit, stems(joint.terms))
+    cls = joint.subject.problem.model.cls
+    made = extended_component(selected.common.fit, stems(cls, joint.terms))
     declared = {p.name: p for p in made.layout.parameters}
     others = [one for one in selected.all if one not in selected.chosen]
     changes = []
@@ -263,5 +264,6 @@ def _value(
 
 def _strength(joint: Joint, term: Term) -> TermParameter:
     """Return the first parameter of a term, which says how strong it is."""
-    stem = next(stem for stem, other in stems(joint.terms).items() if other == term)
-    return term_parameters(joint.subject.problem.model.cls, stem, term)[0]
+    cls = joint.subject.problem.model.cls
+    stem = next(stem for stem, other in stems(cls, joint.terms).items() if other == term)
+    return term_parameters(cls, stem, term)[0]

@@ -137,7 +137,9 @@ class Diagnosis:
     @cached_property
     def terms(self) -> dict[str, Term]:
         """Terms of the final model in the order in which they explain, by name."""
-        return stems(self.causes[0].terms) if self.is_named else {}
+        if not self.is_named:
+            return {}
+        return stems(self.found.subject.problem.model.cls, self.causes[0].terms)
 
     @cached_property
     def component(self) -> type[Component]:

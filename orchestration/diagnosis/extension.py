@@ -9,6 +9,7 @@ import numpy as np
 
 from fmus.kit import Component, Effect, stack
 from fmus.kit.declare import ParameterDeclaration
+from fmus.kit.effects import unstack
 from fmus.kit.law_terms import LawTerm, law_term_effect
 from fmus.kit.sampling import Sampling
 from fmus.kit.sensors import transport_delay
@@ -43,8 +44,8 @@ def extended_component(fitted: Fit, terms: Mapping[str, Term] | None = None) -> 
     Play and Dahl elements follow their signal at the samples of the record, as they do in the free
     runs of the fit; in a run over other steps they differ by what happens between two samples.
     """
-    named = stems(fitted.terms) if terms is None else dict(terms)
     model = fitted.problem.model
+    named = stems(model.cls, fitted.terms) if terms is None else dict(terms)
     effects = []
     values = _own_values(fitted)
     for stem, term in named.items():
@@ -133,6 +134,7 @@ def law_term(fitted: Fit, stem: str, term: Term) -> LawTerm:
         tuple(float(term.middle + term.scale * place) for place in term.places),
         step / problem.substeps if term.memory.is_sampled else 0.0,
         _is_held(model, term.law),
+        len(unstack(model.cls)[1]),
     )
 
 

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmus.kit import Component
+from fmus.kit import Component, Effect
 from fmus.kit.arrays import Array
 from fmus.kit.curves import in_brackets, per
+from fmus.kit.effects import made_by, made_with, unstack
+from fmus.kit.law_terms import LawTerm, law_term_effect
 from fmus.kit.symbolic import list_laws
 from fmus.kit.titles import law_title, within_sentence
 from orchestration.diagnosis.fitting import Fit, final_curvature
@@ -49,8 +51,16 @@ class TermParameter:
     unit: str
 
 
-def stems(terms: Sequence[Term]) -> dict[str, Term]:
-    """Return terms by names that can stand in a component: ``friction_of_velocity``."""
+def stems(cls: type[Component], terms: Sequence[Term]) -> dict[str, Term]:
+    """Return terms by names that can stand in a component: ``friction_of_velocity``.
+
+    Parameters
+    ----------
+    cls : type[Component]
+        Whose laws they are added to; terms that were added to it before have names already.
+    terms : sequence of Term
+    """
+    taken = {term.stem for effect in unstack(cls)[1] for term in _law_terms(effect)}
     named: dict[str, Term] = {}
     for term in terms:
         if isinstance(term, NamedTerm):
@@ -61,9 +71,18 @@ def stems(terms: Sequence[Term]) -> dict[str, Term]:
             continue
         remembered = "" if term.memory is Memory.NONE else f"_{term.memory.name.lower()}"
         stem = f"{term.law}_of_{term.signal}{remembered}" if term.signal else f"{term.law}_offset"
-        number = 1 + sum(name.rpartition("_no_")[0] == stem or name == stem for name in named)
+        number = 1 + sum(
+            name.rpartition("_no_")[0] == stem or name == stem for name in (*taken, *named)
+        )
         named[stem if number == 1 else f"{stem}_no_{number}"] = term
     return named
+
+
+def _law_terms(effect: type[Effect]) -> list[LawTerm]:
+    """Return the term that an effect adds to a law, if a diagnosis has found it."""
+    if made_by(effect) is not law_term_effect:
+        return []
+    return [made_with(effect)["term"]]
 
 
 def _identifier(effect: str) -> str:

@@ -244,6 +244,7 @@ def _read_term(effect: str, given: Mapping[str, str]) -> LawTerm:
 _READ: dict[str, Callable[[str], Any]] = {
     "str": str,
     "float": float,
+    "int": int,
     "bool": {"True": True, "False": False}.__getitem__,
     "tuple[float, ...]": lambda text: tuple(map(float, text.split())),
 }

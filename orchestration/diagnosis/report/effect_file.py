@@ -250,7 +250,8 @@ class _Class:
     def _plain_value(self, signal: str) -> str:
         """Return the value of a signal outside of the law."""
         if signal in self._changed:
-            return f"base_value(self, {signal!a}, {_ADDED})"
+            known = f", {self._given.known}" if self._given.known else ""
+            return f"base_value(self, {signal!a}, {_ADDED}{known})"
         if signal == self._term.law:
             return f"super().{signal}()"
         return f"self.{signal}()" if signal in self._model.laws else f"self.{signal}"

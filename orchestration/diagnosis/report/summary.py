@@ -106,11 +106,9 @@ def law_figures(law_map: LawMap) -> list[dict[str, Any]]:
 
 def cause_figures(diagnosis: Diagnosis, cause: Cause) -> dict[str, Any]:
     """Return the figures of a cause: its leading part, and those that go with it."""
-    fitted = estimates(cause.judged.fit, stems(cause.terms))
-    of_terms = {
-        term: _term_figures(diagnosis, stem, term, fitted)
-        for stem, term in stems(cause.terms).items()
-    }
+    named = stems(diagnosis.subject.problem.model.cls, cause.terms)
+    fitted = estimates(cause.judged.fit, named)
+    of_terms = {term: _term_figures(diagnosis, stem, term, fitted) for stem, term in named.items()}
     first, *others = [
         {"reading": _reading_figures(part)} if isinstance(part, Reading) else of_terms[part]
         for part in cause.parts

@@ -97,6 +97,17 @@ def test_laws_as_signals_and_factors_are_taken_without_other_terms():
     assert np.abs(fmu - kernel).max() < 1e-6
 
 
+def test_a_model_that_was_extended_before_has_its_terms_in_its_laws():
+    """A law as a signal has the terms of the model that was diagnosed, and none of those added."""
+    dry, values = one_of_shape(Shape.DRY)
+    once = extended_component(fitted(Oscillator, [dry], [values]))
+    over = Term("spring_force", "friction", Shape.SQUARE, size=5.0, scale=2.0)
+    factor = Term("friction", "spring_force", Shape.SQUARE, factor="friction", scale=5.0)
+    kernel, without, fmu = courses(once, [over, factor], [[0.2], [0.2]])
+    assert np.abs(kernel - without).max() > 1e-3
+    assert np.abs(fmu - kernel).max() < 1e-6
+
+
 @pytest.mark.parametrize("memory", [Memory.LAG, Memory.PLAY, Memory.DAHL])
 def test_a_memory_that_an_output_shows_is_not_a_sample_late(memory):
     term = Term("free_strain", "charge", Shape.LINEAR, memory, (0.3,), size=2.0, scale=1.0)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fmus.kit.units import powers_of_names
+from orchestration.diagnosis.extension import extended_component
 from orchestration.diagnosis.term_names import (
     estimates,
     sentence,
@@ -17,6 +18,7 @@ from orchestration.diagnosis.term_names import (
 )
 from orchestration.diagnosis.terms import Memory, NamedTerm, Released, Shape, Term
 from orchestration.identify.fitting import Scale
+from tests.support.fitted_terms import fitted
 from tests.support.oscillator import DRY, diagnosis_with, oscillator_record
 from tests.support.oscillator_model import Oscillator
 
@@ -26,12 +28,23 @@ LAG = Term("friction", "velocity", Shape.LINEAR, Memory.LAG, (0.5,), size=4.0, s
 def test_names_are_made_of_law_and_signal():
     offset = Term("friction", "", Shape.CONSTANT)
     cube = replace(DRY, shape=Shape.CUBE)
-    assert [*stems([DRY, cube, LAG, offset])] == [
+    assert [*stems(Oscillator, [DRY, cube, LAG, offset])] == [
         "friction_of_velocity",
         "friction_of_velocity_no_2",
         "friction_of_velocity_lag",
         "friction_offset",
     ]
+
+
+def test_a_model_that_was_extended_is_extended_again():
+    """By the same law over the same signal, as a diagnosis of the extended model may find."""
+    once = extended_component(fitted(Oscillator, [DRY], [[0.1, 0.0]]))
+    terms = [DRY, replace(DRY, shape=Shape.CUBE)]
+    assert [*stems(once, terms)] == ["friction_of_velocity_no_2", "friction_of_velocity_no_3"]
+    twice = extended_component(fitted(once, terms, [[0.2, 0.0], [0.3]]))
+    names = {p.name: p.start for p in twice.layout.parameters}
+    assert names["friction_of_velocity"] == pytest.approx(0.1 * DRY.size)
+    assert names["friction_of_velocity_no_2"] == pytest.approx(0.2 * DRY.size)
 
 
 @pytest.mark.parametrize(
@@ -76,7 +89,9 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
     for seed in range(20):
         diagnosis = diagnosis_with(oscillator_record(seed, dry=1.5, samples=300), (DRY,))
         fitted = diagnosis.found.fits[0].fit
-        low, high = estimates(fitted, stems(fitted.terms))["friction_of_velocity"].interval
+        low, high = estimates(fitted, stems(Oscillator, fitted.terms))[
+            "friction_of_velocity"
+        ].interval
         held += low < 1.5 < high
     assert held >= 17
     assert np.isfinite(high)
@@ -91,7 +106,7 @@ def test_a_curve_is_as_sure_as_its_shape_and_not_as_its_level():
     diagnosis = diagnosis_with(oscillator_record(1, dry=1.5), (curve,), (curve, offset))
     widths = []
     for judged in diagnosis.found.fits:
-        found = estimates(judged.fit, stems(judged.fit.terms))
+        found = estimates(judged.fit, stems(Oscillator, judged.fit.terms))
         ends = [found[f"friction_of_velocity_at_{k}"].interval for k in range(4)]
         widths.append([high - low for low, high in ends])
     assert widths[1] == pytest.approx(widths[0], rel=0.1)

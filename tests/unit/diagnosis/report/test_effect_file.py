@@ -20,7 +20,7 @@ from tests.support.oscillator_model import Oscillator
 
 def written(fit: Fit) -> tuple[type[Component], str]:
     """Return the model with the classes of the file laid over, and its text."""
-    text = effect_source(fit, stems(fit.terms), 'a "quoted" \udcff.csv')
+    text = effect_source(fit, stems(Oscillator, fit.terms), 'a "quoted" \udcff.csv')
     names: dict[str, Any] = {}
     exec(compile(text, "law.py", "exec"), names)
     (line,) = (line for line in text.splitlines() if "better = stack" in line)
@@ -104,7 +104,9 @@ def test_a_fault_of_a_sensor_is_a_class_of_the_output():
 
 def test_the_file_is_short_and_reads_as_the_law_does():
     term = Term("friction", "velocity", Shape.ODD_SQUARE, size=5.0)
-    text = effect_source(fitted(Oscillator, [term], [[0.1]]), stems([term]), "swing.csv")
+    text = effect_source(
+        fitted(Oscillator, [term], [[0.1]]), stems(Oscillator, [term]), "swing.csv"
+    )
     assert "class FrictionOfVelocity(Effect):" in text
     assert "return below + self.friction_of_velocity * x * absolute(x)" in text
     assert "'swing.csv'" in text
@@ -120,7 +122,7 @@ def test_titles_are_no_code():
             return super().friction()
 
     term = Term("friction", "velocity", Shape.LINEAR, size=5.0)
-    text = effect_source(fitted(Hostile, [term], [[0.1]]), stems([term]), hostile)
+    text = effect_source(fitted(Hostile, [term], [[0.1]]), stems(Hostile, [term]), hostile)
     names: dict[str, Any] = {}
     exec(compile(text, "law.py", "exec"), names)
     assert "CANARY" not in os.environ
@@ -138,4 +140,4 @@ def test_titles_are_no_code():
 def test_what_is_no_term_of_a_law_is_refused(terms, reason):
     fit = fitted(Oscillator, [], [])
     with pytest.raises(UserError, match=reason):
-        effect_source(fit, stems(terms), "swing.csv")
+        effect_source(fit, stems(Oscillator, terms), "swing.csv")
