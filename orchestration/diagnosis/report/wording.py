@@ -86,7 +86,7 @@ def sizes(diagnosis: Diagnosis, cause: Cause) -> list[FittedSize]:
     if not isinstance(lead, NamedTerm):
         return []
     effect = diagnosis.subject.problem.model.effects[lead.effect]
-    fitted = estimates(cause.judged.fit, stems(cause.terms))
+    fitted = estimates(cause.judged.fit, stems(diagnosis.subject.problem.model.cls, cause.terms))
     declared = {p.name: p for p in effect.layout.parameters}
     return fitted_sizes(effect, fitted, declared)
 
@@ -235,6 +235,8 @@ def _next_of_cause(diagnosis: Diagnosis, written: Mapping[str, str]) -> str:
     if diagnosis.holdouts:
         return f"{f'use the extended model, {model}' if model else step}.{more}"
     record = "on a record that it has not seen"
+    if "ssp" in written:
+        return f"compare the corrected system, {model}, with a record that it has not seen.{more}"
     if model:
         return f"test the extended model {record}, with {option('model', model)}.{more}"
     return f"{step}, and test it {record}, with {option('holdout', 'NEW.csv')}.{more}"

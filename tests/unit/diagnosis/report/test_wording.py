@@ -123,7 +123,7 @@ def test_every_verdict_has_a_next_step(dry, verdict, step):
     ("verdict", "written", "step"),
     [
         ("cause", {"fmu": "x.fmu"}, "test the extended model on a record that it has not seen"),
-        ("cause", {"ssp": "x.ssp"}, "test the extended model on a record that it has not seen"),
+        ("cause", {"ssp": "x.ssp"}, "compare the corrected system, x.ssp, with a record"),
         ("recalibrate", {"fmu": "x.fmu"}, "use the model with mass=1.0: x.fmu has them."),
         ("ambiguous", {"experiment": "x.toml"}, "make the experiment x.toml, and diagnose both"),
     ],
