@@ -22,6 +22,7 @@ from tests.support.oscillator import (
     telling_apart,
     with_group,
 )
+from tests.support.oscillator_model import Oscillator
 
 
 def test_headline_gives_each_cause_its_percent_and_the_rest(dry):
@@ -43,7 +44,7 @@ def test_an_effect_says_how_large_it_is_and_a_law_does_not(dry, monkeypatch):
         sizes=(Size("beyond {}", ("c",), "C", lambda c: c**-0.5),),
     )
     term = NamedTerm("strain", "charge", Shape.LINEAR, effect="levelling", title="Levelling strain")
-    model = SimpleNamespace(effects={"levelling": levelling}, cls=None)
+    model = SimpleNamespace(effects={"levelling": levelling}, cls=Oscillator)
     subject = SimpleNamespace(problem=SimpleNamespace(model=model))
     cause = SimpleNamespace(parts=(term,), terms=(term,), judged=SimpleNamespace(fit=None))
     fitted = {"c": Estimate(0.16, 0.0, (0.1, 0.25), "1/C^2")}
