@@ -271,13 +271,15 @@ def _is_enough(group: Sequence[Cause]) -> bool:
 def _verdict(group: Sequence[Cause], found: Found) -> str:
     """Return the verdict; never a cause whose error rises where nothing is chosen by it.
 
-    Without a cause that holds on what is left out, the model is consistent only if none gains on
-    what is fitted either, and what it leaves is no large slow error.
+    That something is missing at all is seen by a large slow error of the model, or by strong
+    evidence of a cause, on what is left out too. Without either the model is consistent only if no
+    cause gains on what is fitted.
     """
-    if not group or group[0].score <= 0.0 or group[0].comparison.evidence <= WEIGHTS.least:
-        is_missing = found.gain_where_fitted() > WEIGHTS.least or drifts(found.base)
-        return "unexplained" if is_missing else "consistent"
-    if not _is_enough(group) or rises(group[0].judged, found.base):
+    is_missing = drifts(found.base)
+    gains = bool(group) and group[0].score > 0.0
+    if not is_missing and not (gains and group[0].comparison.evidence > WEIGHTS.least):
+        return "unexplained" if found.gain_where_fitted() > WEIGHTS.least else "consistent"
+    if not gains or not _is_enough(group) or rises(group[0].judged, found.base):
         return "unexplained"
     first = group[0].judged
     if is_lost(first, found.subject_of(first.reading)):

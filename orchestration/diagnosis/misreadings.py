@@ -53,7 +53,8 @@ _BESIDE = 2  # shifts that are tried, within which two are the same place
 _LONGEST = 0.7  # of a step of the screen, in prior deviations
 _MOST = 600  # samples of a screen
 # Of a signal that is smoother, or comes between samples, any model predicts the next sample.
-_OF_RUNS = (ReadingKind.RATE, ReadingKind.INTEGRAL, ReadingKind.PACE)
+_OF_SLOPES = (ReadingKind.RATE, ReadingKind.INTEGRAL)
+_OF_RUNS = (*_OF_SLOPES, ReadingKind.PACE)
 _FOLLOWS = 0.5  # of the spread, up to which a model follows a record
 _AHEAD = 3.0  # of an output, from which on a reading is fitted whatever others leave
 _HOPELESS = 1.0  # misfit above that of the file as it was read, of a reading of as many steps
@@ -169,6 +170,10 @@ def misreadings(subject: Subject, base: Judged) -> list[Subject]:
     if subject.observer is not None:
         readings = [r for r in readings if r.kind not in _OF_RUNS]
     as_read = _logarithms(screen.subject.problem, subject.base.point)
+    # the noise of an integral is small and slow: it is asked for what the model does not follow
+    pairs = zip(model.outputs, as_read, strict=True)
+    followed = {variable.name for variable, size in pairs if size < 2.0 * np.log(_FOLLOWS)}
+    readings = [r for r in readings if r.kind not in _OF_SLOPES or followed.isdisjoint(r.columns)]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         first = [t for t in pool.map(screen.best, readings) if t is not None]
         refined = pool.map(_refined, list(_best_of_each_kind(first)))

@@ -235,7 +235,7 @@ def search(
     if other is not None:
         progress("inputs go otherwise between samples")
         return search(other, *ways)
-    for one in filter(leaves_more, rounds.found.best(_BEST)[:_BEST]):
+    for one in itertools.filterfalse(is_white, rounds.found.best(_BEST)[:_BEST]):
         if len(one.terms) < _MOST_TERMS:
             rounds.propose(one.fit, (1,), {1: _SECOND})
     rounds.subsets()

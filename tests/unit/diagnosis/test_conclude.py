@@ -345,6 +345,16 @@ def test_what_is_not_strong_on_what_is_left_out_is_no_cause() -> None:
     assert conclude(strong).verdict == "cause"
 
 
+def test_where_a_model_leaves_a_large_slow_error_weak_evidence_is_enough() -> None:
+    """That something is missing is seen there; it is asked only which of the causes it is."""
+    weak, wave = judged(0.5, 0.988, DRY), np.sin(np.linspace(0.0, 20.0, 200))[:, np.newaxis]
+    slow = replace(judged(1.0, 1.0), measuring=wave)
+    weak = replace(weak, measuring=0.3 * wave)
+    conclusion = conclude(Found(SUBJECT, slow, (weak,)))
+    assert 0.0 < conclusion.causes[0].comparison.evidence < 3.0
+    assert conclusion.verdict == "cause"
+
+
 def test_causes_that_no_experiment_tells_apart_are_one_with_aliases() -> None:
     fits = found(judged(0.5, 0.5, DRY), judged(0.5, 0.501, SPRING))
     apart = conclude(fits)
@@ -397,8 +407,9 @@ def test_a_cause_that_predicts_no_better_than_a_mean_is_none(
 ) -> None:
     """A mean leaves by how much an output moves there."""
     judged = SimpleNamespace(**dict.fromkeys(("choosing", "measuring"), error))
-    judged.reading, judged.fit = None, SimpleNamespace(problem=SimpleNamespace(model=MODEL))
-    base = SimpleNamespace(measuring=np.full((40, 1), 3.0), reading=None)
+    judged.reading = None
+    judged.fit = SimpleNamespace(problem=SimpleNamespace(model=MODEL, spread=np.ones(1)))
+    base = SimpleNamespace(measuring=np.full((40, 1), 3.0), reading=None, fit=judged.fit)
     subject = SimpleNamespace(sizes=np.array([moves]))
     comparison = SimpleNamespace(evidence=50.0)
     cause = SimpleNamespace(score=50.0, comparison=comparison, probability=0.95, judged=judged)

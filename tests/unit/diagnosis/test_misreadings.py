@@ -210,6 +210,18 @@ def test_predictions_are_not_asked_for_smoother_readings() -> None:
     assert not gaining & smooth
 
 
+@pytest.mark.parametrize(("changed", "asked"), [(1.0, False), (-1.0, True)])
+def test_an_output_that_the_model_follows_is_no_slope(
+    changed: float, asked: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its integral has less noise, and would gain by that alone."""
+    kinds: set[ReadingKind] = set()
+    monkeypatch.setattr(_Screen, "best", lambda self, reading: kinds.add(reading.kind))
+    read(force=changed * RIGHT.signals["force"])
+    assert ReadingKind.SIGN in kinds
+    assert ({ReadingKind.RATE, ReadingKind.INTEGRAL} <= kinds) is asked
+
+
 def test_a_unit_that_changes_parameters_alone_is_told_by_these() -> None:
     """A force that is read a thousand times too large is that of a mass as many times heavier."""
     diagnosis = diagnosed(columns(force=1e3 * RIGHT.signals["force"]))

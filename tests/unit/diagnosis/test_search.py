@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import orchestration.diagnosis.search  # noqa: F401
 from fmus.kit.arrays import Array
@@ -298,11 +299,12 @@ def test_the_fits_that_are_chosen_lead_to_the_same_conclusion(found: Found) -> N
     assert [c.probability for c in ours.causes] == pytest.approx(probabilities, abs=0.01)
 
 
-@pytest.mark.parametrize("explains", [True, False])
+@pytest.mark.parametrize("left", ["noise", "correlated noise", "friction"])
 def test_further_rounds_are_of_what_leaves_more_than_noise(
-    explains: bool, found: Found, monkeypatch: pytest.MonkeyPatch
+    left: str, found: Found, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Pieces of the record are asked then, and what is there beside the best of the whole.
+    """Pieces of the record are asked where it is slow and large, and what is there beside the best
+    of the whole where it is not white.
 
     The record has noise of a known size; dry friction leaves hardly more, and another shape of
     friction ten times as much.
@@ -313,11 +315,19 @@ def test_further_rounds_are_of_what_leaves_more_than_noise(
     spread = found.subject.problem.spread[0]
     assert friction.left_out * spread < 2.0 * NOISE
     assert other.left_out * spread > 10.0 * NOISE
+    errors = friction.fit.errors[0]
+    white = errors.std() * np.random.default_rng(5).standard_normal(errors.shape)
+    correlated = lfilter([1.0], [1.0, -0.4], white, axis=0)
+    best = {
+        "noise": replace(friction, fit=replace(friction.fit, errors=(white,))),
+        "correlated noise": replace(friction, fit=replace(friction.fit, errors=(correlated,))),
+        "friction": other,
+    }[left]
     asked: list[tuple[tuple[int, ...], int]] = []
 
     def watched(self: Any, fitted: Fit, pieces: tuple[int, ...], _: object) -> None:
         asked.append((pieces, len(fitted.terms)))
-        self.found = self.found.with_fits([friction if explains else other])
+        self.found = self.found.with_fits([best])
 
     monkeypatch.setattr(NAMES, "_PIECES", (8, 40))
     monkeypatch.setattr(NAMES, "_FAR", np.inf)
@@ -326,11 +336,12 @@ def test_further_rounds_are_of_what_leaves_more_than_noise(
     for work in ("subsets", "shapes", "owners", "polish", "parts_of_best"):
         monkeypatch.setattr(NAMES._Rounds, work, lambda self: None)
     whole, pieces, second = ((1,), 0), ((8, 40), 0), ((1,), 1)
+    further = {"noise": [], "correlated noise": [second], "friction": [pieces, second]}
     search(found.subject)
-    assert asked == ([whole] if explains else [whole, pieces, second])
+    assert asked == [whole, *further[left]]
     asked.clear()
     search(found.subject, thorough=False)
-    assert asked == ([whole] if explains else [whole, second])
+    assert asked == ([whole, second] if left == "friction" else [whole])
 
 
 @pytest.mark.slow
