@@ -19,7 +19,7 @@ from tests.contract.subjects import EACH, TELLING, actuators_only, each_front_en
 from tests.support import hosts
 from tests.support.pace import slow_but
 
-STEPS = 80
+STEPS = 20
 
 
 def alone(fmu: str, seed: int, parameters: dict[str, float] | None = None) -> bytes:

@@ -30,7 +30,7 @@ from tests.support.random_starts import Criterion
 
 STARTS = 50
 ABOVE = 0.001  # of log V, as is asked for
-SEEDS = range(9000, 9014)  # never used while the search was made
+SEEDS = range(9000, 9007)  # never used while the search was made
 
 
 def polynomial(random, order, longest):
@@ -82,7 +82,7 @@ def of_the_study(seed):
 
 
 MISSED = [(fresh, 9004)]
-CASES = [*((of_the_study, seed) for seed in range(2)), *((fresh, seed) for seed in SEEDS)]
+CASES = [*((of_the_study, seed) for seed in range(1)), *((fresh, seed) for seed in SEEDS)]
 
 
 @pytest.mark.slow
