@@ -182,7 +182,7 @@ def test_the_free_run_is_the_truth_within_a_percent(offset, d1, least):
     The mean of that noise alone costs 0.7 % of 2000 samples.
     """
     fits = []
-    for seed in SEEDS:
+    for seed in SEEDS[:10]:
         record = box_jenkins_record(seed, offset=offset, d1=d1)
         model = identified(record, nc=1, nd=1).model
         fits.append(fit(record.truth, model.simulate(record.inputs, before=[0, 0])))
