@@ -18,7 +18,7 @@ from .errors import UserError
 from .layout import Clock
 from .sharing import has_shared_laws
 
-MIN_STEP = 1e-14
+_MIN_STEP = 1e-14
 MAX_STEPS = 1_000_000
 # Times closer than these are the same instant: hosts round times, and at late times the rounding is
 # more than a small part of the period.
@@ -239,7 +239,7 @@ class Integrator:
                 self.hint = max(self.hint, next_step) if h == remaining else next_step
                 if h == remaining:
                     return used
-            elif h < MIN_STEP * max(1.0, abs(time)):
+            elif h < _MIN_STEP * max(1.0, abs(time)):
                 reason = (
                     f"accuracy {tolerance:g} cannot be reached"
                     if error < math.inf

@@ -37,7 +37,7 @@ _ACCURATE = 0.05
 _UNEVEN = 50.0
 # Time over which Runge-Kutta steps cost as much as one exponential step with a remainder, which is
 # computed three times for its error; most of its cost are matrix products.
-WORTH = 100.0
+_WORTH = 100.0
 # Number of Runge-Kutta steps that cost as much as the matrix functions of exact steps; an exact
 # step costs less than one Runge-Kutta step.
 _SETTING_UP = 2000.0
@@ -47,7 +47,7 @@ _TERMS = 8  # highest power in the series; the next term is below rounding
 _ORDERS = 4  # of the functions, phi_0 to phi_3
 _SERIES = np.array([[1 / math.factorial(j + k) for j in range(_TERMS + 1)] for k in range(_ORDERS)])
 # relative difference of sampling intervals that comes from the rounding of a clock
-ROUNDED = 1e-6
+_ROUNDED = 1e-6
 _INSPECTED = 5  # number of samples at whose inputs the eigenvalues are computed
 
 
@@ -100,8 +100,8 @@ class _SampleTimes:
         if not (steps.size and np.isfinite(steps).all() and (steps > 0.0).all()):
             return None
         usual_step = float(np.median(steps))
-        doublings = math.ceil(math.log2(float(steps.max()) / usual_step) - ROUNDED)
-        others = np.abs(steps - usual_step) > ROUNDED * usual_step
+        doublings = math.ceil(math.log2(float(steps.max()) / usual_step) - _ROUNDED)
+        others = np.abs(steps - usual_step) > _ROUNDED * usual_step
         return cls(
             samples=len(steps),
             duration=float(time[-1] - time[0]),
@@ -116,7 +116,7 @@ class _SampleTimes:
         `affine` tells whether steps with a ladder are exact.
         """
         if not affine:
-            return WORTH / self.usual_step
+            return _WORTH / self.usual_step
         if self.is_uneven:
             return _UNEVEN / self.usual_step
         if self.samples >= _SETTING_UP:  # even one Runge-Kutta step a sample costs more
@@ -190,7 +190,7 @@ class Linearisation:
         if not (fastest > limit and np.isfinite(matrix).all()):
             return None
         halvings = max(2, math.ceil(math.log2(sample_times.largest * norms[index] / _SHORTEST)))
-        worth = math.inf if affine else fastest / WORTH
+        worth = math.inf if affine else fastest / _WORTH
         phi = _phi(matrix * (sample_times.largest * 0.5**halvings), halvings)
         return Ladder(sample_times.largest, affine, worth, matrix, phi)
 
