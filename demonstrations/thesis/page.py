@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -12,7 +11,7 @@ from rich.table import Table
 
 from demonstrations.thesis import chapters
 from demonstrations.thesis.claim import Claim
-from fmus.kit import UserError
+from fmus.kit import UserError, quoting
 from fmus.kit.storage import scratch
 from orchestration.reporting import console, pictures
 from orchestration.reporting.html import Page
@@ -193,12 +192,12 @@ def _wrap(
         f' style="white-space:normal;min-width:{widths[k]}rem"' if k in widths else ""
         for k in range(len(head))
     ]
-    columns = "".join(f"<th>{html.escape(cell)}</th>" for cell in head)
+    columns = "".join(f"<th>{quoting.html(cell)}</th>" for cell in head)
     body = ""
     for n, row in enumerate(rows):
         colour = ' style="background:#fdf0f1"' if marked and marked[n] else ""
         cells = "".join(
-            f"<td{style}>{html.escape(cell)}</td>" for style, cell in zip(styles, row, strict=True)
+            f"<td{style}>{quoting.html(cell)}</td>" for style, cell in zip(styles, row, strict=True)
         )
         body += f"<tr{colour}>{cells}</tr>"
     return f'<div class="table"><table><tr>{columns}</tr>{body}</table></div>'

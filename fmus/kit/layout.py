@@ -358,8 +358,10 @@ def _check_references(owner: Any, layout: Layout) -> None:
 
 
 def _check_presets(owner: Any, parameters: Mapping[str, ParameterDeclaration]) -> None:
-    """Check that presets set parameters, within their ranges."""
+    """Check that presets, which become files, set parameters within their ranges."""
     for title, preset in owner.presets.items():
+        if not _is_name(title):
+            raise UserError(f"{owner.name}: preset {title!r} must be an ASCII identifier")
         for name, value in preset.values.items():
             parameter = parameters.get(name)
             if parameter is None or not parameter.min <= value <= parameter.max:

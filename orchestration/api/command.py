@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from orchestration.api.declaration import words_of
 from orchestration.records import Record, record_labels
@@ -16,7 +17,7 @@ def equivalent_command(
     *,
     declared: type,
     options: Mapping[str, object],
-) -> list[str]:
+) -> list[str | Path]:
     """Return the words of the command that is equivalent to a call from Python.
 
     Parameters
@@ -50,5 +51,5 @@ def equivalent_command(
         "holdout": [*holdout, *other_files] or None,
         "compare": later.source if isinstance(later, Record) else later,
     }
-    files = dict.fromkeys(str(record.source) for record in read)
+    files = dict.fromkeys(record.source for record in read)
     return ["ppy", command, *files, "--model", model, *words_of(declared, values)]

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
-from textwrap import shorten
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from fmus.kit import Component, UserError, files
+from fmus.kit import Component, UserError, files, quoting
 from fmus.kit.build import host_platform
 from orchestration.api.builds import export
 from orchestration.api.stored import stamped
@@ -57,7 +55,6 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 _DRAWN = 12  # sets of terms
-_LABEL = 44  # characters beside a bar
 
 
 @dataclass(frozen=True)
@@ -194,8 +191,7 @@ class Evidence(Displayable):
         height = 0.6 + 0.22 * len(rows)
         figure, (axis,) = pictures.panels(1, "evidence for sets of terms", "score [nat]", height)
         axis.barh(range(len(rows)), [row.score for row in rows], color=pictures.MODEL)
-        labels = [shorten(row.parts, _LABEL, placeholder=" …") for row in rows]
-        axis.set_yticks(range(len(rows)), labels)
+        pictures.name_ticks(axis.yaxis, range(len(rows)), [row.parts for row in rows])
         return figure
 
 
@@ -204,14 +200,14 @@ class Diagnosed(Displayable):
 
     Parameters
     ----------
-    command : sequence of str
+    command : sequence of str or Path
         Words of an equivalent command.
     """
 
     parameters: dict[str, Estimate]
 
-    def __init__(self, command: Sequence[str]):
-        self._command = shlex.join(command)
+    def __init__(self, command: Sequence[str | Path]):
+        self._command = quoting.shell(command)
         self._written: Mapping[str, str] = {}
 
     def as_typed(self, command: str, written: Mapping[str, str]) -> Self:
@@ -316,7 +312,7 @@ class DiagnosisResult(Diagnosed):
     def __init__(
         self,
         diagnosis: Diagnosis,
-        command: Sequence[str] = (),
+        command: Sequence[str | Path] = (),
         changed: Changed | None = None,
         around: FmuDiagnosis | None = None,
         law_map: LawMap | None = None,

@@ -17,7 +17,7 @@ from typing import Annotated, Any, NoReturn, TextIO
 import typer
 from typer.core import TyperGroup
 
-from fmus.kit import UserError
+from fmus.kit import UserError, quoting
 from fmus.kit.extras import optional
 from fmus.kit.registry import RegistryWarning
 from orchestration.cli.ending import INTERRUPTED, end_interrupted, end_unloadable, is_of_import
@@ -305,5 +305,5 @@ def _message(error: Exception) -> str:
 
 
 def _fail(message: str, status: int = 2) -> NoReturn:
-    print("error: " + " ".join(message.split()), file=sys.stderr)
+    print("error: " + quoting.line(message), file=sys.stderr)
     sys.exit(status)

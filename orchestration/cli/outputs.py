@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 import os
 import re
-import shlex
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmus.kit import UserError
+from fmus.kit import UserError, quoting
 from fmus.kit.extras import require
 
 STANDARD_OUTPUT = Path("-")
@@ -29,7 +28,7 @@ SIGNALS = (".nc", ".csv", ".parquet")  # as in experiment.results, which takes h
 
 def typed_command() -> str:
     """Return the command as the user typed it, to be repeated in a page."""
-    return shlex.join(["ppy", *sys.argv[1:]])
+    return quoting.shell(["ppy", *sys.argv[1:]])
 
 
 class Outputs(NamedTuple):

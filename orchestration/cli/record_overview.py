@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fmus.kit import UserError
+from fmus.kit import UserError, quoting
 from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
 
 if TYPE_CHECKING:
@@ -103,6 +102,7 @@ def _show_proposal(options: InfoCommand, model: Model, proposal: Proposal) -> No
     """Print the columns of a model's signals, and the command that follows."""
     from rich.text import Text
 
+    from orchestration.reporting import option
     from orchestration.reporting.console import out
 
     out.print(Text(f"\nfor {model.title}", style="bold"))
@@ -112,12 +112,13 @@ def _show_proposal(options: InfoCommand, model: Model, proposal: Proposal) -> No
     for signal, columns in proposal.open.items():
         role = "input" if signal in model.inputs else "output"
         listed = ", ".join(f"'{name}'" for name in columns)
-        may_be = f"may be {listed}: --map 'COLUMN={signal}'" if columns else "has no column"
+        pair = option("mapping", {"COLUMN": signal})
+        may_be = f"may be {listed}: {pair}" if columns else "has no column"
         out.print(Text(f"  {role} {signal} [{known[signal].unit}] {may_be}"))
     model_words = ["--model", str(options["of_model"])]
     if options["laid_over"]:
         model_words += ["--with", ",".join(options["laid_over"])]
-    words = shlex.join(["ppy", "compare", str(options["model"]), *model_words])
+    words = quoting.shell(["ppy", "compare", Path(options["model"]), *model_words])
     if any(name in proposal.matched for name in model.outputs):
         command = f"{words} {proposal.options()}".rstrip()
         out.print(Text(f"next: {command}"), soft_wrap=True)

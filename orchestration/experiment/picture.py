@@ -74,7 +74,7 @@ def _draw_signal(panel: Axes, across: Array, signal: xarray.DataArray, over: str
         values,
         color=None if variant else pictures.MODEL,
         drawstyle="steps-post" if is_stepped else "default",
-        label=variant and pictures.plain(variant),
+        label=variant,
     )
     if variant:
         panel.legend(fontsize=8)

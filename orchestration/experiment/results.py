@@ -65,6 +65,11 @@ def dataset(
         Names of the inputs, which are constant from point to point.
     about : Mapping
         Attributes of the dataset: numbers and texts.
+
+    Raises
+    ------
+    UserError
+        If a signal has the name of the coordinate.
     """
     variables = {
         name: (
@@ -80,6 +85,8 @@ def dataset(
         )
         for name, array in values.items()
     }
+    if "time" in values:
+        raise UserError("a signal is named time, as the coordinate of a result is; write .csv")
     clock = {"time": ("time", time, {"units": "s", "long_name": "time"})}
     return ExperimentResult(variables, clock, dict(about))
 
@@ -210,17 +217,8 @@ def _write(data: xarray.Dataset, path: Path, called: str) -> None:
         files.write(path, _parquet(data, called))
     else:
         columns = {str(name): array.values for name, array in data.items()}
-        try:
-            write_record(
-                path,
-                data.time.values,
-                columns,
-                {str(name): array.units for name, array in data.items()},
-            )
-        except UserError:
-            raise
-        except ValueError as error:
-            raise UserError(f"{called}: {error} in a CSV header; write .nc or .parquet") from error
+        units = {str(name): array.units for name, array in data.items()}
+        write_record(path, data.time.values, columns, units)
 
 
 def _parquet(data: xarray.Dataset, called: str) -> bytes:

@@ -206,7 +206,7 @@ def picture(
     for mode, tracked in loops.items():
         last = tracked.time >= tracked.time[-1] - tracked.loop.period
         force = tracked.loop.force_at(tracked.time[last])
-        axes["loop"].plot(1e3 * tracked.length[last], force, label=pictures.plain(mode))
+        axes["loop"].plot(1e3 * tracked.length[last], force, label=mode)
         _draw_cycles([axes[name] for name in ("error", "work", "energy")], tracked.cycles())
     axes["loop"].set_xlabel("length [mm]")
     axes["loop"].legend(fontsize=8)

@@ -17,6 +17,8 @@ import fmpy.fmi2 as fmi2
 from fmpy.fmi1 import printLogMessage
 from fmpy.logging import addLoggerProxy
 
+from fmus.kit import quoting
+
 # an FMU may send a message at every step
 _MESSAGE_COUNT = 3
 _MESSAGE_LENGTH = 1000  # characters
@@ -28,7 +30,7 @@ class MessageLog:
     Attributes
     ----------
     messages : deque of str
-        Newest last, without control characters.
+        Newest last, each in one line.
     callbacks : fmpy.fmi2.fmi2CallbackFunctions
         Callbacks for the instantiation; the FMU keeps a pointer to them.
     """
@@ -61,8 +63,7 @@ def _receive(environment: Any, name: bytes, status: int, category: bytes, messag
         printLogMessage(environment, name, status, category, message)
     elif status not in (fmi2.fmi2OK, fmi2.fmi2Pending):
         text = message[: 4 * _MESSAGE_LENGTH].decode(errors="replace")[:_MESSAGE_LENGTH]
-        printable = "".join(c if c.isprintable() else " " for c in text)
-        log.messages.append(" ".join(printable.split()))
+        log.messages.append(quoting.line(text))
 
 
 _RECEIVER = fmi2.fmi2CallbackLoggerTYPE(_receive)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-import shlex
+from pathlib import Path
 
 import numpy as np
 
-from fmus.kit import UserError, units
+from fmus.kit import UserError, quoting, units
 from fmus.kit.titles import capitalised, in_words, law_title, variable_title
 from fmus.kit.units import format_prefixed, printed, unit_of_differences, write_prefixed
 from orchestration.identify.comparison import Comparison, GoodnessOfFit
@@ -87,11 +87,11 @@ def fit_page(comparison: Comparison, command: str = "") -> Page:
 
 def _repeating_command(comparison: Comparison, fit: Fit) -> str:
     """Return a command that makes the same fit."""
-    words = ["ppy", "identify", str(comparison.record.source), "--model", comparison.model.name]
-    words += [flag("fit"), ",".join(fit.estimates)]
+    words: list[str | Path] = ["ppy", "identify", comparison.record.source]
+    words += ["--model", comparison.model.name, flag("fit"), ",".join(fit.estimates)]
     for name, value in comparison.parameters.items():
         words += [flag("settings"), f"{name}={value}"]
-    return shlex.join(words)
+    return quoting.shell(words)
 
 
 def _values_sentence(fit: Fit) -> str:

@@ -57,7 +57,7 @@ def _draw_estimate(axis: Axes, name: str, estimate: Estimate, declared: Describe
     edges = axis.get_xlim()
     shown = [x if math.isfinite(x) else edge for x, edge in zip(ends, edges, strict=True)]
     axis.plot(shown, [0.0, 0.0], color=pictures.FITTED, lw=2, label="95 % interval", zorder=1)
-    axis.set_yticks([0.0], [name.replace("_", " ")])
+    pictures.name_ticks(axis.yaxis, [0.0], [name.replace("_", " ")])
     axis.set_xlabel("" if unit == "1" else f"[{unit}]")
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
-from fmus.kit import files
+from fmus.kit import files, quoting
 from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.extras import optional
@@ -112,7 +112,7 @@ class LinearModel(Displayable):
 
         m = self.matrices
         names = {
-            group: [name.replace(".", "/") for name in getattr(self, group)]
+            group: quoting.control(getattr(self, group))
             for group in ("states", "inputs", "outputs")
         }
         return control.StateSpace(

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import SequenceMatcher
 
-from fmus.kit import UserError
+from fmus.kit import UserError, quoting
 from fmus.kit.units import measure_alike
 from orchestration.reporting import flag
 
@@ -63,7 +62,7 @@ class Proposal:
     def options(self) -> str:
         """Return the ``--map`` options for a shell."""
         entries = [f"{column}={target}" for column, target in self.mapping.items()]
-        return shlex.join(word for entry in entries for word in (flag("mapping"), entry))
+        return quoting.shell(word for entry in entries for word in (flag("mapping"), entry))
 
 
 def propose(columns: Mapping[str, tuple[str, str]], signals: Mapping[str, str]) -> Proposal:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.kit import UserError
+from fmus.kit import UserError, quoting
 from fmus.kit.arrays import Array
 from orchestration.reporting import Displayable, one_line
 
@@ -174,9 +174,9 @@ def refuse(path: Path, message: str) -> UserError:
     -------
     UserError
         One line that starts with the file. Messages of other libraries, which may quote the file,
-        lose unprintable characters and everything beyond 1000 characters.
+        have escapes for unprintable characters, and lose everything beyond 1000 characters.
     """
-    line = " ".join("".join(c if c.isprintable() else " " for c in message).split())
+    line = quoting.line(message)
     return UserError(f"{path}: {line if len(line) <= _LONGEST else line[:_LONGEST] + '...'}")
 
 

@@ -4,7 +4,7 @@ import csv
 import io
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from time import monotonic
 
@@ -32,17 +32,17 @@ def header(units: Mapping[str, str]) -> list[str]:
 
     Raises
     ------
-    ValueError
+    UserError
         If a name or a unit cannot stand in a header.
     """
     cells = ["time [s]"]
     for name, stated in units.items():
         unit = stated or "1"
         plain = INDEX.sub("", name) + unit
-        if not name or name != name.strip() or any(mark in plain for mark in '[]\r\n"'):
-            raise ValueError(
-                f"signal '{name}' [{unit}]: brackets, quotes, line ends and outer spaces cannot be"
-                " written"
+        if not name or name != name.strip() or any(mark in plain for mark in "[]\r\n"):
+            raise UserError(
+                f"signal {name!r} [{unit}]: brackets, line ends and outer spaces cannot stand in a"
+                " CSV header; write .nc or .parquet"
             )
         cells.append(f"{name} [{unit}]")
     return cells
@@ -69,10 +69,9 @@ def write_record(
     Raises
     ------
     ValueError
-        If shapes differ, time is not finite and strictly increasing, or a name or a unit cannot
-        stand in a header.
+        If shapes differ, or time is not finite and strictly increasing.
     UserError
-        If the file cannot be written.
+        If a name or a unit cannot stand in a header, or the file cannot be written.
     """
     clock = np.asarray(time, dtype=float)
     if clock.ndim != 1 or not np.all(np.isfinite(clock)) or not np.all(np.diff(clock) > 0):
@@ -86,11 +85,16 @@ def write_record(
             raise ValueError(f"signal '{name}' has no unit")
         columns.append(array)
     lists = [column.tolist() for column in columns]
+    rows = [header({name: units[name] for name in signals})]
+    rows += [[*map(_cell, row)] for row in zip(*lists, strict=True)]
+    files.write(Path(path), _text(rows).encode())
+
+
+def _text(rows: Iterable[Iterable[str]]) -> str:
+    """Return rows of cells as CSV."""
     text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header({name: units[name] for name in signals}))
-    writer.writerows(map(_cell, row) for row in zip(*lists, strict=True))
-    files.write(Path(path), text.getvalue().encode())
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
 
 
 def _cell(value: float) -> str:
@@ -128,7 +132,7 @@ class Journal:
         except OSError as error:
             raise UserError(f"cannot write {path}: {error.strerror}") from error
         self._writer = BackgroundWriter(self._write)
-        self._rows = [",".join(f'"{cell}"' if "," in cell else cell for cell in header(units))]
+        self._rows: list[list[str]] = [header(units)]
         self._since = monotonic()
         self._is_empty = True
 
@@ -141,7 +145,7 @@ class Journal:
     def add(self, time: float, values: Sequence[float]) -> None:
         """Add a row of the time in s and a value of each signal."""
         self._is_empty = False
-        self._rows.append(",".join(map(_cell, (time, *values))))
+        self._rows.append([*map(_cell, (time, *values))])
         if monotonic() - self._since > _EVERY:
             self._pass_on()
 
@@ -155,7 +159,7 @@ class Journal:
 
     def _pass_on(self) -> None:
         if self._rows:
-            self._writer.put(("\n".join(self._rows) + "\n").encode())
+            self._writer.put(_text(self._rows).encode())
         self._rows = []
         self._since = monotonic()
 

@@ -14,8 +14,9 @@ from datetime import timedelta
 from pathlib import Path
 from threading import Timer
 from time import monotonic
+from typing import Any
 
-from rich.console import Console, RenderableType
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import (
     BarColumn,
     Progress,
@@ -26,14 +27,35 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.segment import Segment
 from rich.table import Column, Table
 from rich.text import Text
 
+from fmus.kit import quoting
+
+
+class _Screen(Console):
+    """A console on which names and messages are text: nothing in them moves a cursor or is markup.
+
+    Brackets and colons would be markup and emojis for rich, and it passes most control characters.
+    """
+
+    def __init__(self, **about: Any):
+        super().__init__(highlight=False, markup=False, emoji=False, **about)
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterator[Segment]:
+        """Yield the segments of what is printed; escapes stand for what is not printable."""
+        for text, style, control in super().render(renderable, options):
+            shown = text if control else quoting.visible(text, keep="\n")
+            yield Segment(shown, style, control)
+
+
 # in a file or a pipe there is no edge to wrap at; 160 keeps the tables whole
 _WIDTH = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 160
-# names and messages are shown as they are: brackets and colons in them are no markup
-out = Console(highlight=False, markup=False, emoji=False, soft_wrap=True, width=_WIDTH)
-err = Console(stderr=True, highlight=False, markup=False, emoji=False)
+out = _Screen(soft_wrap=True, width=_WIDTH)
+err = _Screen(stderr=True)
 TEXT_WIDTH = 120  # columns of tables in a text
 _INTERVAL = 4.0  # s between two lines of progress without a terminal
 _FIRST_PARTS = 4  # parts of a step that are printed without waiting for the interval
@@ -128,12 +150,9 @@ def plain_table(title: str | None, *columns: str, right: Collection[str] = ()) -
 def plain_text(renderable: RenderableType) -> str:
     """Return the text that a console would print, without colours."""
     text = io.StringIO()
-    plain = Console(
+    plain = _Screen(
         file=text,
         width=TEXT_WIDTH,
-        highlight=False,
-        markup=False,
-        emoji=False,
         soft_wrap=True,
         force_terminal=False,
         force_jupyter=False,  # in a notebook rich would print, and leave the text empty

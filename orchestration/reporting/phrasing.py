@@ -7,10 +7,11 @@ lists the flags that differ from them.
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
+
+from fmus.kit import quoting
 
 FLAGS = {
     "mapping": "--map",
@@ -64,8 +65,8 @@ def _flag_with(name: str, value: Any) -> str:
     if value is False:
         return flag(f"no_{name}")
     if isinstance(value, Mapping):
-        return " ".join(f"{flag(name)} {shlex.quote(f'{key}={v}')}" for key, v in value.items())
+        return " ".join(f"{flag(name)} {quoting.shell([f'{key}={v}'])}" for key, v in value.items())
     text = str(value)
     if isinstance(value, list | tuple):
         text = ",".join(map(str, value)) or "none"
-    return f"{flag(name)} {shlex.quote(text)}"
+    return f"{flag(name)} {quoting.shell([text])}"

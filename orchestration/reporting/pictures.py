@@ -9,19 +9,22 @@ from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from fmus.kit import UserError, files
+from fmus.kit import UserError, files, quoting
 from fmus.kit.arrays import Array
 from fmus.kit.extras import optional
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
     from orchestration.reporting.figure import ShownFigure
 
 FORMATS = (".png", ".svg", ".pdf")
 MEASURED, MODEL, FITTED = "#8a97a3", "#0b6aa2", "#d1495b"
+_LONGEST, _LONGEST_AT_TICK = 200, 44  # characters of a text
 _LABEL_WIDTH = 26  # characters along the height of a panel
 _ROUNDING = 1e-12  # relative variation below which a line is drawn as constant
 _BOOLEAN_MARGIN = 0.1  # space below false and above true
@@ -98,14 +101,17 @@ def _new_figure(title: str, width: float, height: float) -> Iterator[ShownFigure
     with matplotlib.style.context(_STYLE):
         figure = ShownFigure(figsize=(width, height), layout="constrained")
         yield figure
-    # a file name may contain bytes that are no text
-    text = plain(title.encode(errors="backslashreplace").decode())
-    figure.suptitle(text, x=0.01, ha="left", fontweight="bold")
+    figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
 
 
-def plain(text: str) -> str:
-    """Return a text that matplotlib draws literally, with $ escaped, which begins a formula."""
-    return text.replace("$", r"\$")
+def shown(text: str, longest: int = _LONGEST) -> str:
+    """Return a text of bounded length, of printable characters."""
+    return quoting.visible(text if len(text) <= longest else f"{text[:longest]} …", keep="\n")
+
+
+def name_ticks(axis: Axis, places: ArrayLike, names: Sequence[str]) -> None:
+    """Write names at places of an axis; matplotlib takes these texts from where they are set."""
+    axis.set_ticks(places, [shown(name, _LONGEST_AT_TICK) for name in names])
 
 
 def label(axis: Axes, name: str, unit: str) -> None:
@@ -113,7 +119,7 @@ def label(axis: Axes, name: str, unit: str) -> None:
     lines: list[str] = []
     for part in name.splitlines():
         lines += wrap(part.replace("_", " "), _LABEL_WIDTH)
-    text = plain("\n".join(lines))
+    text = "\n".join(lines)
     axis.set_ylabel(text if unit == "1" else f"{text}\n[{unit}]")
 
 

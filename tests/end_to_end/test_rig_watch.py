@@ -772,7 +772,7 @@ def test_what_is_invisible_or_turns_the_text_around_is_written_out(tab):
         rig.state, rig.reason, rig.client, rig.alarm = "safe", turned, turned, turned
         with watching(rig.port) as watch:
             tab.open(watch.address, 1280)
-            shown = "gnp.[U+202E]exe[U+200B][U+2066]"
+            shown = r"gnp.\u202eexe\u200b\u2066"
             until(lambda: text(tab, "reason") == text(tab, "client") == shown)
             until(lambda: shown in tab.run(SHOWN))
             assert shown in text(tab, "alarm")

@@ -5,16 +5,16 @@ The page is ``documentation/index.html``; it loads no other file.
 
 from __future__ import annotations
 
-import html
 import posixpath
 import re
 import sys
 from collections.abc import Iterable, Mapping
 from hashlib import sha3_256
 from pathlib import Path
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
+from xml.etree.ElementTree import Element, SubElement
 
-from fmus.kit.build.parameters import to_ssv
+from fmus.kit import quoting
+from fmus.kit.build.parameters import serialized, to_ssv
 from fmus.kit.component import Component
 from fmus.kit.declare import Declaration, ParameterDeclaration, TextDeclaration
 from fmus.kit.effects import Effect
@@ -127,7 +127,7 @@ def _reference_files(cls: type[Component], folder: Path) -> dict[str, bytes]:
     SubElement(experiment, "Stimuli", source=stimuli.name, type="text/csv")
     SubElement(experiment, "References", source=results.name, type="text/csv")
     return {
-        f"{_REFERENCES}/{cls.name}.exp": _xml(experiments),
+        f"{_REFERENCES}/{cls.name}.exp": serialized(experiments),
         f"{_REFERENCES}/{stimuli.name}": stimuli.read_bytes(),
         f"{_REFERENCES}/{results.name}": results.read_bytes(),
     }
@@ -172,14 +172,7 @@ def _manifest(files: Mapping[str, bytes]) -> bytes:
                 checksum=sha3_256(files[path]).hexdigest(),
                 checksumType="SHA3-256",
             )
-    return _xml(manifest)
-
-
-def _xml(root: Element) -> bytes:
-    """Write an indented XML document."""
-    indent(root)
-    text: bytes = tostring(root, encoding="utf-8", xml_declaration=True)
-    return text
+    return serialized(manifest)
 
 
 def _option(text: str, key: str) -> str:
@@ -219,7 +212,7 @@ def page(cls: type[Component], readme: Path) -> str:
         "States": (*layout.states, *layout.discretes),
     }
     tables = "".join(_table(title, rows) for title, rows in sections.items() if rows)
-    remarks = "".join(f"<li>{html.escape(line)}</li>" for line in cls.remark.splitlines())
+    remarks = "".join(f"<li>{quoting.html(line)}</li>" for line in cls.remark.splitlines())
     note = f"<h2>What was made of it</h2><ul>{remarks}</ul>" if remarks else ""
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta'
@@ -236,11 +229,11 @@ def _table(title: str, variables: Iterable[Declaration]) -> str:
     rows = []
     for v in variables:
         unit = v.unit if v.unit != "1" else ""
-        cells = f"<td><code>{v.name}</code></td><td>{html.escape(unit)}</td>"
+        cells = f"<td><code>{v.name}</code></td><td>{quoting.html(unit)}</td>"
         if is_of_parameters:
-            cells += f'<td class="number">{html.escape(_default(v))}</td>'
-            cells += f"<td>{html.escape(_range(v))}</td>"
-        text = html.escape(v.doc + (f" ({v.source})" if v.source else ""))
+            cells += f'<td class="number">{quoting.html(_default(v))}</td>'
+            cells += f"<td>{quoting.html(_range(v))}</td>"
+        text = quoting.html(v.doc + (f" ({v.source})" if v.source else ""))
         rows.append(f"<tr>{cells}<td>{text}</td></tr>")
     extra = "<th>default</th><th>allowed</th>" if is_of_parameters else ""
     head = f"<tr><th>name</th><th>unit</th>{extra}<th>meaning</th></tr>"

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from typing import Protocol
 from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
 
-from fmus.kit import units
+from fmus.kit import quoting, units
+from fmus.kit.errors import UserError
 
+_ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # XML 1.0, 2.2
+_SHOWN = 60  # characters before one
 SSV = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
 SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
 
@@ -117,7 +121,17 @@ def serialized(root: Element) -> bytes:
     -------
     bytes
         UTF-8.
+
+    Raises
+    ------
+    UserError
+        If a text has a control character, or bytes that are no text: XML 1.0 can hold neither.
     """
     indent(root)
-    body: bytes = tostring(root, encoding="utf-8")
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + body + b"\n"
+    body: str = tostring(root, encoding="unicode")
+    illegal = _ILLEGAL.search(body)
+    if illegal is not None:
+        before = quoting.visible(body[max(illegal.start() - _SHOWN, 0) : illegal.start()])
+        character = quoting.visible(illegal[0])
+        raise UserError(f"XML cannot hold the character {character}, after: {before}")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{body}\n'.encode()

@@ -5,10 +5,10 @@ An icon is a box with the name, signals at its sides and connectors of ports bel
 
 from __future__ import annotations
 
-import html
 import inspect
 from collections.abc import Sequence
 
+from fmus.kit import quoting
 from fmus.kit.component import Component
 from fmus.kit.modelica.names import string
 
@@ -24,7 +24,7 @@ _SIZE = 10
 def annotation(cls: type[Component]) -> str:
     """Write the annotation of a model: its icon and its documentation."""
     paragraphs = [*inspect.cleandoc(cls.__doc__ or "").split("\n\n"), *cls.remark.splitlines()]
-    body = "".join(f"<p>{html.escape(' '.join(p.split()))}</p>" for p in paragraphs if p)
+    body = "".join(f"<p>{quoting.html(' '.join(p.split()))}</p>" for p in paragraphs if p)
     return f"annotation({_BOX}, Documentation(info={string(f'<html>{body}</html>')}));"
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import os
-import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from string import Template
 
+from fmus.kit import quoting
 from fmus.kit.errors import UserError, suggestion
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import NewCommand
@@ -119,7 +119,7 @@ def _words_of_model(options: NewCommand, words: Mapping[str, str]) -> dict[str, 
     relative = Path(os.path.relpath(file, options["out"])).as_posix()
     rows = _fill_template("effect", "places_file", {**words, "model_file": relative}).rstrip()
     place = f'str(FOLDER / {json.dumps(relative, ensure_ascii=False)}) + ":{cls}"'
-    return {"model": place, "model_name": shlex.quote(f"{relative}:{cls}"), "rows": rows}
+    return {"model": place, "model_name": quoting.shell([f"{relative}:{cls}"]), "rows": rows}
 
 
 def _words_of_component(model: str, words: Mapping[str, str]) -> dict[str, str]:

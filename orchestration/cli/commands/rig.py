@@ -275,10 +275,11 @@ def _server(options: ServerOptions) -> Endpoint:
 
 def _show(answer: Any, path: Path | None) -> None:
     """Print an answer of the server, and write it as JSON if wanted."""
+    from orchestration.reporting.console import out
     from orchestration.rig import summarise_status
 
     if path != STANDARD_OUTPUT:
-        print(summarise_status(answer))
+        out.print(summarise_status(answer))
     write_json(path, answer)
 
 

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 from fmus.kit import Component, Input, Output, Parameter, State, UserError
 from fmus.kit import units as known_units
 from fmus.kit.arrays import Array
+from fmus.kit.quoting import line
 from fmus.kit.titles import titled
 from orchestration.diagnosis.foreign.response import FmuResponse
 from orchestration.fmu import Model, Signal
@@ -146,7 +147,7 @@ def output_correction(
             laws[names.simulated[output]] = titled(body[column].title)(summed)
         if output in measured:
             law = _sum([_named(names.simulated[output])], f"{_doc(signal)}.")
-            laws[names.variables[output]] = Output(_unit(signal), title=_printable(output))(law)
+            laws[names.variables[output]] = Output(_unit(signal), title=line(output))(law)
     doc = f"What stands behind {model.path.name}."
     return _component(model, doc, "corrected", body, laws, experiment)
 
@@ -197,14 +198,14 @@ def _inputs(model: Model, names: Names, inputs: Sequence[str]) -> dict[str, Any]
     for name in inputs:
         signal = model.inputs[name]
         declared[names.variables[name]] = Input(
-            _unit(signal), start=float(signal.start), doc=_doc(signal), title=_printable(name)
+            _unit(signal), start=float(signal.start), doc=_doc(signal), title=line(name)
         )
     return declared
 
 
 def _simulated(name: str, signal: Signal) -> Any:
     """Declare what an FMU simulates of an output."""
-    title = f"simulated {_printable(name)}"
+    title = f"simulated {line(name)}"
     return Input(_unit(signal), doc=f"{name} of the FMU", title=title)
 
 
@@ -280,7 +281,7 @@ def _sum(terms: Sequence[_Value], doc: str) -> _Value:
 
 def _law_in_fmu(name: str, identifier: str) -> _Value:
     """Make the law of what an input is in the FMU."""
-    title = f"what the FMU gets of {_printable(name)}"
+    title = f"what the FMU gets of {line(name)}"
     return titled(title)(_sum([attrgetter(identifier)], f"What of {name} the FMU gets."))
 
 
@@ -315,9 +316,4 @@ def _unit(signal: Signal) -> str:
 
 def _doc(signal: Signal) -> str:
     """Return the description of a signal, or its name."""
-    return _printable(signal.doc).strip(". ") or signal.name
-
-
-def _printable(text: str) -> str:
-    """Return a text without control characters."""
-    return "".join(filter(str.isprintable, text))
+    return line(signal.doc).strip(". ") or signal.name

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fmus.kit import quoting
 from fmus.kit.arrays import Array
 from fmus.kit.titles import capitalised, in_words
 from fmus.kit.units import format_value
@@ -115,13 +116,14 @@ def view_of(
 
 def _command(diagnosis: Diagnosis, later: Sequence[Record]) -> str:
     """Return a command that makes the same diagnosis."""
-    words = ["ppy", "diagnose", *(str(record.source) for record in diagnosis.records)]
+    words: list[str | Path] = ["ppy", "diagnose"]
+    words += [record.source for record in diagnosis.records]
     for record in diagnosis.holdouts:
-        words += [flag("holdout"), str(record.source)]
+        words += [flag("holdout"), record.source]
     for record in later:
-        words += [flag("compare"), str(record.source)]
+        words += [flag("compare"), record.source]
     words += [flag("model"), diagnosis.model.name]
-    return shlex.join(words)
+    return quoting.shell(words)
 
 
 def law_rows(law_map: LawMap) -> Iterator[LawRow]:

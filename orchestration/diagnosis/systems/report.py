@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 from rich.console import Group
 from rich.text import Text
 
-from fmus.kit import registry
+from fmus.kit import quoting, registry
 from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.report import view_of as diagnosis_view_of
@@ -146,7 +145,7 @@ def view_of(diagnosis: SystemDiagnosis, command: str = "") -> SystemView:
     rows = tuple(_member_rows(diagnosis))
     first = next(iter(diagnosis.wrong), None)
     reasons = {name: why for name, *_, why in rows}
-    again = ["ppy", "diagnose", str(source), flag("system"), diagnosis.system]
+    again = ["ppy", "diagnose", source, flag("system"), diagnosis.system]
     return SystemView(
         system=diagnosis.system,
         verdict=str(diagnosis.verdict),
@@ -161,7 +160,7 @@ def view_of(diagnosis: SystemDiagnosis, command: str = "") -> SystemView:
             if part.diagnosis is not None
         ),
         file=source.name,
-        command=command or shlex.join(again),
+        command=command or quoting.shell(again),
         facts=facts_about([source]),
     )
 

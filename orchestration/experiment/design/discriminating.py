@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from fmus.kit import quoting
 from orchestration.experiment.design.menu import Stimulus
 
 # Fall of BIC from which on evidence is very strong (Kass and Raftery: Bayes factors, J. Am. Stat.
@@ -167,16 +166,16 @@ class DiscriminatingExperiment:
             f"{n} {low:g} to {high:g} {units[n]}" for n, (low, high) in self.limits.items()
         )
         comments = [f"# {comment}", f"# Limits kept: {limits}.", *self._comments()]
-        lines = [" ".join(line.splitlines()) for line in comments]
+        lines = [quoting.visible(line) for line in comments]
         lines += [f"title = {_value(title or self._title())}", f"component = {_value(component)}"]
         if self.rehearsal.effects:
             lines.append(f"effects = {_value(list(self.rehearsal.effects))}")
         lines += [f'duration = "{self.duration:.10g} s"', f'step = "{self.step:.10g} s"']
         lines += [f"record = {_value(list(self.rehearsal.outputs))}", "", "[parameters]"]
         values = self.rehearsal.parameters
-        lines += [f"{_key(name)} = {_value(value)}" for name, value in values.items()]
+        lines += [f"{quoting.toml_key(name)} = {_value(value)}" for name, value in values.items()]
         for name, stimulus in self.stimuli.items():
-            lines += ["", f"[inputs.{_key(name)}]", f"kind = {_value(stimulus.kind)}"]
+            lines += ["", f"[inputs.{quoting.toml_key(name)}]", f"kind = {_value(stimulus.kind)}"]
             for key, value in stimulus.keys.items():
                 unit = units[name] if key in _AMOUNTS else ""
                 lines.append(f"{key} = {_value(value, unit)}")
@@ -206,17 +205,13 @@ def _percent(share: float) -> str:
     return "> 99 %" if share > 0.995 else f"{100.0 * share:.0f} %"
 
 
-def _key(name: str) -> str:
-    """Write a key of TOML; a dot in a name of somebody else's FMU would begin a table."""
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _value(name)
-
-
 def _value(value: Any, unit: str = "") -> str:
-    """Write a value of the experiment's file; texts, numbers and lists are those of JSON.
+    """Write a value of the experiment's file.
 
-    A number is a text with its unit, if it has one.
+    A number is a text with its unit, if it has one; several values are a list.
     """
-    if unit and unit != "1":
-        several = isinstance(value, list | tuple)
-        value = [f"{v!r} {unit}" for v in value] if several else f"{value!r} {unit}"
-    return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(_value(v, unit) for v in value)}]"
+    if isinstance(value, str):
+        return quoting.toml(value)
+    return quoting.toml(f"{value!r} {unit}") if unit and unit != "1" else repr(value).lower()

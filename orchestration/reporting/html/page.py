@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import html
 import platform
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,7 +11,7 @@ from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
 
-from fmus.kit import files
+from fmus.kit import files, quoting
 from fmus.kit.build import STYLE
 
 _HEADING = re.compile(r"(?<=<h)\d(?=>)|(?<=</h)\d(?=>)")  # its level
@@ -103,10 +102,8 @@ class Markup(str):
 
 
 def escaped(text: str) -> Markup:
-    """Return a text escaped for HTML; invalid bytes of a file name become backslash escapes."""
-    if isinstance(text, Markup):
-        return text
-    return Markup(html.escape(text.encode(errors="backslashreplace").decode()))
+    """Return a text quoted for HTML, unless it is `Markup`."""
+    return text if isinstance(text, Markup) else Markup(quoting.html(text))
 
 
 class Page:

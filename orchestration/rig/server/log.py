@@ -14,7 +14,7 @@ from threading import Thread
 from time import monotonic
 from typing import TextIO
 
-from fmus.kit import UserError
+from fmus.kit import UserError, quoting
 
 _LONGEST_QUEUE = 1000  # lines that wait for a terminal that does not take them
 _LONGEST_LINE = 1000  # characters
@@ -76,8 +76,7 @@ class EventLog:
             withheld = self._withheld.pop(kind, 0)
         addition = f" (and {withheld} like it before)" if withheld else ""
         # the text may contain that of a client
-        one_line = " ".join(f"{text}{addition}".split())[:_LONGEST_LINE]
-        shown = "".join(c if c.isprintable() else "?" for c in one_line)
+        shown = quoting.line(f"{text}{addition}")[:_LONGEST_LINE]
         line = f"{datetime.now().isoformat(' ', 'milliseconds')} {shown}\n"
         for destination in self._destinations:
             destination.put(line)

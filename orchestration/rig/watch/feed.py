@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import zmq
 
+from fmus.kit import quoting
 from fmus.rig_proxy import IDLE, LATCHED, LOCKSTEP, REAL_TIME, RUNNING, SAFE, protocol
 from orchestration.rig.endpoint import Endpoint
 from orchestration.rig.watch.transit import TransitBound
@@ -353,8 +354,7 @@ def _summarise(condition: Mapping[str, Any]) -> str:
 
 def _text(value: Any) -> str:
     """Return a text of bounded length in which nothing is invisible or turns its direction."""
-    characters = str(value)[:_LONGEST]
-    return "".join(c if c.isprintable() else f"[U+{ord(c):04X}]" for c in characters)[:_LONGEST]
+    return quoting.visible(str(value)[:_LONGEST])[:_LONGEST]
 
 
 def _bounded_items(mapping: Mapping[Any, Any]) -> list[tuple[Any, Any]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hmac
-import html
 import json
 import os
 import re
@@ -17,7 +16,7 @@ from importlib.resources import files
 from time import monotonic
 from typing import Any
 
-from fmus.kit import UserError
+from fmus.kit import UserError, quoting
 from orchestration.rig.watch.feed import Feed
 
 LOOPBACK = "127.0.0.1"
@@ -139,7 +138,7 @@ class _Handler(BaseHTTPRequestHandler):
     def _page(self) -> str:
         page = _file("page.html")
         for name in ("token", "instance", "name"):
-            page = page.replace(f"{{{name}}}", html.escape(getattr(self.server, name)))
+            page = page.replace(f"{{{name}}}", quoting.html(getattr(self.server, name)))
         return page
 
     def _is_ours(self) -> bool:

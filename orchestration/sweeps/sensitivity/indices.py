@@ -202,7 +202,7 @@ def draw(indices: xarray.Dataset) -> Figure:
     panels[0].legend(
         loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1
     )
-    panels[-1].set_xticks(x, parameters)
+    pictures.name_ticks(panels[-1].xaxis, x, parameters)
     panels[-1].set_xlabel("parameter")
     return figure
 

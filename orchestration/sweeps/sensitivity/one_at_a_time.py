@@ -186,7 +186,8 @@ def _draw_bars(panel: Any, effects: xarray.Dataset, name: str) -> None:
             panel.barh(row, value - start, 0.7, start, color=colour, alpha=0.85, label=label)
     panel.set_axisbelow(True)
     panel.axvline(start, color="black", lw=0.8)
-    panel.set_yticks(range(len(ranked)), [_range_label(effects, parameter) for parameter in ranked])
+    labels = [_range_label(effects, parameter) for parameter in ranked]
+    pictures.name_ticks(panel.yaxis, range(len(ranked)), labels)
     panel.set_xlabel(name.replace("_", " ") + (f" [{unit}]" if unit != "1" else ""))
 
 

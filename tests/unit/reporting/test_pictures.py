@@ -5,6 +5,7 @@ import pytest
 
 from fmus.kit import UserError
 from orchestration.reporting import pictures
+from orchestration.reporting.figure import rendered
 
 
 @pytest.fixture
@@ -17,6 +18,7 @@ def test_panels_share_their_time(drawn):
     lower.plot([0.0, 7.0], [1.0, 2.0])
     assert upper.get_xlim() == lower.get_xlim()
     assert (upper.get_xlabel(), lower.get_xlabel()) == ("", "time [s]")
+    figure.draw_without_rendering()
     assert figure.get_suptitle() == "r\\udce9cord.csv"
 
 
@@ -81,11 +83,22 @@ def test_values_of_truth_are_false_and_true(drawn, values):
     assert -0.2 < low < 0.0 < 1.0 < high < 1.2
 
 
-def test_a_dollar_is_a_dollar(drawn, tmp_path):
-    figure, (upper, _) = pictures.panels(2, "$\\nosuch{$")
-    pictures.label(upper, "$\\nosuch{$", "1")
-    assert pictures.plain("5 $") == "5 \\$"
-    pictures.save(figure, tmp_path / "drawn.svg")
+def test_a_dollar_is_a_dollar_wherever_a_name_stands_and_powers_of_ten_are_powers(drawn):
+    name = "$\\nosuch{$"
+    figure, (upper, lower) = pictures.panels(2, name)
+    pictures.label(upper, name, "1")
+    upper.loglog([1.0, 1e5], [1.0, 1e5], label=name)
+    upper.legend(title=name)
+    upper.set_title(name)
+    pictures.name_ticks(lower.yaxis, [0.0, 1.0], [name, f"{name}\x1b\ud800" + "x" * 10_000])
+    for kind in ("png", "svg", "pdf"):
+        assert rendered(figure, kind)
+    drawn = {label.get_text() for label in lower.get_yticklabels()}
+    assert name in drawn
+    assert max(map(len, drawn)) < 300
+    assert all(text.isprintable() for text in drawn)
+    powers = [label for label in upper.get_yticklabels() if "10^{2}" in label.get_text()]
+    assert [label.get_parse_math() for label in powers] == [True]
 
 
 def test_a_logarithm_has_its_values_written_out(drawn):

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.signal import tf2ss
 
-from fmus.kit import UserError
+from fmus.kit import UserError, quoting
 from fmus.kit.arrays import Array
 from fmus.kit.extras import optional
 from orchestration.identify.black_box.models.identified import IdentifiedModel
@@ -107,21 +107,24 @@ class PolynomialModel(IdentifiedModel):
     def transfer_function(self, which: int | str = 0) -> Any:
         """Return the path from an input as a discrete `control.TransferFunction`."""
         i = self._index(which)
-        names = {"inputs": [self.input_names[i]], "outputs": [self.output_name]}
-        return self._as_control(self.b[i], self._denominator(i), names)
+        return self._as_control(self.b[i], self._denominator(i), self.input_names[i])
 
     def noise_transfer_function(self) -> Any:
         """Return the path from white noise as a discrete `control.TransferFunction`."""
-        names = {"inputs": ["e"], "outputs": [self.output_name]}
-        return self._as_control(self.c, np.convolve(self.a, self.d), names)
+        return self._as_control(self.c, np.convolve(self.a, self.d), "e")
 
-    def _as_control(self, numerator: Array, denominator: Array, names: dict[str, list[str]]) -> Any:
-        """Return a quotient of polynomials in q^-1 as a discrete `control.TransferFunction`."""
+    def _as_control(self, numerator: Array, denominator: Array, name: str) -> Any:
+        """Return the path from a signal as a discrete `control.TransferFunction`."""
         # imported here, because that takes a second
         with optional():
             import control
 
-        return control.TransferFunction(*_in_z(numerator, denominator), self.step, **names)
+        return control.TransferFunction(
+            *_in_z(numerator, denominator),
+            self.step,
+            inputs=quoting.control([name]),
+            outputs=quoting.control([self.output_name]),
+        )
 
     def state_space(self) -> Any:
         """Return the paths from all inputs as one discrete `control.StateSpace`."""
@@ -136,8 +139,8 @@ class PolynomialModel(IdentifiedModel):
             np.hstack(c),
             np.hstack(d),
             self.step,
-            inputs=list(self.input_names),
-            outputs=[self.output_name],
+            inputs=quoting.control(self.input_names),
+            outputs=quoting.control([self.output_name]),
         )
 
 

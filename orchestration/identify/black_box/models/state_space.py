@@ -12,6 +12,7 @@ import numpy as np
 from scipy.linalg import eigvals, schur
 from scipy.signal import lfilter
 
+from fmus.kit import quoting
 from fmus.kit.arrays import Array
 from fmus.kit.extras import optional
 from orchestration.identify.black_box.models.identified import IdentifiedModel
@@ -112,8 +113,8 @@ class StateSpaceModel(IdentifiedModel):
             np.trim_zeros(numerator, "f"),
             denominator,
             self.step,
-            inputs=[name],
-            outputs=[self.output_name],
+            inputs=quoting.control([name]),
+            outputs=quoting.control([self.output_name]),
         )
 
     def state_space(self) -> Any:
@@ -127,8 +128,8 @@ class StateSpaceModel(IdentifiedModel):
             self.c[np.newaxis],
             self.d[np.newaxis],
             self.step,
-            inputs=list(self.input_names),
-            outputs=[self.output_name],
+            inputs=quoting.control(self.input_names),
+            outputs=quoting.control([self.output_name]),
         )
 
 

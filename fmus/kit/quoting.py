@@ -1,0 +1,79 @@
+"""Texts of others within what is written here: a function for each language.
+
+Names, units, descriptions and file names may hold anything. Python has `repr` and `ascii` for them,
+XML `xml.etree`, JSON `json`, CSV `csv`; C and Modelica are written in one module each, which has
+the function of its language (`symbolic.codegen`, `modelica.names`).
+"""
+
+from __future__ import annotations
+
+import html as standard
+import shlex
+from collections.abc import Iterable
+from pathlib import Path
+
+from .errors import UserError
+
+_BARE = frozenset("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-")
+
+
+def visible(text: str, keep: str = "") -> str:
+    """Return a text for people, with escapes of Python for characters that are not printable.
+
+    These move the cursor of a terminal, turn the direction of writing, cannot be seen, or are bytes
+    of a file name that are no text.
+
+    Parameters
+    ----------
+    text : str
+    keep : str
+        Characters that stay, such as ends of lines.
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        c if c.isprintable() or c in keep else c.encode("unicode_escape").decode() for c in text
+    )
+
+
+def line(text: str) -> str:
+    """Return a text for people in one line, see `visible`."""
+    return visible(" ".join(text.split()))
+
+
+def html(text: str) -> str:
+    """Return a text for HTML, as contents of an element or as the value of an attribute."""
+    return standard.escape(visible(text, keep="\n"))
+
+
+def shell(words: Iterable[str | Path]) -> str:
+    """Return a command for a shell of POSIX; a file whose name starts with a dash is no option."""
+    return shlex.join(
+        f"./{word}" if isinstance(word, Path) and str(word).startswith("-") else str(word)
+        for word in words
+    )
+
+
+def control(names: Iterable[str]) -> list[str]:
+    """Return names of signals for python-control, where full stops become slashes."""
+    return [name.replace(".", "/") for name in names]
+
+
+def toml(text: str) -> str:
+    """Return a basic string of TOML 1.0.
+
+    Raises
+    ------
+    UserError
+        If the text has bytes of a file name that are no text, which TOML cannot hold.
+    """
+    if any("\ud800" <= c <= "\udfff" for c in text):
+        raise UserError(f"{visible(text)}: bytes that are no text cannot stand in a file of TOML")
+    quoted = text.replace("\\", "\\\\").replace('"', '\\"')
+    escaped = (c if c.isprintable() else rf"\U{ord(c):08X}" for c in quoted)
+    return f'"{"".join(escaped)}"'
+
+
+def toml_key(name: str) -> str:
+    """Return a key of TOML 1.0: bare if it can be, otherwise quoted."""
+    return name if name and _BARE.issuperset(name) else toml(name)

@@ -1,0 +1,81 @@
+"""Claims: a text of others stays a text in HTML, a shell and TOML, and nothing invisible is shown.
+
+The oracles are the readers of these languages: `html.parser`, ``sh``, `tomllib`.
+"""
+
+import subprocess
+import tomllib
+import unicodedata
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fmus.kit import UserError, quoting
+
+texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=30)
+
+
+class _Read(HTMLParser):
+    def __init__(self):
+        super().__init__()
+        self.found = []
+
+    def handle_starttag(self, tag, attrs):
+        self.found.append((tag, attrs))
+
+    def handle_data(self, data):
+        self.found.append(data)
+
+
+def read(page):
+    parser = _Read()
+    parser.feed(page)
+    parser.close()
+    return parser.found
+
+
+@given(texts.filter(str.isprintable).filter(str.strip))
+def test_a_text_is_one_text_and_one_attribute_in_html(text):
+    quoted = quoting.html(text)
+    assert read(f'<i title="{quoted}">{quoted}</i>') == [("i", [("title", text)]), text]
+
+
+@given(st.text(max_size=30))
+def test_what_is_shown_is_printable_and_the_same_if_it_was(text):
+    shown = quoting.visible(text)
+    assert shown.isprintable()
+    assert shown == text or not text.isprintable()
+    hidden = [c for c in text if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp")]
+    assert not set(hidden) & {*shown, *quoting.html(text)} - {"\n"}
+    assert "\n" not in quoting.line(text)
+
+
+def test_an_escape_says_which_character_it_is():
+    assert quoting.visible("a\x1b[2J\u202eb\udc80", keep="\n") == r"a\x1b[2J\u202eb\udc80"
+    assert quoting.line("two\n lines\x00") == r"two lines\x00"
+
+
+@given(texts)
+def test_toml_reads_a_key_and_a_text_back(text):
+    written = f"{quoting.toml_key(text)} = {quoting.toml(text)}\n# {quoting.visible(text)}\n"
+    assert tomllib.loads(written) == {text: text}
+
+
+def test_a_plain_key_is_bare_and_bytes_that_are_no_text_are_refused():
+    assert quoting.toml_key("R_1-a") == "R_1-a"
+    with pytest.raises(UserError, match=r"a\\udc80: bytes that are no text"):
+        quoting.toml("a\udc80")
+
+
+def test_a_shell_gets_the_words_and_a_file_is_no_option():
+    words = ["$(touch CANARY)", "a'b", "`id`", "; ls", "two\nlines", "", "*", "--option"]
+    command = quoting.shell(["printf", "%s\\0", *words, Path("-rf"), Path("a b")])
+    told = subprocess.run(["sh", "-c", command], capture_output=True, check=True, text=True)
+    assert told.stdout.split("\0")[:-1] == [*words, "./-rf", "a b"]
+
+
+def test_signals_of_python_control_have_no_full_stop():
+    assert quoting.control(["bench.x", "y"]) == ["bench/x", "y"]
