@@ -54,6 +54,20 @@ def shell(words: Iterable[str | Path]) -> str:
     )
 
 
+def words(command: str) -> list[str]:
+    """Return the words of a command, as `shell` wrote them.
+
+    Raises
+    ------
+    UserError
+        If a quotation is not closed.
+    """
+    try:
+        return shlex.split(command)
+    except ValueError as error:
+        raise UserError(f"{line(command)}: {error}") from error
+
+
 def control(names: Iterable[str]) -> list[str]:
     """Return names of signals for python-control, where full stops become slashes."""
     return [name.replace(".", "/") for name in names]

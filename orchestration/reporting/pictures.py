@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 FORMATS = (".png", ".svg", ".pdf")
 MEASURED, MODEL, FITTED = "#8a97a3", "#0b6aa2", "#d1495b"
-_LONGEST, _LONGEST_AT_TICK = 200, 44  # characters of a text
+_LONGEST, _LONGEST_AT_TICK = 120, 44  # characters of a text
 _LABEL_WIDTH = 26  # characters along the height of a panel
 _ROUNDING = 1e-12  # relative variation below which a line is drawn as constant
 _BOOLEAN_MARGIN = 0.1  # space below false and above true

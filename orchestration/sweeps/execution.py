@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fmus.kit import UserError
+from fmus.kit import UserError, quoting
 from fmus.kit.arrays import Array
 from fmus.kit.storage import scratch
 from orchestration.fmu import Model, Signal
@@ -196,7 +196,7 @@ def dataset(model: Model, task: Task, design: Design, journal: SweepJournal) -> 
     coordinates = _coordinates(model, design)
     if TRACE in task.keep:
         coordinates["time"] = (("time",), task.time, {"units": "s", "long_name": "time"})
-    attributes = {"design": design.kind, "over": " ".join(design.names)}
+    attributes = {"design": design.kind, "over": quoting.shell(design.names)}
     return SweepResult(values, coordinates, attributes)
 
 

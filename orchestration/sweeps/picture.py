@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fmus.kit import UserError
+from fmus.kit import UserError, quoting
 from orchestration.reporting import draw
 from orchestration.sweeps.curves import draw_curves
 from orchestration.sweeps.result import SweepResult
@@ -24,7 +24,7 @@ def draw_sweep(data: SweepResult) -> Figure:
         If there is nothing to draw, or the dataset is only a part of a sweep.
     """
     dimensions = {str(name) for name in data.dims}
-    parameters = {*str(data.attrs.get("over", "")).split()}
+    parameters = {*quoting.words(str(data.attrs.get("over", "")))}
     if {"parameter", "index"} <= dimensions:
         return indices.draw(data)
     if {"parameter", "end"} <= dimensions:

@@ -11,7 +11,7 @@ import csv
 import random
 import re
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from html.parser import HTMLParser
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
@@ -108,9 +108,10 @@ def in_xml(text: str) -> str:
     return _ILLEGAL.sub("", text)
 
 
-def write_fmu(path: Path, original: Path, u: str, x: str, tau: str, text: str) -> None:
-    """Write the FMU of a lag, `original`, with other names and a text everywhere else."""
-    words = {"u": u, "x": x, "tau": tau, "model": text, "doc": text, "unit": text}
+def write_fmu(path: Path, original: Path, names: Sequence[str], text: str, unit: str) -> None:
+    """Write the FMU of a lag, `original`, with other names of u, x and tau, and other texts."""
+    u, x, tau = names
+    words = {"u": u, "x": x, "tau": tau, "model": text, "doc": text, "unit": unit}
     escapes = {"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
     quoted = {key: quoteattr(in_xml(word), escapes) for key, word in words.items()}
     with zipfile.ZipFile(original) as old, zipfile.ZipFile(path, "w") as new:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray
 
-from fmus.kit import UserError
+from fmus.kit import UserError, quoting
 from orchestration.reporting import option
 
 
@@ -32,7 +32,7 @@ def require_design(data: xarray.Dataset, needed: str) -> None:
 
 def parameters_of(data: xarray.Dataset) -> list[str]:
     """Return the names of the parameters of a sweep."""
-    return str(data.attrs["over"]).split(" ")
+    return quoting.words(str(data.attrs["over"]))
 
 
 def numbers(data: xarray.Dataset) -> list[str]:

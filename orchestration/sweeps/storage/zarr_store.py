@@ -11,7 +11,7 @@ from typing import Any
 
 import xarray
 
-from fmus.kit import UserError, files
+from fmus.kit import UserError, files, quoting
 from fmus.kit.extras import require
 
 _CHUNK = "8MiB"
@@ -85,7 +85,7 @@ def write(data: xarray.Dataset, path: Path) -> None:
     """
     import dask
 
-    parameters = str(data.attrs["over"]).split(" ")
+    parameters = quoting.words(str(data.attrs["over"]))
     chunks: dict[Hashable, Any] = {
         dim: "auto" for dim in data.dims if dim == "case" or dim in parameters
     }

@@ -77,5 +77,15 @@ def test_a_shell_gets_the_words_and_a_file_is_no_option():
     assert told.stdout.split("\0")[:-1] == [*words, "./-rf", "a b"]
 
 
+@given(st.lists(st.text(max_size=9), max_size=4))
+def test_words_of_a_command_are_those_that_were_written(given_words):
+    assert quoting.words(quoting.shell(given_words)) == given_words
+
+
+def test_a_quotation_that_is_not_closed_is_refused():
+    with pytest.raises(UserError, match=r"^a 'b: No closing quotation$"):
+        quoting.words("a 'b")
+
+
 def test_signals_of_python_control_have_no_full_stop():
     assert quoting.control(["bench.x", "y"]) == ["bench/x", "y"]
