@@ -8,8 +8,10 @@ the function of its language (`symbolic.codegen`, `modelica.names`).
 from __future__ import annotations
 
 import html as standard
+import re
 import shlex
 from collections.abc import Iterable
+from keyword import iskeyword
 from pathlib import Path
 
 from .errors import UserError
@@ -39,6 +41,20 @@ def visible(text: str, keep: str = "") -> str:
 def line(text: str) -> str:
     """Return a text for people in one line, see `visible`."""
     return visible(" ".join(text.split()))
+
+
+def identifier(text: str, stem: str) -> str:
+    """Return a name in Python, C and FMI that resembles a text.
+
+    Parameters
+    ----------
+    text : str
+    stem : str
+        Stands ahead of what is no name by itself, such as a number or a keyword.
+    """
+    plain = re.sub(r"\W", "_", text, flags=re.ASCII).strip("_")
+    is_name = plain.isidentifier() and not any(map(iskeyword, (plain, plain.capitalize())))
+    return plain if is_name else f"{stem}_{plain}".strip("_")
 
 
 def html(text: str) -> str:

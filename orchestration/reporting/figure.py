@@ -14,7 +14,9 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import LogFormatter
 
-from orchestration.reporting import pictures
+from fmus.kit import quoting
+
+_LONGEST, LONGEST_AT_TICK = 120, 44  # characters of a text
 
 
 class ShownFigure(Figure):
@@ -27,7 +29,7 @@ class ShownFigure(Figure):
         """Draw the figure; the powers of ten at an axis are its only formulas."""
         for text in self.findobj(Text):
             text.set_parse_math(False)
-            text.set_text(pictures.shown(text.get_text()))
+            text.set_text(shown(text.get_text()))
         for axes in self.axes:
             for axis in (axes.xaxis, axes.yaxis):
                 if isinstance(axis.get_major_formatter(), LogFormatter):
@@ -37,6 +39,11 @@ class ShownFigure(Figure):
 
     def _repr_png_(self) -> bytes:
         return rendered(self, "png")
+
+
+def shown(text: str, longest: int = _LONGEST) -> str:
+    """Return a text of bounded length, of printable characters."""
+    return quoting.visible(text if len(text) <= longest else f"{text[:longest]} …", keep="\n")
 
 
 def rendered(figure: Figure, kind: str) -> bytes:

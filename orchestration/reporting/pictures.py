@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmus.kit import UserError, files, quoting
+from fmus.kit import UserError, files
 from fmus.kit.arrays import Array
 from fmus.kit.extras import optional
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 FORMATS = (".png", ".svg", ".pdf")
 MEASURED, MODEL, FITTED = "#8a97a3", "#0b6aa2", "#d1495b"
-_LONGEST, _LONGEST_AT_TICK = 120, 44  # characters of a text
 _LABEL_WIDTH = 26  # characters along the height of a panel
 _ROUNDING = 1e-12  # relative variation below which a line is drawn as constant
 _BOOLEAN_MARGIN = 0.1  # space below false and above true
@@ -104,14 +103,11 @@ def _new_figure(title: str, width: float, height: float) -> Iterator[ShownFigure
     figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
 
 
-def shown(text: str, longest: int = _LONGEST) -> str:
-    """Return a text of bounded length, of printable characters."""
-    return quoting.visible(text if len(text) <= longest else f"{text[:longest]} …", keep="\n")
-
-
 def name_ticks(axis: Axis, places: ArrayLike, names: Sequence[str]) -> None:
     """Write names at places of an axis; matplotlib takes these texts from where they are set."""
-    axis.set_ticks(places, [shown(name, _LONGEST_AT_TICK) for name in names])
+    from orchestration.reporting.figure import LONGEST_AT_TICK, shown
+
+    axis.set_ticks(places, [shown(name, LONGEST_AT_TICK) for name in names])
 
 
 def label(axis: Axes, name: str, unit: str) -> None:

@@ -12,8 +12,10 @@ import csv
 import io
 import json
 import random
+import re
 import tomllib
 import zipfile
+from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
@@ -35,8 +37,13 @@ from tests.support.hostile_names import (
     write_record,
 )
 from tests.support.hosts import build_one_state_fmu
+from tests.support.source import ROOT
 
 _SEED = 20261128
+_QUOTING = (
+    *("exec", "eval", "os.system", "os.popen", "html.escape", "standard.escape"),
+    *("shlex.quote", "shlex.join", "shlex.split", "saxutils.escape"),
+)
 # @u, @x and @tau stand for the names of the input, the output and the parameter of an FMU
 _READING = ("info m.fmu", "check m.fmu", "info r.csv --model m.fmu")
 _SIMULATING = (
@@ -56,6 +63,13 @@ _ANALYSING = (
     "frequency r.csv --of @x/@u --out f.csv --plot f.svg",
     "black-box r.csv --output @x --inputs @u --orders 1 --out own.py --report b.html",
     "info own.py",
+)
+_DIAGNOSING = (
+    "diagnose r.csv --model m.fmu --no-isolate --fit @tau --effects none --time 2s"
+    " --report d.html --json d.json --ssp d.ssp",
+    "system check d.ssp",
+    "system draw d.ssp --out d.svg",
+    "run d.ssp --no-isolate --set duration=1s --out d.nc",
 )
 _MODEL = """
 from fmus.kit import Component, Input, Output, Parameter, State
@@ -136,13 +150,13 @@ def test_a_name_is_written_and_does_nothing(name, lag, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "commands",
-    [_SIMULATING, _FITTING, _SWEEPING, _ANALYSING],
-    ids=["simulating", "fitting", "sweeping", "analysing"],
+    ("commands", "every"),
+    [(_SIMULATING, 1), (_FITTING, 1), (_SWEEPING, 1), (_ANALYSING, 2), (_DIAGNOSING, 4)],
+    ids=["simulating", "fitting", "sweeping", "analysing", "diagnosing"],
 )
-def test_no_command_makes_code_of_a_name(commands, lag, tmp_path):
+def test_no_command_makes_code_of_a_name(commands, every, lag, tmp_path):
     found = []
-    for k, name in enumerate(NAMES):
+    for k, name in enumerate(NAMES[::every]):
         folder = tmp_path / str(k)
         folder.mkdir()
         found += [
@@ -176,6 +190,26 @@ def test_texts_of_a_users_model_are_texts_in_its_fmu_and_in_modelica(tmp_path):
                         faulty += acting(content.decode())
         found += [f"{name[:40]!r}: {fault}" for fault in faulty]
     assert found == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "stem", ["class", "2-layer", "a.b", "x import y; import os #", f"$(touch {CANARY})", "-rf"]
+)
+def test_a_file_of_a_model_may_have_any_name(stem, tmp_path):
+    (tmp_path / f"{stem}.py").write_text(_MODEL.format(text="A wall."), encoding="utf-8")
+    place = {"@file": f"./{stem}.py:Wall"}
+    commands = (
+        "build @file --out . --runtime python --platforms linux64",
+        "simulate python/wall.fmu --stop 1 --no-isolate",
+        "new effect drag --model @file --law rate --out new",
+    )
+    assert ran(tmp_path, place, *commands) == []
+    with zipfile.ZipFile(tmp_path / "python" / "wall.fmu") as archive:
+        modules = [name for name in archive.namelist() if name.endswith(".py")]
+    parts = {part for name in modules for part in Path(name).with_suffix("").parts}
+    assert [part for part in parts if not part.isidentifier()] == []
+    assert {path.name for path in (tmp_path / "new").iterdir()} >= {"drag.py", "test_drag.py"}
 
 
 @pytest.mark.slow
@@ -231,6 +265,38 @@ def test_ten_thousand_names_are_read_back_from_what_is_written():
         if next(csv.reader(io.StringIO(rows.getvalue(), newline=""))) != [legal, "x"]:
             found.append((name, "is another in CSV"))
     assert found == []
+
+
+def quoting_calls(path):
+    """Yield what a module calls to quote for a language, or to make code of a text."""
+    text = path.read_text(encoding="utf-8")
+    if not re.search(r"exec|eval\(|os\.|escape|shlex|shell", text):  # to parse it takes long
+        return
+    for node in ast.walk(ast.parse(text)):
+        if not isinstance(node, ast.Call):
+            continue
+        name = ast.unparse(node.func)
+        if name in _QUOTING or any(k.arg == "shell" for k in node.keywords):
+            yield name
+
+
+def test_texts_are_quoted_and_made_code_only_where_the_page_of_security_says():
+    page = (ROOT / "docs" / "reference" / "security.md").read_text(encoding="utf-8")
+    found = {
+        f"`{path.relative_to(ROOT).as_posix()}`"
+        for package in ("fmus", "orchestration", "ppy_rig", "demonstrations")
+        for path in (ROOT / package).rglob("*.py")
+        if [*quoting_calls(path)]
+    }
+    assert len(found) == 4
+    assert [place for place in sorted(found) if place not in page] == []
+    functions = {name for name, value in vars(quoting).items() if is_own(value)}
+    assert {name for name in functions if f"`quoting.{name}`" in page} == functions
+
+
+def is_own(value):
+    """Return whether something is a function of `quoting`."""
+    return getattr(value, "__module__", "") == quoting.__name__
 
 
 def read_literal(text):

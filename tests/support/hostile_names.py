@@ -122,12 +122,15 @@ def write_fmu(path: Path, original: Path, names: Sequence[str], text: str, unit:
 
 
 def write_record(path: Path, u: str, x: str) -> None:
-    """Write a record of a lag with a time constant other than 1 s."""
-    held = np.repeat(np.random.default_rng(3).uniform(-1.0, 1.0, 12), 10)
+    """Write a record of a lag with a time constant other than 1 s, and an output that bends."""
+    draw = np.random.default_rng(3)
+    held = np.repeat(draw.uniform(-1.0, 1.0, 20), 10)
+    x_lagged = lagged(held)
+    bent = x_lagged + 0.1 * x_lagged**2 + draw.normal(0.0, 1e-3, held.size)
     with path.open("w", newline="", encoding="utf-8", errors="surrogatepass") as file:
         rows = csv.writer(file)
         rows.writerow(["time [s]", f"{u} [1]", f"{x} [1]"])
-        rows.writerows(zip(STEP * np.arange(held.size), held, lagged(held), strict=True))
+        rows.writerows(zip(STEP * np.arange(held.size), held, bent, strict=True))
 
 
 class _Page(HTMLParser):

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, is_dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+from fmus.kit import quoting
 from fmus.kit.component import Component
 from fmus.kit.effects import made_by, made_with, stacked_with, unstack
 from fmus.kit.errors import UserError
@@ -270,7 +271,7 @@ class Bundle:
         """Return a dotted name below the root of the package for a module that is to be added."""
         if "." in module:
             return name_in_package(module)
-        stem = re.sub(r"\W", "_", source.stem)
+        stem = quoting.identifier(source.stem, "model")
         taken = set(self.places.values())
         name = f"{_FILES}.{stem}"
         number = 1

@@ -171,8 +171,12 @@ class Archive:
                 )
             raise UserError(f"{where} has neither an element CoSimulation nor ModelExchange")
         for interface in self.interfaces():
-            if not interface.get("modelIdentifier"):
+            identifier = interface.get("modelIdentifier")
+            if not identifier:
                 raise UserError(f"{where}: {interface.tag} has no attribute modelIdentifier")
+            # a library is loaded by this name; other tools have dashes and points in it
+            if set(identifier) & set("/\\:") or not identifier.isprintable():
+                raise UserError(f"{where}: modelIdentifier {identifier!r} is no name of a library")
         for fault in experiment_faults(self.description):
             raise UserError(f"{where}: {fault}")
         variables = self.description.find(_VARIABLES)

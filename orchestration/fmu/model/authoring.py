@@ -8,6 +8,7 @@ import traceback
 from collections.abc import Iterator
 from pathlib import Path
 
+from fmus.kit import quoting
 from fmus.kit.declare import Declaration
 from fmus.kit.errors import DeclarationError, UserError, suggestion
 
@@ -149,9 +150,11 @@ def describe(path: Path, text: bytes, error: BaseException) -> str:
     """
     line = _line_number(path, text, error)
     place = f"{path}, line {line}" if line else str(path)
-    module = rf"\b{re.escape(path.stem)}_[0-9a-f]{{12}}\."  # as `loading` names it
+    module = (
+        rf"\b{quoting.identifier(path.stem, 'model')}_[0-9a-f]{{12}}\."  # as `loading` names it
+    )
     description = re.sub(module, "", _description(error))
-    return f"{place}: {' '.join(description.split())}"
+    return f"{place}: {quoting.line(description)}"
 
 
 def line_of(text: bytes, owner: str, variable: str = "") -> int | None:

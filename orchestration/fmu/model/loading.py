@@ -11,6 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from fmus.kit import quoting
 from fmus.kit.errors import UserError, suggestion
 from orchestration.fmu.model.authoring import check_names, describe, line_of, remarks
 
@@ -146,7 +147,8 @@ def _load(path: Path) -> ModuleType:
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from error
     check_names(path, text)
-    name = f"{path.stem}_{sha256(str(path.resolve()).encode() + text).hexdigest()[:12]}"
+    digest = sha256(str(path.resolve()).encode(errors="surrogateescape") + text).hexdigest()
+    name = f"{quoting.identifier(path.stem, 'model')}_{digest[:12]}"
     if name in sys.modules:
         return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, path)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import shutil
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -49,8 +48,6 @@ def wrap(folder: Path, root: Element, label: str) -> None:
         identifier = node.get("modelIdentifier")
         if identifier is None:
             continue
-        if not re.fullmatch(r"\w+", identifier, re.ASCII):
-            raise UserError(f"{label}: modelIdentifier {identifier!r} is no identifier of C")
         name = identifier + fmpy.sharedLibraryExtension
         library = folder / "binaries" / fmpy.platform_tuple / name
         if not library.is_file():

@@ -3,6 +3,7 @@
 The oracles are the readers of these languages: `html.parser`, ``sh``, `tomllib`.
 """
 
+import keyword
 import subprocess
 import tomllib
 import unicodedata
@@ -56,6 +57,21 @@ def test_what_is_shown_is_printable_and_the_same_if_it_was(text):
 def test_an_escape_says_which_character_it_is():
     assert quoting.visible("a\x1b[2J\u202eb\udc80", keep="\n") == r"a\x1b[2J\u202eb\udc80"
     assert quoting.line("two\n lines\x00") == r"two lines\x00"
+
+
+@given(st.text(max_size=30))
+def test_an_identifier_is_one_in_python_and_in_c(text):
+    name = quoting.identifier(text, "model")
+    assert name.isascii()
+    assert name.isidentifier()
+    assert not name.startswith("_")
+    assert not any(map(keyword.iskeyword, (name, name.capitalize())))
+
+
+def test_an_identifier_resembles_its_text():
+    names = ["two layers", "2-layer", "class", "none", "ä", ""]
+    found = [quoting.identifier(name, "model") for name in names]
+    assert found == ["two_layers", "model_2_layer", "model_class", "model_none", "model", "model"]
 
 
 @given(texts)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import keyword
-import re
 from collections.abc import Mapping
 
 import numpy as np
 
-from fmus.kit import Component
+from fmus.kit import Component, quoting
 from fmus.kit.arrays import Array
 from orchestration.identify.black_box.models import IdentifiedModel
 
@@ -45,13 +42,13 @@ def source(model: IdentifiedModel, name: str, units: Mapping[str, str], doc: str
     unit = {new: units[old] for new, old in zip((*inputs, output), signals, strict=True)}
     factors = [f"self.{x}" for x in states] + [f"(self.{u} - self.{u}_mean)" for u in inputs]
     lines = [
-        f'""{_quoted(doc)}""',
+        ascii(doc),
         "",
         "from fmus.kit import Component, Discrete, Input, Output, Parameter",
         "",
         "",
         f"class {class_name(name)}(Component):",
-        f'    ""{_quoted(doc)}""',
+        f"    {doc!a}",
         "",
         f'    name = "{component_name(name)}"',
         f"    experiment = ({100.0 * model.step!r}, {model.step!r})",
@@ -59,7 +56,7 @@ def source(model: IdentifiedModel, name: str, units: Mapping[str, str], doc: str
         "",
         *_declarations(model, inputs, output, states, unit),
         "",
-        f"    @Output({_quoted(unit[output])})",
+        f"    @Output({unit[output]!a})",
         f"    def {output}(self):",
         '        """Output of the identified model."""',
         *_return_statement([f"self.{output}_mean"], factors, output_amounts),
@@ -97,12 +94,10 @@ def _declarations(
     """Return the lines that declare inputs, the operating point and states."""
     lines = []
     for u, level in zip(inputs, model.input_offsets.tolist(), strict=True):
-        lines.append(f'    {u} = Input({_quoted(unit[u])}, start={level!r}, doc="input")')
-        lines.append(
-            f'    {u}_mean = Parameter({level!r}, {_quoted(unit[u])}, doc="operating point")'
-        )
+        lines.append(f'    {u} = Input({unit[u]!a}, start={level!r}, doc="input")')
+        lines.append(f'    {u}_mean = Parameter({level!r}, {unit[u]!a}, doc="operating point")')
     lines.append(
-        f"    {output}_mean = Parameter({model.output_offset!r}, {_quoted(unit[output])},"
+        f"    {output}_mean = Parameter({model.output_offset!r}, {unit[output]!a},"
         ' doc="operating point")'
     )
     for x in states:
@@ -113,17 +108,11 @@ def _declarations(
     return lines
 
 
-def _quoted(text: str) -> str:
-    """Write a text of a record as a literal of Python: no file may put code into the source."""
-    return json.dumps(text, ensure_ascii=False)
-
-
 def identifiers(names: tuple[str, ...]) -> list[str]:
     """Turn names of columns into names that Python allows, all different."""
     made: list[str] = []
     for name in names:
-        plain = re.sub(r"\W", "_", name, flags=re.ASCII).strip("_") or "signal"
-        plain = f"signal_{plain}" if plain[0].isdigit() or keyword.iskeyword(plain) else plain
+        plain = quoting.identifier(name, "signal")
         while plain in made or hasattr(Component, plain) or plain in _TAKEN:
             plain += "_"
         made.append(plain)
@@ -135,9 +124,7 @@ def component_name(name: str) -> str:
 
     Its class has a name that Python allows, too.
     """
-    plain = re.sub(r"\W", "_", name, flags=re.ASCII).strip("_")
-    named = plain[:1].isalpha() and not any(map(keyword.iskeyword, (plain, plain.capitalize())))
-    return plain if named else f"model_{plain}".strip("_")
+    return quoting.identifier(name, "model")
 
 
 def class_name(name: str) -> str:

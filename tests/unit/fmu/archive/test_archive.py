@@ -53,6 +53,10 @@ from tests.support.fmi3_fmus import foreign
             r"Description\.xml: \w+ has no attribute modelIdentifier$",
         ),
         (
+            lambda n, c: (n, c.replace(b'modelIdentifier="', b'modelIdentifier="../../')),
+            r"Description\.xml: modelIdentifier '\.\./\.\./ppy_actuator' is no name of a library$",
+        ),
+        (
             lambda n, c: (n, c.replace(b'stopTime="', b'stopTime="soon ')),
             r"Description\.xml: DefaultExperiment: stopTime 'soon [\d.]+' is not a finite number",
         ),

@@ -360,7 +360,7 @@ def test_model_exchange_gives_rates_at_states():
         ),
         (
             lambda n, c: (n, c.replace(b'modelIdentifier="lag"', b'modelIdentifier="../lag"')),
-            r"modelIdentifier '\.\./lag' is no identifier of C",
+            r"modelIdentifier '\.\./lag' is no name of a library",
         ),
     ],
 )
