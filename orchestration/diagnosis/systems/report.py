@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 from rich.console import Group
@@ -145,7 +146,7 @@ def view_of(diagnosis: SystemDiagnosis, command: str = "") -> SystemView:
     rows = tuple(_member_rows(diagnosis))
     first = next(iter(diagnosis.wrong), None)
     reasons = {name: why for name, *_, why in rows}
-    again = ["ppy", "diagnose", source, flag("system"), diagnosis.system]
+    again: list[str | Path] = ["ppy", "diagnose", source, flag("system"), diagnosis.system]
     return SystemView(
         system=diagnosis.system,
         verdict=str(diagnosis.verdict),

@@ -42,20 +42,6 @@ def test_it_runs_as_it_is_written(tmp_path):
     assert {"effects", "parameters"} <= {*tomllib.loads(path.read_text(encoding="utf-8"))}
 
 
-def test_names_of_others_are_keys_and_texts_of_its_file():
-    name = 'a"]\n[inputs.b] #.\\'
-    stimulus = menu.Stimulus("constant", {"value": 0.5})
-    rehearsal = Rehearsal({name: name}, [name], {name: 0.5}, [name])
-    expected = [ExpectedEvidence(name, name, 30.0)]
-    made = DiscriminatingExperiment(
-        {name: stimulus}, 1.0, 0.1, expected, rehearsal, {name: (0.0, 1.0)}, {name: 0.9}
-    )
-    found = tomllib.loads(made.toml(name, name, title=name))
-    assert (found["title"], found["component"], found["effects"]) == (name, name, [name])
-    assert found["parameters"] == {name: 0.5}
-    assert found["inputs"] == {name: {"kind": "constant", "value": f"0.5 {name}"}}
-
-
 def test_it_says_what_is_expected_and_which_pair_stays():
     assert EXPERIMENT.sentence == (
         "With the experiment the true one of these is expected to have a probability of > 99 % if"
@@ -74,7 +60,7 @@ def test_it_says_what_is_expected_and_which_pair_stays():
 
 def test_names_of_somebody_elses_fmu_are_read_as_they_are():
     """A dot begins a table in TOML, and a quote or the end of a line ends a text."""
-    name, value = 'body.mass[1] "é"\n\\', 2.5e-7
+    name, value = 'body.mass[1] "é"\n\\\x7f\x1b', 2.5e-7
     rehearsal = Rehearsal({name: "A"}, [name], {name: value}, [name])
     stimuli = {name: menu.Stimulus("multilevel", LEVELS)}
     limits = {name: (-1.0, 0.5)}
