@@ -23,6 +23,7 @@ from fmus.kit.registry import Excitation
 from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.conclude import Conclusion
+from orchestration.diagnosis.features import confidence, margin
 from orchestration.diagnosis.fitting import Fit, Problem, independent_weights, mean_squares
 from orchestration.diagnosis.options import Deadline
 from orchestration.diagnosis.prediction import Forecast
@@ -155,8 +156,11 @@ class _Contest:
         weights = (_weights(best) / problem.spread**2)[measured]
         # of as many independent samples as the kernel counts in so long a record
         samples = duration / _sampling(problem)
+        errors = mean_squares(np.concatenate(best.fit.errors))
+        self._samples = float(samples * (_weights(best) * errors)[measured].sum())
         self._widths = np.sqrt(weights * samples / len(self._time))
-        self._forecasts = [_forecast(cause.judged.fit, self._record) for cause in causes]
+        fits = [*(cause.judged.fit for cause in causes), found.base.fit]
+        self._forecasts = [_forecast(one, self._record) for one in fits]
         self._tried: dict[str, Array | None] = {}
         self._deadline = Deadline(_SECONDS)
 
@@ -183,12 +187,13 @@ class _Contest:
 
     def concluded(self, chosen: Experiment, limits: dict[str, tuple[float, float]]) -> Design:
         """Return an experiment with what is expected of it, unless it tells nothing apart."""
-        evidence = self._known(chosen)
+        known = self._known(chosen)
         names = [cause.name for cause in self._causes]
-        if evidence is None:
+        if known is None:
             return Design(
                 reason="no experiment is designed: a cause runs away under every stimulus tried"
             )
+        evidence, gained = known[:-1, :-1], known[:-1, -1]
         if 2.0 * evidence.max() < ENOUGH:
             return Design(
                 reason=f"no experiment within the ranges of the inputs tells {', '.join(names)}"
@@ -199,7 +204,6 @@ class _Contest:
             ExpectedEvidence(names[i], names[j], 2.0 * float(evidence[i, j]))
             for i, j in permutations(range(len(names)), 2)
         ]
-        reached = 1.0 / (1.0 + self._rivals(evidence))
         leads = [cause.parts[0] for cause in self._causes]
         told = [sentence(self._model.cls, lead) for lead in leads if isinstance(lead, Term)]
         return Design(
@@ -210,13 +214,13 @@ class _Contest:
                 expected,
                 self._rehearsal,
                 limits,
-                dict(zip(names, reached.tolist(), strict=True)),
+                dict(zip(names, self._reached(evidence, gained), strict=True)),
                 dict(zip(names, told, strict=True)),
             )
         )
 
     def _known(self, chosen: Experiment) -> Array | None:
-        """Return the expected evidence (m, m) between any two causes, nats.
+        """Return the expected evidence (m + 1, m + 1) between any two causes and no term, nats.
 
         None if no more are to be tried, or one runs away.
         """
@@ -234,10 +238,39 @@ class _Contest:
 
     def _loss(self, chosen: Experiment) -> float:
         """Return the expected loss of a logarithmic score, nats."""
-        evidence = self._known(chosen)
-        if evidence is None:
+        known = self._known(chosen)
+        if known is None:
             return np.inf
-        return max(float(self._shares @ np.log1p(self._rivals(evidence))), _CERTAIN)
+        rivals = self._rivals(known[:-1, :-1])
+        return max(float(self._shares @ np.log1p(rivals)), _CERTAIN)
+
+    def _reached(self, evidence: Array, gained: Array) -> list[float]:
+        """Return the probability that each cause is expected to have, with both records diagnosed.
+
+        By its features as `conclude` has them: a lead that is a small share of what it gains, and
+        many words, say that further causes may do as well.
+        """
+        reached = []
+        shares = 1.0 / (1.0 + self._rivals(evidence))
+        for i, cause in enumerate(self._causes):
+            leads = [
+                cause.score - other.score + self._likelier(evidence[i, j])
+                for j, other in enumerate(self._causes)
+                if j != i
+            ]
+            gain = cause.comparison.gain + self._likelier(gained[i])
+            expected = {
+                "margin": margin(min(leads), gain, self._temper),
+                "share": float(shares[i]),
+                "words": cause.judged.words,
+                "rise": 0.0,
+            }
+            reached.append(confidence(expected))
+        return reached
+
+    def _likelier(self, evidence: float) -> float:
+        """Return evidence as a gain in log likelihood whose noise is what a fit leaves, nats."""
+        return float(0.5 * self._samples * np.log1p(2.0 * evidence / self._samples))
 
     def _evidence(self, chosen: Experiment) -> Array | None:
         record = self._record

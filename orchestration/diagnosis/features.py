@@ -37,15 +37,27 @@ def features_of(found: Found, causes: Sequence[Cause]) -> dict[str, float]:
         chance and another stimulus may give.
     """
     first = causes[0]
-    gain = max(first.comparison.gain, 0.0) + _CHANCE * found.temper
     without = _best_without(found, set().union(*(cause.members for cause in causes)))
     unseen = float(np.sqrt(np.nanmean(first.judged.beyond**2)))
     return {
-        "margin": float(np.clip((first.score - without) / gain, -1.0, 1.0)),
+        "margin": margin(first.score - without, first.comparison.gain, found.temper),
         "share": float(sum(cause.probability for cause in causes)),
         "words": first.judged.words,
         "rise": max(float(np.log(unseen / max(first.judged.fit.misfit, _LEAST))) - _USUAL, 0.0),
     }
+
+
+def margin(lead: float, gain: float, temper: float) -> float:
+    """Return a lead in score as a share of a gain and of what chance may give, between -1 and 1.
+
+    Parameters
+    ----------
+    lead, gain : float
+        Nats.
+    temper : float
+        Scale of scores that a probability is made of, nats.
+    """
+    return float(np.clip(lead / (max(gain, 0.0) + _CHANCE * temper), -1.0, 1.0))
 
 
 def confidence(features: Mapping[str, float]) -> float:

@@ -71,8 +71,7 @@ class DiscriminatingExperiment:
     limits : dict of str to tuple of float
         That were kept, by input, SI.
     probabilities : dict of str to float
-        That each alternative is expected to reach among them if it is true; empty if they are not
-        known.
+        That each alternative is expected to have if it is true; empty if they are not known.
     titles : dict of str to str
         Alternatives for people, by name; without one the name is used.
     """
@@ -194,7 +193,7 @@ class DiscriminatingExperiment:
             for e in self.expected
         ]
         reached = [
-            f"# If {name} is right, its probability among these should be {_percent(share)}."
+            f"# If {name} is right, its probability should be {_percent(share)}."
             for name, share in self.probabilities.items()
         ]
         return [head, *rows, f"# Above {ENOUGH:g} is very strong evidence.", *reached]

@@ -50,7 +50,7 @@ def test_it_says_what_is_expected_and_which_pair_stays():
     alike = replace(EXPERIMENT, probabilities={"one": 0.998, "other": 0.999})
     assert "a probability of > 99 %, whichever it is." in alike.sentence
     text = EXPERIMENT.toml("ppy_actuator", "what for")
-    assert "# If other is right, its probability among these should be 70 %." in text
+    assert "# If other is right, its probability should be 70 %." in text
     assert not EXPERIMENT.is_worthwhile
     assert EXPERIMENT.as_json()["reached"] == {"one": 0.998, "other": 0.7}
     by_bic = replace(EXPERIMENT, probabilities={})
