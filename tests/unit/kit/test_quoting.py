@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from fmus.kit import UserError, quoting
 
-texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=30)
+_MARKS = st.sampled_from("<>&;'\"\\`$#=.-[]{} \n\r\x00\x1b\x7f\u202e")  # rare among all characters
+texts = st.text(_MARKS | st.characters(exclude_categories=["Cs"]), max_size=30)
 
 
 class _Read(HTMLParser):
