@@ -31,6 +31,7 @@ _PHASE = 1.0  # prior deviation of the phase of a clock, in periods: nobody know
 _PHASES = 24  # of a clock, from which a fit may start: within 2 % of a period of the nearest
 _LONGEST = 1.5  # step of a coordinate, in prior deviations of a logarithm
 FLAT = 1e-4  # relative fall of the cost that ends a search, twice in a row
+_SMALL_FALLS = 2  # in a row, that end a search
 _HALVINGS = 8  # of a step that does not go downhill, before a search ends
 _START_STEPS = 12  # of a fit of start states alone
 _STARTS = 3  # that are tried, of those that begin nearest to the record
@@ -45,7 +46,7 @@ _PLACES = 12  # of a parameter, of which the last is its end where runs are stea
 _DIGITS = 9  # of phases that are one
 _BEHIND = 1e-6  # a jump, in periods, at which a phase ends
 _BEYOND = 0.01  # the same, from where it is searched on the other side
-_FORESEEN = 0.5  # of a fall, within which slopes elsewhere foresaw it and are good for a next step
+_FEW_NATS = 10.0  # of a cost, below which a share of it is less than any comparison turns on
 
 
 Place = TypeVar("Place")
@@ -77,7 +78,7 @@ def effective_samples(error: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Evaluated:
-    """The cost at a place, with slopes of it there or of a place near it.
+    """The cost at a place, with slopes.
 
     Attributes
     ----------
@@ -86,18 +87,12 @@ class Evaluated:
     gradient : ndarray, shape (m,)
         Downhill.
     errors : tuple of ndarray, shape (n, ny)
-    rows : tuple of ndarray, shape (., m)
-        Weighed slopes of each record, and their columns.
-    is_near : bool
-        Whether the slopes are of another place.
     """
 
     cost: float
     curvature: Array
     gradient: Array
     errors: tuple[Array, ...]
-    rows: tuple[tuple[Array, Indices], ...] = ()
-    is_near: bool = False
 
     @cached_property
     def foreseen(self) -> float:
@@ -110,7 +105,12 @@ class Evaluated:
 
     def may_fall(self, cost: float, flat: float) -> bool:
         """Return whether it is foreseen to fall below a cost by more than a share of it."""
-        return self.foreseen < cost - flat * max(1.0, cost)
+        return self.foreseen < cost - small_fall(cost, flat)
+
+
+def small_fall(cost: float, flat: float) -> float:
+    """Return the fall of a cost, nats, that ends a search: a share of it, or of few nats."""
+    return flat * max(_FEW_NATS, cost)
 
 
 @dataclass(frozen=True, eq=False)
@@ -569,7 +569,7 @@ class _Search:
         problem = self.problem
         nx, m = len(problem.model.states), len(self._widths)
         curvature, gradient, cost = np.zeros((m, m)), np.zeros(m), 0.0
-        errors, known = [], []
+        errors = []
         for r, record in enumerate(problem.records):
             course = problem.run(record, point, self.terms, point.starts[r], True)
             if course is None:
@@ -582,7 +582,6 @@ class _Search:
             with np.errstate(over="ignore", invalid="ignore"):
                 curvature[np.ix_(at, at)] += rows.T @ rows
                 gradient[at] += rows.T @ e
-            known.append((rows, at))
             cost += 0.5 * float(e @ e)
         if not np.isfinite(curvature).all():  # slopes of a run that nearly leaves its range
             return None
@@ -590,18 +589,7 @@ class _Search:
         cost += 0.5 * float(far @ far)
         curvature[np.diag_indices(m)] += 1.0 / widths**2
         gradient -= far / widths
-        return Evaluated(cost, curvature, gradient, tuple(errors), tuple(known))
-
-    def evaluate_near(self, point: Point, known: Evaluated) -> Evaluated | None:
-        """Return the same with slopes that are known of a point near it, in a tenth of the time."""
-        errors = self.problem.errors(point, self.terms)
-        if errors is None:
-            return None
-        gradient = -self._far(point) / self._widths
-        for r, (rows, at) in enumerate(known.rows):
-            gradient[at] += rows.T @ self._left(errors[r], r)
-        cost = self._cost(point, errors)
-        return Evaluated(cost, known.curvature, gradient, errors, known.rows, is_near=True)
+        return Evaluated(cost, curvature, gradient, tuple(errors))
 
     @property
     def _widths(self) -> Array:
@@ -647,16 +635,17 @@ class _Search:
         values = np.clip(point.values + step[p : self.size], *self._ranges)
         return Point(q, values, starts)
 
-    def begin(self, point: Point) -> tuple[Point, Evaluated] | None:
-        """Return a point with what is known there; None where a run fails."""
-        here = self.evaluate(point)
-        return None if here is None else (point, here)
+    def begin(self, points: Iterable[Point]) -> list[tuple[Point, Evaluated]]:
+        """Return points with what is known there, the lowest first; none where a run fails."""
+        begun = [(point, self.evaluate(point)) for point in points]
+        known = [(point, here) for point, here in begun if here is not None]
+        return sorted(known, key=lambda start: start[1].cost)
 
     def descend(
-        self, begun: tuple[Point, Evaluated], most: int, flat: float
+        self, begun: tuple[Point, Evaluated], most: int, flat: float, *, is_trial: bool = False
     ) -> tuple[Point, Evaluated]:
         """Search downhill from a point, for so many steps at most."""
-        return _downhill(self.evaluate, self.moved, begun, most, flat, self.evaluate_near)
+        return _downhill(self.evaluate, self.moved, begun, most, flat, is_trial=is_trial)
 
 
 def _downhill(
@@ -665,14 +654,13 @@ def _downhill(
     begun: tuple[Place, Evaluated],
     most: int,
     flat: float,
-    evaluate_near: Callable[[Place, Evaluated], Evaluated | None] | None = None,
+    *,
+    is_trial: bool = False,
 ) -> tuple[Place, Evaluated]:
     """Search downhill from a place by damped Gauss-Newton steps.
 
-    Slopes take most of the time. As long as they foresee the falls they are used on, by the chord
-    method (Kelley: Iterative Methods for Linear and Nonlinear Equations, section 5.4.2); an end is
-    flat by those of its own place. A step that is foreseen to gain nothing, by half the squared
-    Newton decrement (Boyd, Vandenberghe: Convex Optimization, section 9.5.1), is the last.
+    A step that is foreseen to gain nothing, by half the squared Newton decrement (Boyd,
+    Vandenberghe: Convex Optimization, section 9.5.1), is the last.
 
     Parameters
     ----------
@@ -685,46 +673,36 @@ def _downhill(
     most : int
         Steps at most.
     flat : float
-        Relative fall of the cost that ends the search, twice in a row.
-    evaluate_near : callable, optional
-        Returns what is known of a place by the slopes of another.
+        See `small_fall`; two in a row end the search.
+    is_trial : bool
+        Whether to leave out the last step, for another search goes on.
     """
     place, here = begun
     damping, small = 1e-2, 0
     for _ in range(most):
         is_end = not here.may_fall(here.cost, flat)
-        if is_end and here.is_near:
-            here = evaluate(place) or replace(here, is_near=False)
-            continue
-        lower, foreseen, overshot = None, 0.0, False
+        if is_end and is_trial:
+            break
+        lower, overshot = None, False
         for _ in range(1 if is_end else _HALVINGS):
             damped = here.curvature + np.diag(damping * np.diag(here.curvature))
             try:
-                step = np.asarray(np.linalg.solve(damped, here.gradient))
+                trial = moved(place, np.asarray(np.linalg.solve(damped, here.gradient)))
             except np.linalg.LinAlgError:
                 damping *= 10.0
                 continue
-            trial = moved(place, step)
-            there = evaluate_near(trial, here) if evaluate_near else evaluate(trial)
+            there = evaluate(trial)
             if there is not None and there.cost < here.cost:
                 lower = there
-                foreseen = float(step @ here.gradient - 0.5 * step @ here.curvature @ step)
                 break
-            if here.is_near:
-                here = evaluate(place) or replace(here, is_near=False)
-                continue
             damping, overshot = max(damping, 1e-6) * 6.0, True
         if lower is None:
             break
-        fall = here.cost - lower.cost
-        is_small = fall < flat * max(1.0, lower.cost)
-        is_curved = overshot or abs(fall - foreseen) > _FORESEEN * foreseen
-        if lower.is_near and (is_small or is_curved):
-            lower = evaluate(trial) or lower
+        is_small = here.cost - lower.cost < small_fall(lower.cost, flat)
+        small = small + 1 if is_small else 0
         place, here = trial, lower
         damping = damping if overshot else max(damping / 6.0, 1e-9)
-        small = small + 1 if is_small else 0
-        if is_end or small >= 2:
+        if is_end or small >= _SMALL_FALLS:
             break
     return place, here
 
@@ -753,7 +731,7 @@ def fit(
     most : int
         Steps from each point.
     flat : float
-        Relative fall of the cost that ends it, twice in a row.
+        See `small_fall`; two in a row end it.
 
     Returns
     -------
@@ -769,19 +747,16 @@ def fit(
     if len(problem.phases):
         nominal = sorted(nominal, key=search.cost)[:_STARTS]
     nearest = [p for p in nearest if p not in nominal]
-    steps = [_TRIAL] * len(nearest) + [_FARTHER * _TRIAL] * len(nominal)
+    begun = [(start, _TRIAL) for start in search.begin(nearest)]
+    begun += [(start, _FARTHER * _TRIAL) for start in search.begin(nominal)]
     best = None
-    for point, count in zip([*nearest, *nominal], steps, strict=True):
-        begun = search.begin(point)
-        if begun is None or not (best is None or begun[1].may_fall(best[1].cost, flat)):
-            continue
-        there = search.descend(begun, count, flat)
-        best = there if best is None or there[1].cost < best[1].cost else best
+    for start, count in begun:
+        if best is None or start[1].may_fall(best[1].cost, flat):
+            there = search.descend(start, count, flat, is_trial=True)
+            best = there if best is None or there[1].cost < best[1].cost else best
     if best is None:
         return None
     point, here = search.descend(best, most, flat)
-    if here.is_near:
-        here = search.evaluate(point) or here
     return Fit(problem, search.terms, point, here.errors, here.cost, here.curvature)
 
 
