@@ -57,7 +57,8 @@ _OF_SLOPES = (ReadingKind.RATE, ReadingKind.INTEGRAL)
 _OF_RUNS = (*_OF_SLOPES, ReadingKind.PACE)
 _FOLLOWS = 0.5  # of the spread, up to which a model follows a record
 _AHEAD = 3.0  # of an output, from which on a reading is fitted whatever others leave
-_HOPELESS = 1.0  # misfit above that of the file as it was read, of a reading of as many steps
+_RIDGE = 1e-12  # of columns of length 1, in which the prior's may be lost beside large slopes
+_AS_READ = Reading(ReadingKind.SIGN, ())  # of no column
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,11 +138,13 @@ class _Screen:
         pairs = zip(problem.records, known.records, strict=True)
         if any((one.measured != other.measured).any() for one, other in pairs):
             return  # nothing is left of an output that is so late
-        is_same = not reading.moves_inputs(problem.model) and all(
-            np.array_equal(one.mean, other.mean)
-            for one, other in zip(problem.starts, known.starts, strict=True)
+        starts = zip(problem.starts, known.starts, strict=True)
+        # outputs that come later start a little elsewhere, which is a part of the step
+        is_same = not reading.moves_inputs(problem.model) and (
+            reading.is_fitted or all(np.array_equal(a.mean, b.mean) for a, b in starts)
         )
-        for point, as_read in zip(self._points(problem), self._runs, strict=True):
+        points = self._points(known if is_same else problem)
+        for point, as_read in zip(points, self._runs, strict=True):
             runs = as_read if is_same else _runs(problem, point)
             if is_same and runs is not None:
                 runs = [recorded(c, r) for c, r in zip(runs, problem.records, strict=True)]
@@ -169,29 +172,31 @@ def misreadings(subject: Subject, base: Judged) -> list[Subject]:
         readings = [r for r in readings if r.kind is not ReadingKind.LATE or len(r.columns) > 1]
     if subject.observer is not None:
         readings = [r for r in readings if r.kind not in _OF_RUNS]
-    as_read = _logarithms(screen.subject.problem, subject.base.point)
+    left = _logarithms(screen.subject.problem, subject.base.point)
     # the noise of an integral is small and slow: it is asked for what the model does not follow
-    pairs = zip(model.outputs, as_read, strict=True)
+    pairs = zip(model.outputs, left, strict=True)
     followed = {variable.name for variable, size in pairs if size < 2.0 * np.log(_FOLLOWS)}
     readings = [r for r in readings if r.kind not in _OF_SLOPES or followed.isdisjoint(r.columns)]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        first = [t for t in pool.map(screen.best, readings) if t is not None]
-        refined = pool.map(_refined, list(_best_of_each_kind(first)))
-        hopeful = [t for t in refined if t is not None and _is_hopeful(t, subject, as_read)]
+        as_read, *first = pool.map(screen.best, [_AS_READ, *readings])
+        chosen = _best_of_each_kind([trial for trial in first if trial is not None])
+        plain, *refined = pool.map(_refined, [as_read, *chosen])
+        hopeful = [t for t in refined if t is not None and _is_hopeful(t, plain)]
         read = pool.map(lambda t: _fitted(_read_again(subject, t)), hopeful)
         judged = [(s, s.judge(s.base)) for s in read if s is not None]
     return _gaining([(s, j) for s, j in judged if j is not None], base)
 
 
-def _is_hopeful(trial: _Trial, subject: Subject, as_read: Array) -> bool:
-    """Return whether a reading is fitted on, by the logarithms (ny,) of errors of the file as read.
+def _is_hopeful(trial: _Trial, as_read: _Trial | None) -> bool:
+    """Return whether a reading is fitted on: it gains more than its words cost, or in one output.
 
-    If it is not far behind, or far ahead in one output, which a fit may have given up. By another
-    clock a run may take many more steps; the less it may then be behind.
+    Which a fit may have given up. Beside the file as it was read after as many steps.
     """
-    ahead = as_read - _logarithms(trial.problem, trial.point)
-    behind = _HOPELESS * subject.problem.substeps / max(trial.problem.substeps, 1)
-    return bool(np.nanmean(ahead) > -behind or np.nanmax(ahead) > _AHEAD)
+    if as_read is None:
+        return True
+    ahead = _logarithms(as_read.problem, as_read.point) - _logarithms(trial.problem, trial.point)
+    gain = _implausibility(as_read) - _implausibility(trial)
+    return bool(gain > WEIGHTS.misread or np.nanmax(ahead) > _AHEAD)
 
 
 def _thin(subject: Subject) -> Subject:
@@ -284,9 +289,10 @@ def _stepped(problem: Problem, point: Point, runs: Sequence[Course]) -> tuple[Po
     own = others[known]
     if not np.isfinite(own).all():
         return point, np.inf
-    # slopes may be so large that the squares of the prior's are lost beside theirs
-    rows = np.vstack([own, np.eye(own.shape[1])])
-    least = np.linalg.lstsq(rows, np.append(target[known], np.zeros(own.shape[1])), rcond=None)[0]
+    sizes = np.sqrt(1.0 + np.sum(own**2, axis=0))
+    own = own / sizes
+    products = own.T @ own + np.diag(1.0 / sizes**2 + _RIDGE)
+    least = np.linalg.solve(products, own.T @ target[known]) / sizes
     step = np.clip(least, -_LONGEST, _LONGEST)
     left = (target - others @ step).reshape(-1, len(problem.spread)) / np.sqrt(_WEIGHT)
     p, nx = len(point.q), len(problem.model.states)
@@ -352,8 +358,10 @@ def _implausibility(trial: _Trial) -> float:
     return 0.5 * (samples * trial.misfit + WEIGHTS.nominal * float(distance @ distance))
 
 
-def _refined(trial: _Trial) -> _Trial | None:
+def _refined(trial: _Trial | None) -> _Trial | None:
     """Fit a reading for a few steps, its shift and the parameters by turns."""
+    if trial is None:
+        return None
     weights = [np.full(len(trial.problem.spread), _WEIGHT) for _ in trial.problem.records]
     starts = [trial.point]
     for _ in range(_ROUNDS if trial.reading.is_sized else 1):

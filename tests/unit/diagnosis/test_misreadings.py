@@ -235,20 +235,21 @@ def test_a_unit_that_changes_parameters_alone_is_told_by_these() -> None:
 
 
 @pytest.mark.parametrize(
-    ("steps", "ahead", "is_hopeful"),
+    ("gain", "ahead", "is_hopeful"),
     [
-        (1, [-0.9, -0.9], True),
-        (1, [-1.1, -1.1], False),
-        (60, [-0.9, -0.9], False),
-        (60, [-9.0, 3.1], True),
+        (2.1, [0.1, 0.1], True),
+        (1.9, [0.1, 0.1], False),
+        (-50.0, [-9.0, 3.1], True),
     ],
 )
-def test_a_reading_of_more_steps_has_to_be_nearer(
-    steps: int, ahead: list[float], is_hopeful: bool, monkeypatch: pytest.MonkeyPatch
+def test_a_reading_is_fitted_that_gains_more_than_its_words_cost(
+    gain: float, ahead: list[float], is_hopeful: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Unless it is far ahead in an output."""
-    monkeypatch.setattr(MISREADINGS, "_logarithms", lambda problem, point: -np.array(ahead))
-    trial, subject = (
-        SimpleNamespace(problem=SimpleNamespace(substeps=n), point=None) for n in (steps, 1)
-    )
-    assert MISREADINGS._is_hopeful(trial, subject, np.zeros(2)) == is_hopeful
+    """Which are 2 nats; or one that is far ahead in an output."""
+    trial, as_read = (SimpleNamespace(problem=name, point=None) for name in ("trial", "as read"))
+    logarithms = {"trial": -np.array(ahead), "as read": np.zeros(2)}
+    monkeypatch.setattr(MISREADINGS, "_logarithms", lambda problem, point: logarithms[problem])
+    implausibility = {"trial": -gain, "as read": 0.0}
+    monkeypatch.setattr(MISREADINGS, "_implausibility", lambda t: implausibility[t.problem])
+    assert MISREADINGS._is_hopeful(trial, as_read) == is_hopeful
+    assert MISREADINGS._is_hopeful(trial, None), "where the file as it was read leaves all bounds"
