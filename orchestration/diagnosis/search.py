@@ -33,6 +33,7 @@ from orchestration.diagnosis.fitting import (
     StartPrior,
     fit,
     fit_base,
+    fit_on,
     fit_start,
     located,
     not_fitted,
@@ -611,13 +612,11 @@ class _Rounds:
 
     def polish(self) -> None:
         """Fit the best on, in the noise that they leave."""
-        subject = self.found.subject
         for one in self.found.best(_SUBSETS):
             if self._is_over():
                 return
-            weights = weights_of(one.fit.errors)
-            fitted = fit(subject.problem, one.terms, [one.fit.point], weights, _LAST_STEPS)
-            judged = None if fitted is None else subject.judge(fitted)
+            fitted = fit_on(one.fit, weights_of(one.fit.errors), _LAST_STEPS)
+            judged = self.found.subject.judge(fitted)
             if judged is not None:
                 self.found = self.found.with_fits([judged])
 
@@ -635,8 +634,7 @@ def _judged(
     if begun is None:
         return None
     # in the noise of a worse model an end is flat that is not one in its own
-    fitted = fit(subject.problem, terms, [begun.point], weights_of(begun.errors), most, flat)
-    return None if fitted is None else subject.judge(located(fitted))
+    return subject.judge(located(fit_on(begun, weights_of(begun.errors), most, flat)))
 
 
 def _parts_of(fitted: Fit) -> list[tuple[tuple[Term, ...], list[Point]]]:
