@@ -77,27 +77,6 @@ def effective_samples(error: Array) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Normal:
-    """Normal equations of a record along a run, for each of its k measured outputs, in spreads.
-
-    By these a place is known in any weights.
-
-    Attributes
-    ----------
-    products : ndarray, shape (k, m, m)
-        Of slopes by the coordinates that the record has; its start states are the last.
-    moments : ndarray, shape (k, m)
-        Of slopes with errors.
-    squares : ndarray, shape (k,)
-        Of errors.
-    """
-
-    products: Array
-    moments: Array
-    squares: Array
-
-
-@dataclass(frozen=True, eq=False)
 class Evaluated:
     """The cost at a place, with slopes.
 
@@ -108,15 +87,12 @@ class Evaluated:
     gradient : ndarray, shape (m,)
         Downhill.
     errors : tuple of ndarray, shape (n, ny)
-    normal : tuple of Normal
-        Of each record.
     """
 
     cost: float
     curvature: Array
     gradient: Array
     errors: tuple[Array, ...]
-    normal: tuple[Normal, ...] = ()
 
     @cached_property
     def foreseen(self) -> float:
@@ -446,8 +422,6 @@ class Fit:
         With priors.
     curvature : ndarray, shape (m, m)
         Of the cost, by free parameters, values and start states in their searched scales.
-    normal : tuple of Normal
-        Of each record; empty if they are not known.
     """
 
     problem: Problem
@@ -456,7 +430,6 @@ class Fit:
     errors: tuple[Array, ...]
     cost: float
     curvature: Array
-    normal: tuple[Normal, ...] = ()
 
     @property
     def freedom(self) -> int:
@@ -594,36 +567,29 @@ class _Search:
     def evaluate(self, point: Point) -> Evaluated | None:
         """Return cost, curvature, downhill gradient and errors; None where a run fails."""
         problem = self.problem
-        errors, normal = [], []
+        nx, m = len(problem.model.states), len(self._widths)
+        curvature, gradient, cost = np.zeros((m, m)), np.zeros(m), 0.0
+        errors = []
         for r, record in enumerate(problem.records):
             course = problem.run(record, point, self.terms, point.starts[r], True)
             if course is None:
                 return None
             errors.append((record.outputs - course.outputs) / problem.spread)
-            normal.append(self._normal(course, errors[r], problem.slopes(point.q), r))
-        return self.weighed(point, tuple(errors), tuple(normal))
-
-    def weighed(
-        self, point: Point, errors: tuple[Array, ...], normal: tuple[Normal, ...]
-    ) -> Evaluated | None:
-        """Return what is known of a point; None if slopes of a run are beyond numbers there."""
-        problem = self.problem
-        nx, m = len(problem.model.states), len(self._widths)
-        curvature, gradient, cost = np.zeros((m, m)), np.zeros(m), 0.0
-        for r, (record, own) in enumerate(zip(problem.records, normal, strict=True)):
-            starts = np.arange(self.size + r * nx, self.size + (r + 1) * nx)
-            at = np.append(problem.coordinates(self.values, record.group), starts)
-            weights = self.weights[r][record.measured]
-            curvature[np.ix_(at, at)] += np.tensordot(weights, own.products, 1)
-            gradient[at] += weights @ own.moments
-            cost += 0.5 * float(weights @ own.squares)
+            rows = self._weighed(course, errors[r], problem.slopes(point.q), r)
+            e = self._left(errors[r], r)
+            own = np.arange(self.size + r * nx, self.size + (r + 1) * nx)
+            at = np.append(problem.coordinates(self.values, record.group), own)
+            with np.errstate(over="ignore", invalid="ignore"):
+                curvature[np.ix_(at, at)] += rows.T @ rows
+                gradient[at] += rows.T @ e
+            cost += 0.5 * float(e @ e)
         if not np.isfinite(curvature).all():  # slopes of a run that nearly leaves its range
             return None
         far, widths = self._far(point), self._widths
         cost += 0.5 * float(far @ far)
         curvature[np.diag_indices(m)] += 1.0 / widths**2
         gradient -= far / widths
-        return Evaluated(cost, curvature, gradient, errors, normal)
+        return Evaluated(cost, curvature, gradient, tuple(errors))
 
     @property
     def _widths(self) -> Array:
@@ -631,23 +597,23 @@ class _Search:
         starts = len(self.problem.model.states) * len(self.problem.records)
         return np.append(self.deviation, np.ones(starts))
 
-    def _normal(self, course: Course, error: Array, slopes: Array, r: int) -> Normal:
-        """Return the normal equations of a record; gaps count nothing."""
+    def _weighed(self, course: Course, error: Array, slopes: Array, r: int) -> Array:
+        """Return weighed derivatives by a record's coordinates, without gaps."""
         problem = self.problem
         measured = problem.records[r].measured
+        root = np.sqrt(self.weights[r])[measured]
         slopes = slopes[problem.columns(problem.records[r].group)]
         terms = np.ones(course.slopes.shape[2] - len(slopes) - len(problem.model.states))
         factors = np.concatenate([slopes, terms, problem.starts[r].deviation])
-        rows = course.slopes * (factors / problem.spread[measured, np.newaxis])
-        e = error[:, measured]
-        present = np.isfinite(e)
-        if not present.all():
-            rows[~present], e = 0.0, np.where(present, e, 0.0)
-        rows = rows.swapaxes(0, 1)
-        with np.errstate(over="ignore", invalid="ignore"):
-            products = rows.swapaxes(1, 2) @ rows
-            moments = np.einsum("nk,knm->km", e, rows)
-        return Normal(products, moments, np.sum(e**2, axis=0))
+        rows = course.slopes * ((root / problem.spread[measured])[:, np.newaxis] * factors)
+        present = np.isfinite(error[:, measured])
+        return rows.reshape(-1, len(factors)) if present.all() else rows[present]
+
+    def _left(self, error: Array, r: int) -> Array:
+        """Return weighed errors of a record, without gaps."""
+        measured = self.problem.records[r].measured
+        e = (error * np.sqrt(self.weights[r]))[:, measured]
+        return e[np.isfinite(e)]
 
     def _far(self, point: Point) -> Array:
         """Return the distance of a point from the mean of the prior, in its deviations."""
@@ -674,11 +640,6 @@ class _Search:
         begun = [(point, self.evaluate(point)) for point in points]
         known = [(point, here) for point, here in begun if here is not None]
         return sorted(known, key=lambda start: start[1].cost)
-
-    def fit_at(self, point: Point, here: Evaluated) -> Fit:
-        """Return the fit that ended at a point."""
-        known = here.errors, here.cost, here.curvature, here.normal
-        return Fit(self.problem, self.terms, point, *known)
 
     def descend(
         self, begun: tuple[Point, Evaluated], most: int, flat: float, *, is_trial: bool = False
@@ -795,23 +756,16 @@ def fit(
             best = there if best is None or there[1].cost < best[1].cost else best
     if best is None:
         return None
-    return search.fit_at(*search.descend(best, most, flat))
-
-
-def fit_on(fitted: Fit, weights: Sequence[Array], most: int = 25, flat: float = FLAT) -> Fit:
-    """Return a fit that goes on from where another ended, by other weights; see `fit`."""
-    search = _Search(fitted.problem, fitted.terms, weights)
-    begun = search.weighed(fitted.point, fitted.errors, fitted.normal)
-    if begun is None:
-        return fitted
-    return search.fit_at(*search.descend((fitted.point, begun), most, flat))
+    point, here = search.descend(best, most, flat)
+    return Fit(problem, search.terms, point, here.errors, here.cost, here.curvature)
 
 
 def not_fitted(problem: Problem, point: Point, weights: Sequence[Array]) -> Fit | None:
     """Return the model without terms as it is at a point; None if it runs away there."""
-    search = _Search(problem, (), weights)
-    here = search.evaluate(point)
-    return None if here is None else search.fit_at(point, here)
+    here = _Search(problem, (), weights).evaluate(point)
+    if here is None:
+        return None
+    return Fit(problem, (), point, here.errors, here.cost, here.curvature)
 
 
 def nominal_point(problem: Problem, terms: Sequence[Term] = ()) -> Point:
@@ -833,15 +787,14 @@ def fit_base(problem: Problem, q: Array | None = None) -> Fit | None:
     point = nominal_point(problem)
     points = list(_at_phases(problem, point)) if q is None else [replace(point, q=q)]
     weights = [np.ones(len(problem.spread)) * 10.0 for _ in problem.records]
-    found = fit(problem, (), points, weights, _BASE_STEPS)
-    return None if found is None else _in_own_noise(found, _ROUNDS - 1)
-
-
-def _in_own_noise(fitted: Fit, rounds: int) -> Fit:
-    """Return a fit that went on by weights of what it left, so many times."""
-    for _ in range(rounds):
-        fitted = fit_on(fitted, weights_of(fitted.errors), _BASE_STEPS)
-    return fitted
+    best = None
+    for _ in range(_ROUNDS):
+        found = fit(problem, (), points, weights, _BASE_STEPS)
+        if found is None:
+            return best
+        best, points = found, [found.point]
+        weights = weights_of(found.errors)
+    return best
 
 
 def vague(problem: Problem) -> Problem:
@@ -855,7 +808,10 @@ def by_least_squares(fitted: Fit) -> Fit:
     Where the model misses something slow, few samples are independent, and the fit of a search
     stays near nominal. Start states are as near to the declared ones as before.
     """
-    ends = _in_own_noise(replace(fitted, problem=vague(fitted.problem)), _ROUNDS)
+    problem, ends = vague(fitted.problem), fitted
+    for _ in range(_ROUNDS):
+        found = fit(problem, ends.terms, [ends.point], weights_of(ends.errors), _BASE_STEPS)
+        ends = found or ends
     return replace(ends, problem=fitted.problem)
 
 
@@ -987,6 +943,5 @@ class _StartSearch:
 def final_curvature(fitted: Fit) -> Array:
     """Return the curvature of the cost at a fit, by the independent samples of what it leaves."""
     search = _Search(fitted.problem, fitted.terms, independent_weights(fitted.errors))
-    known = fitted.errors, fitted.normal
-    here = search.weighed(fitted.point, *known) if fitted.normal else search.evaluate(fitted.point)
+    here = search.evaluate(fitted.point)
     return fitted.curvature if here is None else here.curvature

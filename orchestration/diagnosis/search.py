@@ -33,7 +33,6 @@ from orchestration.diagnosis.fitting import (
     StartPrior,
     fit,
     fit_base,
-    fit_on,
     fit_start,
     located,
     not_fitted,
@@ -69,8 +68,8 @@ _SHIFT = 2.0  # of a parameter from the screen at most, in searched coordinates
 _FAR = 0.4  # prior deviations from nominal, from which on a search starts at nominal too
 _CHANCE = 2.0  # standard errors of a correlation, up to which noise is white
 _WORTH = -5.0  # nats of evidence by the screen, below which a set is not fitted
-_STEPS, _FEWER_STEPS = 19, 16  # of a fit; of one that starts from a fit of nearly the same terms
-_LAST_STEPS = 29
+_STEPS, _FEWER_STEPS = 15, 12  # of a fit; of one that starts from a fit of nearly the same terms
+_LAST_STEPS = 25
 _NEARLY_FLAT = 1e-3  # fall of the cost that ends a fit before the last ones: a nat of thousands
 _FORMS = 4  # of the best single term, among which a conclusion is drawn
 _SUBSETS, _SHAPES = 6, 2  # of the best fits, that are fitted with fewer terms, or other shapes
@@ -612,11 +611,13 @@ class _Rounds:
 
     def polish(self) -> None:
         """Fit the best on, in the noise that they leave."""
+        subject = self.found.subject
         for one in self.found.best(_SUBSETS):
             if self._is_over():
                 return
-            fitted = fit_on(one.fit, weights_of(one.fit.errors), _LAST_STEPS)
-            judged = self.found.subject.judge(fitted)
+            weights = weights_of(one.fit.errors)
+            fitted = fit(subject.problem, one.terms, [one.fit.point], weights, _LAST_STEPS)
+            judged = None if fitted is None else subject.judge(fitted)
             if judged is not None:
                 self.found = self.found.with_fits([judged])
 
@@ -634,7 +635,8 @@ def _judged(
     if begun is None:
         return None
     # in the noise of a worse model an end is flat that is not one in its own
-    return subject.judge(located(fit_on(begun, weights_of(begun.errors), most, flat)))
+    fitted = fit(subject.problem, terms, [begun.point], weights_of(begun.errors), most, flat)
+    return None if fitted is None else subject.judge(located(fitted))
 
 
 def _parts_of(fitted: Fit) -> list[tuple[tuple[Term, ...], list[Point]]]:

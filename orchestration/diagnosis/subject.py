@@ -239,7 +239,7 @@ def _before_and_after(fitted: Fit) -> list[Fit]:
             for t in fitted.terms
         ]
         point = replace(fitted.point, values=np.concatenate(values))
-        variants.append(replace(fitted, terms=tuple(terms), point=point, normal=()))
+        variants.append(replace(fitted, terms=tuple(terms), point=point))
     return variants
 
 

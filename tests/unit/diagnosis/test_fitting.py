@@ -22,7 +22,6 @@ from orchestration.diagnosis.fitting import (
     effective_samples,
     fit,
     fit_base,
-    fit_on,
     fit_start,
     independent_weights,
     mean_squares,
@@ -87,25 +86,6 @@ def test_a_fit_is_that_of_scipy(gaps: int) -> None:
     # in logarithms of parameters and deviations of the starts, as the oracle searches
     assert found.curvature == pytest.approx(expected.jac.T @ expected.jac, rel=0.02, abs=0.02)
     assert [int(np.isnan(e).sum()) for e in found.errors] == [gaps, gaps]
-
-
-def test_a_fit_goes_on_in_other_weights_from_what_is_known_of_its_end(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """It ends where SciPy ends by these; what is known of its end in them takes no run."""
-    problem = drawn(0.01, 1.2, gaps=30)
-    start = nominal_point(problem, (OFFSET,))
-    first = fit(problem, (OFFSET,), [start], [np.array([1.0]), np.array([50.0])], 60)
-    assert first is not None
-    weights = [np.array([30.0]), np.array([12.0])]
-    found = fit_on(first, weights, 60, 1e-7)
-    expected = by_scipy(problem, weights, True)
-    assert found.cost == pytest.approx(expected.cost, rel=1e-6)
-    assert found.cost < fit_on(first, weights, 0).cost - 1e-3
-    monkeypatch.setattr(Problem, "run", None)
-    again = fit_on(found, weights, 0)
-    assert again.cost == pytest.approx(expected.cost, rel=1e-6)
-    assert again.curvature == pytest.approx(expected.jac.T @ expected.jac, rel=0.02, abs=0.02)
 
 
 def test_a_strength_stays_in_its_range_where_it_has_slopes() -> None:
