@@ -21,7 +21,7 @@ from orchestration.fmu.check import check_fmu
 from tests.support.source import ROOT
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
-KILLS = 12  # of each of three commands
+KILLS = 8  # of each of three commands
 
 
 def whole_result(folder: Path) -> None:

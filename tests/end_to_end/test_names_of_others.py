@@ -151,7 +151,7 @@ def test_a_name_is_written_and_does_nothing(name, lag, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("commands", "every"),
-    [(_SIMULATING, 1), (_FITTING, 1), (_SWEEPING, 1), (_ANALYSING, 2), (_DIAGNOSING, 4)],
+    [(_SIMULATING, 1), (_FITTING, 2), (_SWEEPING, 2), (_ANALYSING, 5), (_DIAGNOSING, 8)],
     ids=["simulating", "fitting", "sweeping", "analysing", "diagnosing"],
 )
 def test_no_command_makes_code_of_a_name(commands, every, lag, tmp_path):

@@ -63,7 +63,7 @@ ACTS = {
         "did not answer any more",
     ),
     "returns_no_status": (STEP, "return -1", "(status -1)"),
-    "sends_orders_to_the_terminal": (STEP, "return order(c)", "(error): [2J and more"),
+    "sends_orders_to_the_terminal": (STEP, "return order(c)", r"(error): \x1b[2J and more"),
 }
 
 
