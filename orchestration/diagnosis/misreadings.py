@@ -164,19 +164,7 @@ def misreadings(subject: Subject, base: Judged) -> list[Subject]:
         Its fit without terms.
     """
     screen = _Screen(_thin(subject))
-    model = subject.problem.model
-    readings = [*readings_of(model, subject.problem.records), *screen.readings_by_run()]
-    if model.begins_as_declared:  # each size of an input is a run of its own
-        readings = [r for r in readings if not (r.is_sized and r.moves_inputs(model))]
-        # of one output it is the delay of its sensor
-        readings = [r for r in readings if r.kind is not ReadingKind.LATE or len(r.columns) > 1]
-    if subject.observer is not None:
-        readings = [r for r in readings if r.kind not in _OF_RUNS]
-    left = _logarithms(screen.subject.problem, subject.base.point)
-    # the noise of an integral is small and slow: it is asked for what the model does not follow
-    pairs = zip(model.outputs, left, strict=True)
-    followed = {variable.name for variable, size in pairs if size < 2.0 * np.log(_FOLLOWS)}
-    readings = [r for r in readings if r.kind not in _OF_SLOPES or followed.isdisjoint(r.columns)]
+    readings = _candidates(screen, subject)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         as_read, *first = pool.map(screen.best, [_AS_READ, *readings])
         chosen = _best_of_each_kind([trial for trial in first if trial is not None])
@@ -187,10 +175,27 @@ def misreadings(subject: Subject, base: Judged) -> list[Subject]:
     return _gaining([(s, j) for s, j in judged if j is not None], base)
 
 
-def _is_hopeful(trial: _Trial, as_read: _Trial | None) -> bool:
-    """Return whether a reading is fitted on: it gains more than its words cost, or in one output.
+def _candidates(screen: _Screen, subject: Subject) -> list[Reading]:
+    """Return the readings of a file that are tried."""
+    model = subject.problem.model
+    readings = [*readings_of(model, subject.problem.records), *screen.readings_by_run()]
+    if model.begins_as_declared:  # each size of an input is a run of its own
+        readings = [r for r in readings if not (r.is_sized and r.moves_inputs(model))]
+        # of one output it is the delay of its sensor
+        readings = [r for r in readings if r.kind is not ReadingKind.LATE or len(r.columns) > 1]
+    if subject.observer is not None:
+        readings = [r for r in readings if r.kind not in _OF_RUNS]
+    left = _logarithms(screen.subject.problem, subject.base.point)
+    # an integral has small slow noise, and fits by that alone an output that the model follows
+    pairs = zip(model.outputs, left, strict=True)
+    followed = {variable.name for variable, size in pairs if size < 2.0 * np.log(_FOLLOWS)}
+    return [r for r in readings if r.kind not in _OF_SLOPES or followed.isdisjoint(r.columns)]
 
-    Which a fit may have given up. Beside the file as it was read after as many steps.
+
+def _is_hopeful(trial: _Trial, as_read: _Trial | None) -> bool:
+    """Return whether a reading is fitted on, beside the file as it was read after as many steps.
+
+    If it gains more than its words cost, or much in one output, which a fit may have given up.
     """
     if as_read is None:
         return True
