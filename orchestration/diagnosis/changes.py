@@ -36,7 +36,7 @@ from orchestration.reporting import option
 
 @dataclass(frozen=True)
 class Changed:
-    """What changed from the records of a diagnosis to a later one.
+    """Changes from the records of a diagnosis to a later one.
 
     Attributes
     ----------

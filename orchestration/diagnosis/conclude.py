@@ -50,7 +50,7 @@ class Conclusion:
 
     @property
     def is_named(self) -> bool:
-        """Whether the verdict names a cause, or a group of them."""
+        """True if the verdict names a cause, or a group of them."""
         return self.verdict in ("cause", "ambiguous")
 
 

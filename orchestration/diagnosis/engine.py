@@ -121,7 +121,7 @@ class Diagnosis:
 
     @property
     def is_named(self) -> bool:
-        """Whether the verdict names a cause, or a group of them."""
+        """True if the verdict names a cause, or a group of them."""
         return self.conclusion.is_named
 
     @property
@@ -152,7 +152,7 @@ class Diagnosis:
 
     @cached_property
     def remainders(self) -> tuple[Remainder, ...]:
-        """What the final model leaves of each measured output."""
+        """Errors that the final model leaves in each measured output."""
         return remainders(self.final, self.found.subject_of(self.reading).sizes)
 
     @cached_property
@@ -162,7 +162,7 @@ class Diagnosis:
 
     @property
     def begins_elsewhere(self) -> bool:
-        """Whether the records begin at other start states than the model declares."""
+        """True if the records begin at other start states than the model declares."""
         return self.found.subject.problem.begins_anywhere
 
     @cached_property
