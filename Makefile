@@ -7,7 +7,7 @@ RUN := $(BIN)/python -m tests.support.target
 # the tests start Python some thousand times, and each start would compile our modules anew
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: fuzz fuzz-models demo hil-demo test test-slow test-slow-part foreign-study hidden-study public-study misuse-study bench-study laws-study hil-faults hil-faults-all proxy-faults hil-latency soak check benchmark docs docs-version chromium dist clean help
+.PHONY: fuzz fuzz-models demo hil-demo test test-slow test-slow-part foreign-study hidden-study public-study misuse-study bench-study laws-study extended-study hil-faults hil-faults-all proxy-faults hil-latency soak check benchmark docs docs-version chromium dist clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
@@ -22,6 +22,7 @@ help:
 	@echo "make misuse-study what is said of records with wrong units, columns, signs, clocks or cuts; SEED=N likewise"
 	@echo "make bench-study what is said of benches with an actuator, clean and with dry friction; SEED=N likewise"
 	@echo "make laws-study whether the law is found that lacks what no catalogue has; SEED=N likewise"
+	@echo "make extended-study models extended by what their diagnosis names, asked again as FMUs; SEED=N likewise"
 	@echo "make foreign-study what is told of FMUs without equations; SEED=N likewise"
 	@echo "make fuzz-models models and records drawn at random, diagnosed; SEED=N and CASES=N likewise"
 	@echo "make hil-demo   a rig measured, diagnosed, and the extended model run beside it; a page in hil-output/"
@@ -74,6 +75,9 @@ bench-study: $(VENV)/installed-dev
 
 laws-study: $(VENV)/installed-dev
 	$(RUN) studies.judging.laws --records 22 --clean 8 --seed $(or $(SEED),60260713) --without VoiceCoil --out docs/hidden-laws.md
+
+extended-study: $(VENV)/installed-dev
+	$(RUN) studies.judging.extended --records 30 --seed $(or $(SEED),20271)
 
 foreign-study: $(VENV)/installed-dev
 	$(RUN) studies.judging.foreign --records 16 --clean 12 --seed $(or $(SEED),20261165) --out docs/foreign-fmus.md
