@@ -58,7 +58,7 @@ _OF_RUNS = (*_OF_SLOPES, ReadingKind.PACE)
 _FOLLOWS = 0.5  # of the spread, up to which a model follows a record
 _AHEAD = 3.0  # of an output, from which on a reading is fitted whatever others leave
 _RIDGE = 1e-12  # of columns of length 1, in which the prior's may be lost beside large slopes
-_AS_READ = Reading(ReadingKind.SIGN, ())  # of no column
+_AS_READ = Reading(ReadingKind.SIGN, ())  # of no column: the file as it was read
 
 
 @dataclass(frozen=True, eq=False)
