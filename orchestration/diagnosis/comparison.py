@@ -74,6 +74,9 @@ class Weights:
     no_better : float
         Error on what is left out, over the RMS of the outputs there about their means, from which
         on nothing is predicted.
+    larger_part : float
+        Share of the error of the model, of which a large slow one that a cause leaves is the larger
+        part of what is missing.
     sure, group : float
         Probability from which a cause is named, and which a group reaches.
     most : int
@@ -117,6 +120,7 @@ class Weights:
     )
     fed: float = 2.0
     no_better: float = 0.7
+    larger_part: float = 0.5
     sure: float = 0.9
     group: float = 0.9
     most: int = 3
@@ -224,6 +228,15 @@ class Judged:
         """Root mean square of the errors by which nothing is chosen, in spreads."""
         errors = self.measuring if np.isfinite(self.measuring).any() else self.choosing
         return float(np.sqrt(np.nanmean(errors**2)))
+
+    @property
+    def filed(self) -> list[Array]:
+        """Errors (n, ny) of each fitted record, in spreads, in the rows of its file."""
+        if self.reading is None:
+            return list(self.fit.errors)
+        problem = self.fit.problem
+        pairs = zip(self.fit.errors, problem.records, strict=True)
+        return [self.reading.as_filed(problem.model, e, r.time) for e, r in pairs]
 
     @cached_property
     def effective(self) -> list[Array]:
@@ -432,8 +445,8 @@ def rises(one: Judged, base: Judged) -> bool:
 
 
 def are_same(one: Judged, other: Judged) -> bool:
-    """Return whether two fits leave the same errors, but for their sign."""
-    ours, theirs = (np.abs(np.concatenate(judged.fit.errors)) for judged in (one, other))
+    """Return whether two fits leave the same errors in the same rows, but for their sign."""
+    ours, theirs = (np.abs(np.concatenate(judged.filed)) for judged in (one, other))
     known = np.isfinite(ours) & np.isfinite(theirs)
     difference = np.linalg.norm((ours - theirs)[known])
     return bool(difference < WEIGHTS.same * np.linalg.norm(theirs[known]))

@@ -215,6 +215,17 @@ class Reading:
             return meant
         return self.factor * values + self.shift
 
+    def as_filed(self, model: LawModel, errors: Array, time: Array) -> Array:
+        """Return errors of the outputs (n, ny) with those of a column that is late in its rows."""
+        if self.kind is not ReadingKind.LATE:
+            return errors
+        is_late = [v.name in self.columns for v in model.outputs]
+        columns = [
+            _earlier(column, time, -self.shift, is_input=False) if late else column
+            for column, late in zip(errors.T, is_late, strict=True)
+        ]
+        return np.column_stack(columns)
+
     @property
     def sentence(self) -> str:
         """The fault of the file, without its name."""

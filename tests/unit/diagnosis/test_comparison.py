@@ -289,6 +289,20 @@ def test_two_models_say_the_same_whose_errors_differ_by_a_twentieth_at_most(
     assert are_same(judged(other, other), judged(errors, errors)) == same
 
 
+def test_two_models_say_the_same_that_leave_the_same_in_each_row_of_the_file() -> None:
+    """One reads a column as late, so that its errors are of other instants."""
+    errors = RNG.standard_normal((400, 1))
+    late = Reading(ReadingKind.LATE, ("y",), shift=3.0)
+    model = SimpleNamespace(outputs=[SimpleNamespace(name="y")])
+    problem = SimpleNamespace(model=model, records=[SimpleNamespace(time=np.arange(400.0))])
+    moved = np.concatenate([errors[3:], np.full((3, 1), np.nan)])
+    fit = SimpleNamespace(errors=(moved,), problem=problem)
+    one = Judged(fit, moved, moved, moved, 0.0, late)
+    other = replace(one, fit=SimpleNamespace(errors=(errors,), problem=problem), reading=None)
+    assert are_same(one, other)
+    assert not are_same(replace(one, reading=None), other)
+
+
 def test_the_figure_is_of_samples_by_which_nothing_is_chosen() -> None:
     one = judged(np.ones((9, 1)), np.ones((9, 1)))
     assert replace(one, measuring=2.0 * np.ones((9, 1))).left_out == 2.0

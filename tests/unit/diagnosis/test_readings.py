@@ -106,6 +106,7 @@ def test_a_late_column_is_moved_back(samples: int, told: str, model: LawModel) -
     late = replace(record, inputs=inputs, outputs=outputs)
     output = Reading(ReadingKind.LATE, ("first",), shift=0.5 * samples)
     read = output.apply(model, late)
+    read_outputs = read.outputs
     inside = slice(0, -3) if samples > 0 else slice(3, None)
     assert read.outputs[inside, 0] == pytest.approx(record.outputs[inside, 0])
     assert np.isnan(read.outputs[:, 0]).sum() == 3
@@ -114,6 +115,10 @@ def test_a_late_column_is_moved_back(samples: int, told: str, model: LawModel) -
     assert read.inputs[inside, 0] == pytest.approx(record.inputs[inside, 0])
     assert np.isfinite(read.inputs).all()
     assert output.sentence == f"first is 1.5 s {told}"
+    errors = output.as_filed(model, read_outputs, late.time)
+    known = np.isfinite(errors)
+    assert np.isnan(errors).sum() == 3
+    assert (errors == late.outputs)[known].all(), "in the rows of the file"
 
 
 def test_a_late_column_is_moved_back_at_any_instants(model: LawModel) -> None:
