@@ -271,6 +271,8 @@ def _is_enough(group: Sequence[Cause]) -> bool:
 def _verdict(group: Sequence[Cause], found: Found) -> str:
     """Return the verdict; never a cause whose error rises where nothing is chosen by it.
 
+    Nor one that leaves the larger part of what is missing, if this is a large slow error still.
+
     That something is missing at all is seen by a large slow error of the model, or by strong
     evidence of a cause, on what is left out too. Without either the model is consistent only if no
     cause gains on what is fitted.
@@ -282,7 +284,8 @@ def _verdict(group: Sequence[Cause], found: Found) -> str:
     if not gains or not _is_enough(group) or rises(group[0].judged, found.base):
         return "unexplained"
     first = group[0].judged
-    if is_lost(first, found.subject_of(first.reading)):
+    leaves_most = drifts(first) and first.left_out > WEIGHTS.larger_part * found.base.left_out
+    if leaves_most or is_lost(first, found.subject_of(first.reading)):
         return "unexplained"
     return "cause" if group[0].probability >= WEIGHTS.sure else "ambiguous"
 

@@ -393,26 +393,31 @@ def test_a_signal_that_a_memory_of_another_keeps_is_one_with_it(
 
 
 @pytest.mark.parametrize(
-    ("error", "moves", "verdict"),
+    ("error", "moves", "before", "verdict"),
     [
-        (0.6 * np.ones((40, 1)), 1.0, "cause"),
-        (0.8 * np.ones((40, 1)), 1.0, "unexplained"),
-        (0.6 * np.ones((40, 1)), 0.8, "unexplained"),
-        (0.8 * RNG.standard_normal((40, 1)), 0.8, "cause"),
+        (0.6 * np.ones((40, 1)), 1.0, 3.0, "cause"),
+        (0.8 * np.ones((40, 1)), 1.0, 3.0, "unexplained"),
+        (0.6 * np.ones((40, 1)), 0.8, 3.0, "unexplained"),
+        (0.8 * RNG.standard_normal((40, 1)), 0.8, 3.0, "cause"),
+        (0.6 * np.ones((40, 1)), 1.0, 1.1, "unexplained"),
+        (0.6 * RNG.standard_normal((40, 1)), 1.0, 1.1, "cause"),
+        (0.1 * np.ones((40, 1)), 1.0, 0.18, "cause"),
     ],
-    ids=("nearer", "no nearer", "of little that moves", "of noise alone"),
+    ids=(
+        *("nearer", "no nearer", "of little that moves", "of noise alone"),
+        *("the larger part is left", "the larger part is noise", "little is left"),
+    ),
 )
-def test_a_cause_that_predicts_no_better_than_a_mean_is_none(
-    error: Array, moves: float, verdict: str
+def test_a_cause_is_none_that_predicts_no_better_than_a_mean_or_leaves_most_of_what_is_missing(
+    error: Array, moves: float, before: float, verdict: str
 ) -> None:
     """A mean leaves by how much an output moves there."""
-    judged = SimpleNamespace(**dict.fromkeys(("choosing", "measuring"), error))
-    judged.reading = None
-    judged.fit = SimpleNamespace(problem=SimpleNamespace(model=MODEL, spread=np.ones(1)))
-    base = SimpleNamespace(measuring=np.full((40, 1), 3.0), reading=None, fit=judged.fit)
+    fit = SimpleNamespace(problem=SimpleNamespace(model=MODEL, spread=np.ones(1)))
+    one = Judged(fit, error, error, error, 0.0)
+    base = replace(one, measuring=np.full((40, 1), before))
     subject = SimpleNamespace(sizes=np.array([moves]))
     comparison = SimpleNamespace(evidence=50.0)
-    cause = SimpleNamespace(score=50.0, comparison=comparison, probability=0.95, judged=judged)
+    cause = SimpleNamespace(score=50.0, comparison=comparison, probability=0.95, judged=one)
     found = SimpleNamespace(base=base, subject_of=lambda reading: subject)
     assert _verdict([cause], found) == verdict
 
