@@ -209,7 +209,7 @@ BOOK: dict[str, list[Family]] = {
             levelling("supply", 9.0, 14.0),
         ),
         ("bridge lag", "input_lag(supply)", lag("supply", 0.08, 0.3)),
-        ("hanging load", "force_offset", shifted("bearing", 0.6)),
+        ("hanging load", "bearing()", shifted("bearing", 0.6)),
         sensor("lag", "tachometer", 0.06, 0.25),
         sensor("offset", "ammeter", 0.6),
         (OUTSIDE, "", outside("bearing", 0.8, 0.4, 0.1)),

@@ -149,7 +149,7 @@ _FAMILIES: dict[str, list[Family]] = {
         ),
         ("backlash", "backlash(voltage)", backlash("voltage", 0.8, 2.5, 0.005)),
         ("input lag", "input_lag(voltage)", lag("voltage", 0.1, 0.4)),
-        ("offset", "force_offset; input_offset(load)", shifted("friction", 0.02)),
+        ("offset", "friction(); input_offset(load)", shifted("friction", 0.02)),
         sensor("lag", "speed", 0.1, 0.4),
         sensor("delay", "speed", 0.1, 0.3),
         sensor("offset", "current", 0.3),
@@ -164,7 +164,7 @@ _FAMILIES: dict[str, list[Family]] = {
         ("stop", "gravity over angle", stop("gravity", 5.0, 15.0, (0.05, 0.15), 0.02)),
         (
             "offset",
-            "force_offset; input_offset(torque); sensor_offset(position)",
+            "gravity(); input_offset(torque); sensor_offset(position)",
             {"tilt": _tilted},
         ),
         (
@@ -205,7 +205,7 @@ _FAMILIES: dict[str, list[Family]] = {
             "conduction remembering inner",
             stores("inner", (0.4, 1.2), (60.0, 250.0), 293.0, _NODES),
         ),
-        ("offset", "force_offset; input_offset(ambient)", {"neighbour": _neighbour}),
+        ("offset", "loss(); input_offset(ambient)", {"neighbour": _neighbour}),
         ("input lag", "input_lag(power)", lag("power", 15.0, 60.0)),
         ("saturation", "input_saturation(power)", levelling("power", 11.0, 16.0)),
         ("sensor lag", f"sensor_lag({_INNER})", _of_output(_INNER, lag(_INNER, 8.0, 25.0))),

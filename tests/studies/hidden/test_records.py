@@ -143,12 +143,13 @@ def test_memories_do_what_they_are_called():
 
 
 def test_right_answers_exist():
-    """An effect by name, or a law over or remembering an input or a state."""
+    """An effect by name, a constant of a law, or a law over or remembering an input or a state."""
     names = {}
     for name, cls in _KNOWN.items():
         effects = effects_of_inputs(cls) | known_effects(cls)
         names[name] = {*effects} | {effect.term.family for effect in effects.values()}
         layout = cls.layout
+        names[name] |= {f"{law.name}()" for law in list_laws(cls)}
         names[name] |= {
             f"{law.name} {word} {v.name}"
             for law in list_laws(cls)
