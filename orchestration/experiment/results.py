@@ -27,7 +27,7 @@ from orchestration.experiment.model import Experiment, parse
 from orchestration.experiment.values import checked
 from orchestration.fmu import Signal
 from orchestration.master import Pacing
-from orchestration.records import write_record
+from orchestration.records import header, write_record
 from orchestration.reporting import ResultDataset
 
 FORMATS = (".nc", ".csv", ".parquet")
@@ -218,6 +218,10 @@ def _write(data: xarray.Dataset, path: Path, called: str) -> None:
     else:
         columns = {str(name): array.values for name, array in data.items()}
         units = {str(name): array.units for name, array in data.items()}
+        try:
+            header(units)
+        except UserError as error:
+            raise UserError(f"{called}: {error}") from error
         write_record(path, data.time.values, columns, units)
 
 

@@ -250,7 +250,6 @@ def test_damaged_metadata_are_refused_in_a_line(folder, change, said):
     [
         ("∆", "new.nc", ["'∆.charge'", "NetCDF"]),
         ("a[b]", "new.csv", ["'a[b].charge'", "brackets", "CSV"]),  # no index of an array
-        pytest.param('say "a"', "new.csv", ["quotes", "CSV"], marks=pytest.mark.slow),
     ],
 )
 def test_names_that_a_format_cannot_hold_are_refused_before_the_run(
