@@ -5,6 +5,7 @@ knots and from samples, where both sides of an instant are there.
 """
 
 import csv
+import re
 import sys
 from dataclasses import dataclass
 from functools import cache
@@ -231,12 +232,18 @@ def compiles_balanced(cls, folder):
     return compiled.structure().is_balanced
 
 
+# those of `foot` and `foot_dynamic` are among those of the other feet
 @pytest.mark.slow
-@pytest.mark.parametrize("name", COMPONENTS)
+@pytest.mark.parametrize("name", sorted(COMPONENTS.keys() - {"foot", "foot_dynamic"}))
 def test_every_effect_compiles(name, tmp_path):
-    """Those without a clock of their own all in one model, the others one by one."""
+    """Those without a clock of their own all in one model, the others one by one.
+
+    A fault of a sensor is the same text for each output: that of one.
+    """
     base = fmus.component(name)
-    effects = known_effects(base)
+    effects = list(
+        {re.sub(r"^(sensor_\w+)\(.*", r"\1", e): e for e in known_effects(base)}.values()
+    )
     sampled = [e for e in effects if clocks(find_class(name, [e])) != clocks(base)]
     continuous = [e for e in effects if e not in sampled]
     for chosen in (continuous, *([e] for e in sampled)):

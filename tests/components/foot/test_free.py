@@ -177,8 +177,7 @@ def test_work_and_loss_add_up_in_any_step():
         assert np.ptp(balance(found)) < 1e-6 * np.ptp(found["joint_loss"])
 
 
-@pytest.mark.timeout(3600)
-@pytest.mark.parametrize("landings", slow_but([40, 10_000], 40))
+@pytest.mark.parametrize("landings", slow_but([40, 2_000], 40))
 def test_random_landings_get_no_energy_from_the_ground(landings):
     """The whole foot, from any posture at any velocity, under any tensions."""
     random = np.random.default_rng(5)
