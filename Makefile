@@ -40,7 +40,7 @@ demo: $(VENV)/installed
 # what is about milliseconds comes afterwards: beside a suite that uses every core its deadlines are missed
 test: $(VENV)/installed-dev check chromium
 	$(BIN)/pytest -n 3 --dist loadfile -m "not slow and not real_time"
-	$(BIN)/pytest -n 2 --dist loadfile -m "not slow and real_time"
+	$(BIN)/pytest -n 2 --dist loadfile -m "not slow and real_time" $$(grep -rl --include='test_*.py' real_time tests)
 
 docs: $(VENV)/installed-dev
 	$(BIN)/python -m sphinx -W --keep-going -q -c docs/site -d build/doctrees . build/site

@@ -12,13 +12,13 @@ import pytest
 
 from tests.support.site import ROOT
 
-nbclient = pytest.importorskip("nbclient", reason="the tools of the documentation are missing")
 GALLERY = ROOT / "docs" / "gallery"
 NOTEBOOKS = sorted(path for path in GALLERY.glob("*.md") if path.stem != "index")
 
 
 def executed(path: Path, folder: Path) -> list[dict]:
     """Outputs of a notebook that runs in a folder of its own."""
+    nbclient = pytest.importorskip("nbclient", reason="no tools of the documentation")
     from myst_nb.core.read import read_myst_markdown_notebook
     from myst_parser.config.main import MdParserConfig
 

@@ -22,8 +22,6 @@ from studies.judging.study import LEAST
 from studies.plants.change import NOTHING, in_a_row, ladder, of_time, play, remembered
 from studies.plants.library import PLANTS, altered
 
-_KNOWN = {name: find_model(PLANTS[name].model).cls for name in NAMES}
-
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_plant_with_nothing_hidden_is_the_clean_one(name):
@@ -145,7 +143,8 @@ def test_memories_do_what_they_are_called():
 def test_right_answers_exist():
     """An effect by name, a constant of a law, or a law over or remembering an input or a state."""
     names = {}
-    for name, cls in _KNOWN.items():
+    for name in NAMES:
+        cls = find_model(PLANTS[name].model).cls
         effects = effects_of_inputs(cls) | known_effects(cls)
         names[name] = {*effects} | {effect.term.family for effect in effects.values()}
         layout = cls.layout
