@@ -207,6 +207,12 @@ def only(declared: type[Declared], values: Mapping[str, object]) -> Declared:
     return cast(Declared, {name: values[name] for name in options_of(declared) if name in values})
 
 
+def stated_of(declared: type, values: Mapping[str, object]) -> list[str]:
+    """Return the names of the options of a class whose values are not the default."""
+    options = options_of(declared)
+    return [name for name, one in options.items() if not one.is_default(values[name])]
+
+
 def words_of(declared: type, values: Mapping[str, object]) -> list[str]:
     """Return the words of the command line for values, in the order of the declaration."""
     return [

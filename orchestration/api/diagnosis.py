@@ -9,13 +9,14 @@ from typing import Any, Unpack, cast, overload
 from fmus.kit import UserError, registry
 from fmus.kit.extras import require
 from orchestration.api.command import equivalent_command
-from orchestration.api.declaration import options_of, takes, words_of
+from orchestration.api.declaration import options_of, stated_of, takes, words_of
 from orchestration.api.forms import optional_seconds
 from orchestration.api.options import (
     DiagnoseKeywords,
     DiagnoseOptions,
     LawsKeywords,
     LawsOptions,
+    MappingOption,
 )
 from orchestration.api.records import Data, Records, held_out, matching_record, one_record
 from orchestration.api.results import DiagnosisResult
@@ -34,7 +35,7 @@ from orchestration.records import refuse_same
 from orchestration.reporting import flag, option
 from orchestration.system import System
 
-_OF_SYSTEMS = ("mapping", "settings", "hold", "time", "progress")
+_OF_SYSTEMS = (*options_of(MappingOption), "settings", "hold", "time", "progress")
 
 
 @overload
@@ -101,12 +102,10 @@ def diagnose(
         return _of_system(record, model, system, options)
     subject = as_declared(model)
     refuse_without_laws(subject, options)
-    measured, unseen = held_out(
-        record, options["holdout"], subject, options["mapping"], options["runs"]
-    )
+    measured, unseen = held_out(record, subject, options)
     chosen = _chosen(subject, options, fit=options["fit"], laws=options["laws"])
     compare = options["compare"]
-    later = None if compare is None else matching_record(compare, subject, options["mapping"])
+    later = None if compare is None else matching_record(compare, subject, options)
     refuse_same([*measured, *unseen], subject.outputs)
     if later is not None:
         refuse_same([*measured, *unseen, later], subject.outputs, option("compare"))
@@ -138,16 +137,15 @@ def _of_system(
     options: DiagnoseKeywords,
 ) -> SystemResult:
     """Diagnose the members of a system on one record."""
-    declared = options_of(DiagnoseKeywords)
     values = cast("Mapping[str, object]", options)
-    given = [name for name, one in declared.items() if not one.is_default(values[name])]
+    given = stated_of(DiagnoseKeywords, values)
     unfit = ["model"] if model is not None else []
     unfit += [name for name in given if name not in _OF_SYSTEMS]
     if unfit:
         raise UserError(
             f"{option(unfit[0])} is about one model; a system tells which of its members to name"
         )
-    source = one_record(record)
+    source = one_record(record, options)
     found = system if isinstance(system, System) else find_system(str(system))
     chosen = SystemOptions(
         options["mapping"] or {},
@@ -239,9 +237,7 @@ def laws(
     require("threadpoolctl")
     subject = as_declared(model)
     refuse_without_laws(subject, options)
-    measured, unseen = held_out(
-        record, options["holdout"], subject, options["mapping"], options["runs"]
-    )
+    measured, unseen = held_out(record, subject, options)
     refuse_same([*measured, *unseen], subject.outputs)
     chosen = _chosen(subject, options)
     diagnosis = diagnose_by_terms(measured, subject, unseen, chosen, options["progress"])

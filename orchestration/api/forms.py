@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
-from math import isfinite
+from math import inf, isfinite
 
 from fmus.kit import UserError
 from orchestration.api.declaration import Form
@@ -108,6 +108,29 @@ def band(given: str, name: str) -> tuple[float, float]:
     return low, high
 
 
+def rows_per_second(given: str | float) -> float:
+    """Return a rate in Hz from a number, or a text with a unit of frequency or of time."""
+    from orchestration.fmu.signal import read_amount
+
+    try:
+        rate = read_amount(str(given), "Hz", f"{given!r}")
+    except UserError:
+        step = read_amount(str(given), "s", f"{given!r}")
+        rate = 1.0 / step if step else 0.0
+    if not 0.0 < rate < inf:
+        raise UserError(f"{given!r}: write a rate above 0, such as 100Hz, or a time such as 10ms")
+    return rate
+
+
+def row_range(given: str, name: str) -> tuple[int, int]:
+    """Return the ends of a range of rows, such as ``100..2000``."""
+    match = re.fullmatch(r"\s*(\d+)\s*(?:\.\.|:)\s*(\d+)\s*", given)
+    ends = (int(match[1]), int(match[2])) if match else (1, 0)
+    if ends[0] > ends[1]:
+        raise UserError(f"{name} {given!r}: write the first and the last row, such as 100..2000")
+    return ends
+
+
 def optional_seconds(given: str | float | None) -> float | None:
     """Return a time in s as `seconds` does, or None for None."""
     return None if given is None else seconds(given)
@@ -172,6 +195,13 @@ SETTINGS = Form(_read_settings, _pairs, list[str] | None)
 TEXTS = Form(typed=list[str] | None, write=list)
 RECORDS = TEXTS._replace(read=_read_records)
 RATIOS = TEXTS._replace(given=lambda value, name: [value] if isinstance(value, str) else [*value])
+SEGMENT = Form(_read_settings, _pairs, list[str] | None)
+ROWS = Form(
+    row_range,
+    lambda ends: [f"{ends[0]}..{ends[1]}"],
+    str | None,
+    given=lambda value, name: row_range(value, name) if isinstance(value, str) else value,
+)
 BAND = Form(
     band,
     lambda ends: [f"{ends[0]:.12g}Hz..{ends[1]:.12g}Hz"],
@@ -179,6 +209,11 @@ BAND = Form(
     given=lambda value, name: band(value, name) if isinstance(value, str) else value,
 )
 TIME = Form(write=lambda value: [_in_seconds(value)], typed=float | None, parse=seconds)
+RATE = Form(
+    write=lambda value: [f"{rows_per_second(value):.12g}Hz"],
+    typed=float | None,
+    parse=rows_per_second,
+)
 TIMES = Form(
     lambda text, flag: [seconds(one) for one in comma_list(text, flag)],
     lambda values: [",".join(_in_seconds(one) for one in values)],

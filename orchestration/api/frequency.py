@@ -12,7 +12,7 @@ from fmus.kit.errors import UserError, suggestion
 from orchestration.api.declaration import takes
 from orchestration.api.forms import optional_seconds
 from orchestration.api.options import FrequencyKeywords
-from orchestration.api.records import Data, matching_record
+from orchestration.api.records import Data, matching_record, source
 from orchestration.api.simulation import as_measured, values_of
 from orchestration.fmu import Model
 from orchestration.fmu.isolation import limits_of
@@ -81,7 +81,7 @@ def _responses_of_columns(record: Data, options: FrequencyKeywords) -> Frequency
     _refuse_without_model(options)
     ratios = options["of"]
     inputs = options["inputs"] or [parts_of_ratio(ratio)[1] for ratio in ratios]
-    columns = _read_named_columns(record, ratios, inputs)
+    columns = _read_named_columns(record, options, inputs)
     _check_inputs(inputs, columns.signals)
     period = optional_seconds(options["period"])
     return estimate_responses(columns, inputs, ratios, period=period, band=options["band"])
@@ -92,7 +92,7 @@ def _responses_with_model(
 ) -> FrequencyResponse:
     """Estimate responses of a record and of a model that is simulated with its inputs."""
     settings = values_of(declared, options["settings"])
-    data = _signals_of_model(matching_record(record, declared, options["mapping"]), declared)
+    data = _signals_of_model(matching_record(record, declared, options), declared)
     _check_inputs(options["inputs"], data.signals)
     model = built(declared)
     stimulus = {name: signal for name, signal in data.signals.items() if name in model.inputs}
@@ -130,8 +130,9 @@ def _check_inputs(inputs: Sequence[str], signals: Collection[str]) -> None:
             )
 
 
-def _read_named_columns(record: Data, of: Sequence[str], inputs: Sequence[str]) -> Record:
+def _read_named_columns(record: Data, options: FrequencyKeywords, inputs: Sequence[str]) -> Record:
     """Return the columns of a record that ratios and inputs name, in the units of the record."""
+    of = options["of"]
     if not of:
         raise UserError(
             f"{option('of')}: name ratios of columns, such as voltage/current, or a model with"
@@ -140,4 +141,4 @@ def _read_named_columns(record: Data, of: Sequence[str], inputs: Sequence[str]) 
     if isinstance(record, Record):
         return record
     signals = [part.strip() for ratio in of for part in ratio.split("/")]
-    return read_columns(record, dict.fromkeys([*signals, *inputs]), inputs)
+    return read_columns(source(record, options), dict.fromkeys([*signals, *inputs]), inputs)

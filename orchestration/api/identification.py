@@ -50,7 +50,7 @@ def compare(
     """
     declared = as_measured(model)
     given = values_of(declared, options["settings"])
-    data = matching_record(record, declared, options["mapping"])
+    data = matching_record(record, declared, options)
     subject = built(declared)
     return comparison.compare(subject, data, given, options["fit"], workers=options["workers"])
 
@@ -98,7 +98,7 @@ def fit(
     """
     declared = as_measured(model)
     given = values_of(declared, options["settings"])
-    data = matching_record(record, declared, options["mapping"])
+    data = matching_record(record, declared, options)
     subject = built(declared)
     inputs = {name: values for name, values in data.signals.items() if name in subject.inputs}
     measured = {name: values for name, values in data.signals.items() if name in subject.outputs}

@@ -17,8 +17,12 @@ from orchestration.api.forms import (
     MAPPING,
     NAMES,
     ONE_OR_ALL,
+    PERCENT,
+    RATE,
     RATIOS,
     RECORDS,
+    ROWS,
+    SEGMENT,
     SETTINGS,
     TIME,
     TIMES,
@@ -38,7 +42,89 @@ if TYPE_CHECKING:
 # --- options of several functions ----------------------------------------------------------------
 
 
-class MappingOption(TypedDict, total=False):
+class ReadingOptions(TypedDict, total=False):
+    """Form of a table that its file does not tell, and the part of it that is used."""
+
+    columns: Annotated[
+        Sequence[str],
+        Option(
+            "Names of the columns of a file without a header, e.g. time=s,current=A.",
+            "Names of the columns of a file without a header, as ``name`` or ``name=unit``.",
+            default=(),
+            metavar="NAME=UNIT,...",
+            form=NAMES,
+        ),
+    ]
+    rate: Annotated[
+        float | str | None,
+        Option(
+            "Rows a second of a file without a time, e.g. 100Hz, or the time between two, 10ms.",
+            "Rows per second of a file without a time.",
+            kind='float in Hz or str such as "100Hz" or "10ms", optional',
+            metavar="HZ",
+            form=RATE,
+        ),
+    ]
+    decimal: Annotated[
+        str | None,
+        Option(
+            "Decimal mark of numbers such as 1,230 that a file leaves open: comma or point.",
+            choices=("comma", "point"),
+        ),
+    ]
+    table: Annotated[
+        str | None,
+        Option("Name or number of the table, of a file that has several, such as sheets."),
+    ]
+    begin: Annotated[
+        float | str | None,
+        Option(
+            "First time that is used, e.g. 30s.",
+            kind='float in s or str such as "10s", optional',
+            metavar="TIME",
+            form=TIME,
+        ),
+    ]
+    end: Annotated[
+        float | str | None,
+        Option(
+            "Last time that is used, e.g. 2min.",
+            kind='float in s or str such as "10s", optional',
+            metavar="TIME",
+            form=TIME,
+        ),
+    ]
+    rows: Annotated[
+        tuple[int, int] | None,
+        Option(
+            "First and last row that is used, numbered as in messages, e.g. 100..2000.",
+            kind='tuple of int or str such as "100..2000", optional',
+            metavar="FIRST..LAST",
+            form=ROWS,
+        ),
+    ]
+    segment: Annotated[
+        Mapping[str, str] | None,
+        Option(
+            "Rows that are used by their label in a column, e.g. CYCLE=3 or STEP=2,4. Repeatable.",
+            'Labels, separated by commas, of the used rows by column: ``{"CYCLE": "3"}``.',
+            metavar="COLUMN=LABEL",
+            form=SEGMENT,
+        ),
+    ]
+    discard: Annotated[
+        float,
+        Option(
+            "Largest share of the rows that repairs may leave out, e.g. 5%; default 1%.",
+            "Largest share of the rows that repairs may leave out, in percent.",
+            default=1.0,
+            metavar="PERCENT",
+            form=PERCENT,
+        ),
+    ]
+
+
+class MappingOption(ReadingOptions, total=False):
     """Names of columns that differ from those of the model's signals."""
 
     mapping: Annotated[

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
+from typing import Any, Unpack
 
 from fmus.kit import UserError
-from orchestration.api.declaration import takes
-from orchestration.api.options import MappingOption
+from orchestration.api.declaration import options_of, takes
+from orchestration.api.forms import rows_per_second, seconds
+from orchestration.api.options import MappingOption, ReadingOptions
 from orchestration.api.simulation import as_measured
 from orchestration.fmu import Model
 from orchestration.identify import read_for, read_runs_for
-from orchestration.records import Arrays, Record, record_labels
+from orchestration.records import Arrays, Reading, Record, Source, record_labels
 from orchestration.reporting import option
 
+_IN_SI: Mapping[str, Callable[[Any], Any]] = {
+    "columns": tuple,
+    "rate": rows_per_second,
+    "begin": seconds,
+    "end": seconds,
+}
 Data = Record | str | Path | Arrays
 Records = Data | Sequence[Data]
 
@@ -23,6 +31,7 @@ def read_record(
     path: str | Path | Arrays,
     model: Model | str | Path | None = None,
     mapping: Mapping[str, str] | None = None,
+    **options: Unpack[ReadingOptions],
 ) -> Record:
     """Read a measured record: CSV, Parquet, LabVIEW TDMS or text, MATLAB, a DataFrame, arrays.
 
@@ -59,15 +68,21 @@ def read_record(
     >>> record.repairs
     []
     """
-    return read_for(as_measured(model), _source(path), mapping)
+    return read_for(as_measured(model), source(path, options), mapping)
 
 
-def _source(data: str | Path | Arrays) -> Path | Arrays:
-    return Path(data) if isinstance(data, str | Path) else data
+def source(data: str | Path | Arrays, options: Mapping[str, Any]) -> Source:
+    """Return a file or arrays with the values of `ReadingOptions`, in SI units."""
+    given = {
+        name: _IN_SI.get(name, lambda value: value)(options[name])
+        for name in options_of(ReadingOptions)
+        if options.get(name) is not None
+    }
+    return Source(Path(data) if isinstance(data, str) else data, Reading(**given))
 
 
-def one_record(records: Records) -> Record | Path | Arrays:
-    """Return the only record, as it was given.
+def one_record(records: Records, options: Mapping[str, Any]) -> Record | Source:
+    """Return the only record; of a file or arrays its source.
 
     Raises
     ------
@@ -77,22 +92,18 @@ def one_record(records: Records) -> Record | Path | Arrays:
     first, *others = _listed(records)
     if others:
         raise UserError(f"a system is diagnosed on one record, and there are {1 + len(others)}")
-    return first if isinstance(first, Record) else _source(first)
+    return first if isinstance(first, Record) else source(first, options)
 
 
-def matching_runs(
-    records: Records,
-    model: Model,
-    mapping: Mapping[str, str] | None = None,
-    column: str | None = None,
-) -> list[Record]:
-    """Return the runs of one or several records; files are read."""
+def matching_runs(records: Records, model: Model, options: Mapping[str, Any]) -> list[Record]:
+    """Return the runs of one or several records; files are read as options of a record say."""
     runs: list[Record] = []
     for record in _listed(records):
         if isinstance(record, Record):
             runs.append(record)
         else:
-            runs += read_runs_for(model, _source(record), mapping, column)
+            found = source(record, options)
+            runs += read_runs_for(model, found, options.get("mapping"), options.get("runs"))
     return runs
 
 
@@ -103,23 +114,17 @@ def _listed(records: Records) -> list[Data]:
 
 
 def held_out(
-    records: Records,
-    holdout: Records | None,
-    model: Model,
-    mapping: Mapping[str, str] | None = None,
-    column: str | None = None,
+    records: Records, model: Model, options: Mapping[str, Any]
 ) -> tuple[list[Record], list[Record]]:
     """Return the runs for estimation and those for validation.
 
     Parameters
     ----------
     records : Record, file, DataFrame, arrays by name, or sequence of these
-    holdout : Record, file, DataFrame, arrays by name, sequence of these, or labels, optional
-        Other records for validation, or labels of some of `records`, such as ``"7,8,9"``.
     model : Model
-    mapping : Mapping of str to str, optional
-    column : str, optional
-        Column that distinguishes the runs of a file.
+    options : Mapping of str to Any
+        Values of `RecordOptions`. A holdout is other records for validation, or labels of some of
+        `records`, such as ``"7,8,9"``.
 
     Raises
     ------
@@ -127,7 +132,8 @@ def held_out(
         If a file cannot be read, a holdout is neither a file nor a label, or no run remains for
         estimation.
     """
-    runs = matching_runs(records, model, mapping, column)
+    runs = matching_runs(records, model, options)
+    holdout = options.get("holdout")
     if holdout is None:
         return runs, []
     by_label = dict(zip(record_labels(runs), runs, strict=True))
@@ -135,7 +141,7 @@ def held_out(
     others: list[Record] = []
     for item in _listed(holdout):
         if not isinstance(item, str | Path) or Path(item).exists() or len(by_label) < 2:
-            others += matching_runs(item, model, mapping, column)
+            others += matching_runs(item, model, options)
         else:
             labels += _labels_in(str(item), by_label)
     estimation = [run for label, run in by_label.items() if label not in labels]
@@ -156,6 +162,8 @@ def _labels_in(text: str, known: Collection[str]) -> list[str]:
     return named
 
 
-def matching_record(record: Data, model: Model, mapping: Mapping[str, str] | None = None) -> Record:
-    """Return a record of a model's signals; a file or arrays are read."""
-    return record if isinstance(record, Record) else read_record(record, model, mapping)
+def matching_record(record: Data, model: Model, options: Mapping[str, Any]) -> Record:
+    """Return a record of a model's signals; a file or arrays are read as `MappingOption` says."""
+    if isinstance(record, Record):
+        return record
+    return read_for(model, source(record, options), options.get("mapping"))

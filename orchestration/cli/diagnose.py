@@ -214,13 +214,7 @@ def open_judged(options: DiagnoseCommand | LawsCommand, check: Callable[[Model],
     declared = declared_model(name, options["laid_over"])
     check(declared)
     note_neutral(declared, options["settings"] or {})
-    records, holdouts = held_out(
-        options["records"],
-        options["holdout"] or None,
-        declared,
-        options["mapping"],
-        options["runs"],
-    )
+    records, holdouts = held_out(options["records"], declared, options)
     for record in (*records, *holdouts):
         first = record is records[0] and not record.label
         called = "" if first else f"{_title(record)}: "

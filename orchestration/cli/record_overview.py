@@ -14,7 +14,10 @@ if TYPE_CHECKING:
     from orchestration.records import FileOverview, Proposal
 
 _MODELS = (".fmu", ".py", ".ssp")
-_RECORDS = (".csv", ".txt", ".dat", ".lvm", ".mpt", ".dta", ".tdms", ".mat", ".parquet", ".nc")
+_RECORDS = (
+    *(".csv", ".txt", ".dat", ".lvm", ".mpt", ".dta", ".tdms", ".mat", ".parquet", ".nc", ".gz"),
+    *(".xlsx", ".xls", ".ods", ".h5", ".hdf5", ".mf4", ".feather"),
+)
 
 
 def is_record(name: str) -> bool:
@@ -36,6 +39,7 @@ def record_info(options: InfoCommand) -> None:
     UserError
         If the file is of no known form, or there is no such model.
     """
+    from orchestration.api import source
     from orchestration.fmu.model import declared_model
     from orchestration.records import read_overview
 
@@ -44,7 +48,7 @@ def record_info(options: InfoCommand) -> None:
     Outputs({"the record": file}, {"--json": path}, {"--json": JSON}).check()
     if options["laid_over"] and options["of_model"] is None:
         raise UserError("--with: name the model of the record with --model")
-    overview = read_overview(file)
+    overview = read_overview(source(file, options))
     model = None
     proposal = None
     if options["of_model"] is not None:

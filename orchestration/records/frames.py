@@ -97,4 +97,4 @@ def _as_array(values: Any) -> np.ndarray:
     is_extension = dtype is not None and not isinstance(dtype, np.dtype)  # such as pandas.Int64
     if is_extension and getattr(dtype, "kind", "O") in "biuf":
         return np.asarray(values.to_numpy(dtype=float, na_value=np.nan))
-    return np.asarray(values)
+    return values if isinstance(values, np.ma.MaskedArray) else np.asarray(values)

@@ -125,10 +125,11 @@ def match_columns(
     matched = [match.column for match in matches.values()]
     if len({id(column) for column in matched}) != len(matched):
         raise refuse(table.path, f"{option('mapping')} gives one column to two signals")
-    if TIME not in matches:
-        matches[TIME] = Match(find_time(table, signals, _unmatched(table, matched)), TIME, None)
-    matched.append(matches[TIME].column)
-    _complete_time(table, matches, matched)
+    time = matches.pop(TIME, None)
+    if time is None:
+        time = Match(find_time(table, signals, _unmatched(table, matched)), TIME, None)
+    matched.append(time.column)
+    time = _with_other_half(table, time, matched)
     for signal in signals:
         if signal not in matches:
             _match_name(table, signal, matches, matched)
@@ -144,7 +145,7 @@ def match_columns(
                 f"the signal '{signal}' [{signals.get(signal, '?')}] is required and not among the"
                 f" columns{suggestion(signal, ignored)}{advice}",
             )
-    if len(matches) == 1:
+    if not matches:
         raise refuse(
             table.path,
             f"none of the columns {', '.join(table.names())} is a signal of the model"
@@ -155,7 +156,7 @@ def match_columns(
         table.repairs.append(
             Repair("ignored columns", f"not signals of the model, so ignored: {', '.join(hints)}")
         )
-    return [matches[TIME], *(matches[signal] for signal in signals if signal in matches)]
+    return [time, *(matches[signal] for signal in signals if signal in matches)]
 
 
 def _advice(table: Table, unmatched: Sequence[Column], missing: Mapping[str, str]) -> str:
@@ -190,13 +191,13 @@ def _unmatched(table: Table, matched: list[Column]) -> list[Column]:
     return [column for column in table.columns if not any(column is other for other in matched)]
 
 
-def _complete_time(table: Table, matches: dict[str, Match], matched: list[Column]) -> None:
-    """Merge the time with the column of its date or time of day, if there is one."""
-    time = matches[TIME]
+def _with_other_half(table: Table, time: Match, matched: list[Column]) -> Match:
+    """Return the time with the column of its date or time of day, if there is one."""
     other = complementary_column(time.column, _unmatched(table, matched))
-    if other is not None:
-        matched.append(other)
-        matches[TIME] = replace(time, column=merge_date_and_time(table, time.column, other))
+    if other is None:
+        return time
+    matched.append(other)
+    return replace(time, column=merge_date_and_time(table, time.column, other))
 
 
 def _match_name(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,11 +11,12 @@ import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from orchestration.records.formats import read_table
 from orchestration.records.mapping import Match
 from orchestration.records.proposal import Proposal, propose
 from orchestration.records.reading import time_in_seconds
-from orchestration.records.sampling import Samples, evenly_sampled, repair_clock
+from orchestration.records.sampling import Samples, evenly_sampled, keep_span, repair_clock
+from orchestration.records.selection import open_table
+from orchestration.records.source import Reading, Source
 from orchestration.records.tables import Column, Table, is_unit, numbers, plain_unit
 from orchestration.records.times import (
     TIME,
@@ -136,12 +137,12 @@ def _finite(values: Mapping[str, Any]) -> dict[str, Any]:
     return {k: None if v != v else v for k, v in values.items()}
 
 
-def read_overview(path: str | Path) -> FileOverview:
+def read_overview(path: str | Path | Source) -> FileOverview:
     """Return an overview of a file: its columns, their units and its clock.
 
     Parameters
     ----------
-    path : str or Path
+    path : str, Path or Source
 
     Returns
     -------
@@ -152,26 +153,28 @@ def read_overview(path: str | Path) -> FileOverview:
     UserError
         If it is of no known format. A clock that cannot be used is reported in `notes`.
     """
-    table = read_table(Path(path))
+    source = Source.of(path)
+    table = open_table(source)
     clock = None
     refusal = []
     try:
-        clock = _clock(table)
+        clock = _clock(table, source.reading)
     except UserError as error:
         refusal = [str(error).removeprefix(f"{table.path}: ")]
-    notes = [*(repair.message for repair in table.repairs), *refusal]
     columns = [_column_overview(table, column) for column in table.columns]
+    notes = [*(repair.message for repair in table.repairs), *refusal]
     return FileOverview(table.path, table.rows.size, columns, clock, notes)
 
 
-def _clock(table: Table) -> ClockOverview:
+def _clock(table: Table, reading: Reading) -> ClockOverview:
     """Return the clock of a file; raise if it has none that can be used."""
     column = find_time(table, (), table.columns)
     other = complementary_column(column, table.columns) if holds_instants(column) else None
     time_column = merge_date_and_time(table, column, other) if other else column
-    time = time_in_seconds(table, Match(time_column, TIME, None))
-    samples = Samples(table.path, time, {}, table.rows, table.repairs)
-    repair_clock(samples)
+    time = time_in_seconds(table, Match(time_column, TIME, None), reading.discard)
+    samples = Samples(table.path, time, _values(table, (column, other)), table.rows, table.repairs)
+    keep_span(samples, reading.begin, reading.end)
+    repair_clock(samples, reading.discard)
     clock = samples.time
     return ClockOverview(
         column=table.map_name(column),
@@ -181,6 +184,17 @@ def _clock(table: Table) -> ClockOverview:
         step=float(np.median(np.diff(clock))),
         is_even=evenly_sampled(clock),
     )
+
+
+def _values(table: Table, times: Sequence[Column | None]) -> dict[str, Array]:
+    """Return the numbers of the columns that are no times, by name."""
+    values = {}
+    for column in table.columns:
+        if all(column is not time for time in times):
+            content, cells = _content(table, column)
+            if content == "numbers":
+                values[column.name] = cells
+    return values
 
 
 def _column_overview(table: Table, column: Column) -> ColumnOverview:

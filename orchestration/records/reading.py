@@ -9,25 +9,33 @@ from fmus.kit import units
 from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError, suggestion
 from orchestration.records.elements import split_arrays
-from orchestration.records.formats import read_table
-from orchestration.records.frames import Arrays, table_of
-from orchestration.records.mapping import TIME, Match, match_columns
+from orchestration.records.mapping import Match, match_columns
 from orchestration.records.record import Record, Repair, refuse
 from orchestration.records.runs import divide_at_restarts, divide_by_label, run_labels
 from orchestration.records.sampling import (
     Samples,
+    keep_span,
     mask_infinite,
     notice_channels,
     repair_clock,
     repair_holes,
 )
+from orchestration.records.selection import open_table
+from orchestration.records.source import Readable, Reading, Source
 from orchestration.records.tables import Table, numbers
-from orchestration.records.times import FORMS, holds_instants, seconds
+from orchestration.records.times import (
+    FORMS,
+    holds_instants,
+    is_form,
+    require_resolution,
+    require_unit,
+    seconds,
+)
 from orchestration.reporting import option
 
 
 def read_record(
-    path: str | Path | Arrays,
+    path: Readable,
     signals: Mapping[str, str],
     *,
     mapping: Mapping[str, str] | None = None,
@@ -66,15 +74,13 @@ def read_record(
     UserError
         If the file cannot be used; the message has file, row and reason.
     """
-    samples = _unrepaired_samples(
-        _checked_table(path, signals, required, inputs), signals, mapping or {}, required
-    )
-    return _repaired_record(samples, signals, required, inputs, jumps=jumps)
+    source = Source.of(path)
+    table = _checked_table(source, signals, required, inputs)
+    samples = _unrepaired_samples(table, signals, mapping or {}, required, source.reading)
+    return _repaired_record(samples, signals, required, inputs, source.reading, jumps=jumps)
 
 
-def read_columns(
-    path: str | Path | Arrays, names: Collection[str], inputs: Collection[str] = ()
-) -> Record:
+def read_columns(path: Readable, names: Collection[str], inputs: Collection[str] = ()) -> Record:
     """Read columns of a file without a model, by their names and in their units.
 
     Parameters
@@ -95,7 +101,8 @@ def read_columns(
     UserError
         If the file cannot be used, or has no such column.
     """
-    table = _raw_table(path)
+    source = Source.of(path)
+    table = open_table(source)
     units = {column.name: column.unit or "1" for column in table.columns if column.name in names}
     for name in names:
         if name not in units:
@@ -103,11 +110,12 @@ def read_columns(
             raise UserError(
                 f"{table.path}: no column {name!r}{suggestion(name, known, few=len(known))}"
             )
-    return _repaired_record(_unrepaired_samples(table, units, {}, names), units, names, inputs)
+    samples = _unrepaired_samples(table, units, {}, names, source.reading)
+    return _repaired_record(samples, units, names, inputs, source.reading)
 
 
 def read_runs(
-    path: str | Path | Arrays,
+    path: Readable,
     signals: Mapping[str, str],
     *,
     mapping: Mapping[str, str] | None = None,
@@ -133,18 +141,21 @@ def read_runs(
     UserError
         If the file or a run in it cannot be used.
     """
-    table = _checked_table(path, signals, (), inputs)
+    source = Source.of(path)
+    table = _checked_table(source, signals, (), inputs)
     labels = None
     if column is not None:
         labels = run_labels(table, column, mapping or {})
         table.columns = [c for c in table.columns if c.name != column]
-    samples = _unrepaired_samples(table, signals, mapping or {}, ())
+    samples = _unrepaired_samples(table, signals, mapping or {}, (), source.reading)
     runs = divide_at_restarts(samples) if labels is None else divide_by_label(samples, labels)
-    return [_repaired_record(run, signals, (), inputs, label) for label, run in runs]
+    return [
+        _repaired_record(run, signals, (), inputs, source.reading, label) for label, run in runs
+    ]
 
 
 def _checked_table(
-    path: str | Path | Arrays,
+    source: Source,
     signals: Mapping[str, str],
     required: Collection[str],
     inputs: Collection[str],
@@ -153,39 +164,45 @@ def _checked_table(
     for name in (*required, *inputs):
         if name not in signals:
             raise UserError(f"'{name}' is not a signal of the model; it has: {', '.join(signals)}")
-    return split_arrays(_raw_table(path), signals)
-
-
-def _raw_table(path: str | Path | Arrays) -> Table:
-    return read_table(Path(path)) if isinstance(path, str | Path) else table_of(path)
+    return split_arrays(open_table(source), signals)
 
 
 def _unrepaired_samples(
-    table: Table, signals: Mapping[str, str], mapping: Mapping[str, str], required: Collection[str]
+    table: Table,
+    signals: Mapping[str, str],
+    mapping: Mapping[str, str],
+    required: Collection[str],
+    reading: Reading,
 ) -> Samples:
     """Return the samples of the matched signals in the units of the model, before any repair."""
     matches = match_columns(table, signals, mapping, required)
-    values = {}
-    for match in matches:
-        if match.signal == TIME:
-            values[TIME] = time_in_seconds(table, match)
-        else:
-            values[match.signal] = _column_in_unit(table, match, signals[match.signal])
-    return Samples(table.path, values.pop(TIME), values, table.rows, table.repairs)
+    clock, *others = matches
+    time = time_in_seconds(table, clock, reading.discard)
+    values = {m.signal: _column_in_unit(table, m, signals[m.signal]) for m in others}
+    return Samples(table.path, time, values, table.rows, table.repairs)
 
 
-def time_in_seconds(table: Table, match: Match) -> np.ndarray:
-    """Return the time in seconds; dates and times of day are counted from the first row."""
-    if not holds_instants(match.column):
-        return _column_in_unit(table, match, "s")
-    if match.unit is not None and match.unit not in FORMS:
+def time_in_seconds(table: Table, match: Match, discard: float = 0.0) -> np.ndarray:
+    """Return the time in seconds; dates and times of day are counted from the first row.
+
+    Stamps may be coarser than the rows if their rows may be averaged, at most `discard` percent.
+    """
+    column = match.column
+    if not holds_instants(column):
+        time = _column_in_unit(table, match, "s")
+        if match.unit is None and column.unit in (None, "s"):
+            require_unit(table, column, time)
+        return time
+    if match.unit is not None and not is_form(match.unit):
         raise refuse(
             table.path,
-            f"column '{match.column.name}' has dates or times of day, not numbers in"
-            f" {match.unit}: {option('mapping', {match.column.name: 'time'})} reads them"
-            f" (allowed in brackets: {', '.join(FORMS)})",
+            f"column '{column.name}' has dates or times of day, not numbers in"
+            f" {match.unit}: {option('mapping', {column.name: 'time'})} reads them"
+            f" (allowed in brackets: {', '.join(FORMS)}, a zone such as Europe/Berlin)",
         )
-    return seconds(table, match.column, match.unit or "")
+    time = seconds(table, column, match.unit or "")
+    require_resolution(table, column, time, discard)
+    return time
 
 
 def _repaired_record(
@@ -193,6 +210,7 @@ def _repaired_record(
     signals: Mapping[str, str],
     required: Collection[str],
     inputs: Collection[str],
+    reading: Reading,
     label: str = "",
     *,
     jumps: bool = False,
@@ -200,8 +218,9 @@ def _repaired_record(
     """Repair the samples of one run, and return its record with a list of the repairs."""
     # differences of values near the largest double overflow, which is no reason for a traceback
     with np.errstate(over="ignore", invalid="ignore"):
+        keep_span(samples, reading.begin, reading.end)
         mask_infinite(samples)
-        repair_clock(samples, jumps)
+        repair_clock(samples, reading.discard, jumps)
         repair_holes(samples, inputs, required)
         signal_units = {name: signals[name] for name in samples.values}
         notice_channels(samples, signal_units, inputs)

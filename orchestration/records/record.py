@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 
 from fmus.kit import UserError, quoting
 from fmus.kit.arrays import Array
-from orchestration.reporting import Displayable, one_line
+from orchestration.reporting import Displayable, one_line, option
 
 if TYPE_CHECKING:
     import pandas
@@ -24,8 +25,10 @@ REPAIRING_KINDS = frozenset(
         "order",
         "duplicates",
         "filled hole",
+        "held",
         "masked",
         "infinite",
+        "no value",
         "unit replaced",
     }
 )
@@ -178,6 +181,37 @@ def refuse(path: Path, message: str) -> UserError:
     """
     line = quoting.line(message)
     return UserError(f"{path}: {line if len(line) <= _LONGEST else line[:_LONGEST] + '...'}")
+
+
+def refuse_loss(path: Path, what: str, rows: Sequence[int], total: int, discard: float) -> None:
+    """Refuse to leave out more rows than a user allows.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    what : str
+        What is wrong with them, such as ``rows have no valid time``.
+    rows : sequence of int
+        The rows.
+    total : int
+        Number of rows of data.
+    discard : float
+        Largest share that may be left out, in percent.
+
+    Raises
+    ------
+    UserError
+        With the option that allows it.
+    """
+    share = 100.0 * len(rows) / total
+    if share > discard:
+        allowed = option("discard", f"{math.ceil(10.0 * share) / 10.0:g}%")
+        raise refuse(
+            path,
+            f"{len(rows)} of {total} {what} ({list_rows(rows)}): left out are at most {discard:g} %"
+            f" of the rows; {allowed} allows it",
+        )
 
 
 def record_labels(records: Sequence[Record]) -> list[str]:

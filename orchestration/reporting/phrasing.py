@@ -19,6 +19,8 @@ FLAGS = {
     "kind": "--design",
     "path_orders": "--orders",
     "folder": "--out",
+    "begin": "--from",
+    "end": "--to",
 }
 # options of the shell that are methods of a result in Python
 _METHODS = {"fmu": "fmu", "effect_out": "effect"}

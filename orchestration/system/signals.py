@@ -8,11 +8,10 @@ of that name are the same signal.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from orchestration.records import Arrays, Record, read_record
+from orchestration.records import Record, Source, read_record
 from orchestration.records.tables import split_header_cell
 from orchestration.system.checking import interface
 from orchestration.system.model import Port, System
@@ -64,13 +63,13 @@ def _nets(system: System) -> dict[Port, str]:
 
 
 def read_system_record(
-    source: Path | Arrays | Record, system: System, mapping: Mapping[str, str]
+    source: Source | Record, system: System, mapping: Mapping[str, str]
 ) -> tuple[Record, dict[Port, Array]]:
     """Read a record of a system.
 
     Parameters
     ----------
-    source : Path, DataFrame, Mapping of str to array_like, or Record
+    source : Source or Record
         A record that was read before; its signals must have names of the system's signals.
     system : System
     mapping : Mapping of str to str

@@ -502,14 +502,14 @@ class Damage(NamedTuple):
 
 def damages(file: VendorFile) -> list[Damage]:
     """Return five damages of a file."""
-    word = file.with_cell(20, file.cells["voltage"], "OVERLOAD")
+    word = file.with_cell(20, file.cells["voltage"], "jammed")
     short = file.with_row(30, lambda cells: cells[: len(cells) // 2 or 1])
     long = file.with_row(12, lambda cells: [*cells, "7", "8"])
     hole = file
     for k in range(40, 48):
         hole = hole.with_cell(k, file.cells["current"], "")
     found = [
-        Damage("a word among numbers", word, file.first + 20, "OVERLOAD"),
+        Damage("a word among numbers", word, file.first + 20, "jammed"),
         Damage("a row that is cut short", short, file.first + 30, "cells where the header has"),
         Damage("a row that is too long", long, file.first + 12, "cells where the header has"),
         Damage("a long hole in an input", hole, file.first + 40, "no value"),

@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fmus.kit import UserError
 from fmus.kit.declare import summary
+from orchestration.api.declaration import stated_of
+from orchestration.api.options import ReadingOptions
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import InfoCommand
 from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
+from orchestration.reporting import flag
 
 if TYPE_CHECKING:
     from fmus.kit import Component, Effect
@@ -33,8 +36,10 @@ def info(options: InfoCommand) -> None:
     if is_record(model):
         record_info(options)
         return
-    if options["of_model"] is not None:
-        raise UserError(f"--model: {model} is no record; --model is for ppy info RECORD")
+    stated = stated_of(ReadingOptions, options)
+    if options["of_model"] is not None or stated:
+        name = flag(stated[0]) if stated else "--model"
+        raise UserError(f"{name}: {model} is no record; {name} is for ppy info RECORD")
     Outputs({"the model": model_file(model)}, {"--json": path}, {"--json": JSON}).check()
     known = _facts_of(model, options["laid_over"])
     with standard_output_for(path):

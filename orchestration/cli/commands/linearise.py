@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError
-from orchestration.api.declaration import only
-from orchestration.api.options import LineariseKeywords
+from orchestration.api.declaration import only, stated_of
+from orchestration.api.options import LineariseKeywords, MappingOption
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import LineariseCommand
 from orchestration.cli.commands.sweep import ranges_of
 from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
+from orchestration.reporting import flag
 
 if TYPE_CHECKING:
     from orchestration.linear import LinearModel
@@ -36,8 +37,9 @@ def linearise(options: LineariseCommand) -> None:
         {"--json": options["json"], "--mat": options["mat"], "--plot": options["plot"]},
         {"--json": JSON, "--mat": _MAT, "--plot": pictures.FORMATS},
     ).check()
-    if options["mapping"] and options["input_file"] is None:
-        raise UserError("--map renames the columns of a record; give the record with --input")
+    stated = stated_of(MappingOption, options)
+    if stated and options["input_file"] is None:
+        raise UserError(f"{flag(stated[0])} is about a record; give the record with --input")
     chosen = only(LineariseKeywords, options)
     chosen["over"] = ranges_of(options["over"]) or None
     with progress() as tell:
@@ -60,6 +62,7 @@ def _file(name: str) -> Path | None:
 
 def _model_and_stimulus(name: str, options: LineariseCommand) -> tuple[Any, dict[str, Any] | None]:
     """Return the model, with effects laid over it, and the record that drives it, if one does."""
+    from orchestration.api import source
     from orchestration.fmu.model import declared_model
     from orchestration.records import read_record
     from orchestration.reporting.console import tell_repairs
@@ -76,7 +79,9 @@ def _model_and_stimulus(name: str, options: LineariseCommand) -> tuple[Any, dict
     if isinstance(model, str) or file is None:
         return model, None
     units = {signal.name: signal.unit for signal in model.inputs.values()}
-    record = read_record(file, units, mapping=options["mapping"], inputs=list(units))
+    record = read_record(
+        source(file, options), units, mapping=options["mapping"], inputs=list(units)
+    )
     tell_repairs(record.repairs)
     return model, {"time": record.time, **record.signals}
 

@@ -20,6 +20,7 @@ from orchestration.api.options import (
     LineariseOptions,
     MappingOption,
     OptimiseOptions,
+    ReadingOptions,
     ResponseOptions,
     SamplePeriodOption,
     SettingsOption,
@@ -54,7 +55,7 @@ class ReportOption(TypedDict, total=False):
     report: Annotated[Path | None, Option("Page (.html) with all of it, to look at and pass on.")]
 
 
-class InfoCommand(LaidOverOption, JsonOption, ReportOption, total=False):
+class InfoCommand(LaidOverOption, ReadingOptions, JsonOption, ReportOption, total=False):
     """Options of ``ppy info``."""
 
     model: Annotated[

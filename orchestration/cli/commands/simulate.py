@@ -7,10 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmus.kit import UserError
+from orchestration.api.declaration import stated_of
+from orchestration.api.options import MappingOption
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import SimulateCommand
 from orchestration.cli.isolation import hearing_ctrl_c, limits
 from orchestration.cli.outputs import SIGNALS, Outputs
+from orchestration.reporting import flag
 
 if TYPE_CHECKING:
     from fmus.kit.arrays import Array
@@ -29,8 +32,9 @@ def simulate(options: SimulateCommand) -> None:
     from orchestration.reporting import pictures
     from orchestration.system import NAMES
 
-    if options["mapping"] and options["input_file"] is None:
-        raise UserError("--map renames the columns of a record; give the record with --input")
+    stated = stated_of(MappingOption, options)
+    if stated and options["input_file"] is None:
+        raise UserError(f"{flag(stated[0])} is about a record; give the record with --input")
     Outputs(
         {"the record": options["input_file"], "the model": model_file(options["model"])},
         {"--out": options["out"], "--plot": options["plot"]},
@@ -125,6 +129,7 @@ def _read_inputs(
     model: Model, parameters: Mapping[str, Value], options: SimulateCommand
 ) -> Record | None:
     """Read the record of inputs, if one is given."""
+    from orchestration.api import source
     from orchestration.cli.models import check_inputs
     from orchestration.records import read_record
     from orchestration.reporting.console import tell_repairs
@@ -134,7 +139,9 @@ def _read_inputs(
         return None
     units = {signal.name: signal.unit for signal in model.inputs.values()}
     mapping = options["mapping"]
-    record = read_record(file, units, mapping=mapping, inputs=list(units), jumps=True)
+    record = read_record(
+        source(file, options), units, mapping=mapping, inputs=list(units), jumps=True
+    )
     tell_repairs(record.repairs)
     check_inputs(model, record.signals, parameters)
     return record

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
@@ -30,7 +29,7 @@ from orchestration.diagnosis.terms import Term
 from orchestration.fmu import Model
 from orchestration.fmu.model import catalogue, declared_model_of
 from orchestration.identify.uncertainty import Estimate
-from orchestration.records import Arrays, Record
+from orchestration.records import Record, Source
 from orchestration.reporting import option
 from orchestration.system import (
     Member,
@@ -292,7 +291,7 @@ class SystemDiagnosis:
 
 
 def diagnose_system(
-    source: Path | Arrays | Record,
+    source: Source | Record,
     system: System,
     options: SystemOptions | None = None,
     progress: Callable[[str], None] = lambda text: None,
@@ -301,7 +300,7 @@ def diagnose_system(
 
     Parameters
     ----------
-    source : Path, DataFrame, Mapping of str to array_like, or Record
+    source : Source or Record
         The record; one that was read has signals named as in the system.
     system : System
     options : SystemOptions, optional

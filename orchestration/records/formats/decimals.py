@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import re
+from itertools import chain
 from typing import NamedTuple
 
 from fmus.kit import UserError
 from orchestration.records.record import Repair, refuse
 from orchestration.records.tables import Column, Table
+from orchestration.reporting import option
 
 _SEPARATORS = "'’\u00a0\u202f "
 _NUMBER = re.compile(
-    r"\s*[+-]?(?P<whole>\d*)"
+    r"\s*[+\u2212-]?(?P<whole>\d*)"
     r"(?P<groups>(?:(?P<group>[.,'’\u00a0\u202f ])\d{3}(?:(?P=group)\d{3})*)?)"
-    r"(?:(?P<decimal>[.,])\d*)?(?P<exponent>[eE][+-]?\d+)?\s*"
+    r"(?:(?P<decimal>[.,])\d*)?(?P<exponent>[eEdD][+-]?\d+)?\s*"
 )
+_OPEN = re.compile(r"\s*[+\u2212-]?[1-9]\d{0,2}\.\d{3}\s*")
 _PLAIN = {
     ",": str.maketrans(",", ".", f".{_SEPARATORS}"),
     ".": str.maketrans("", "", f",{_SEPARATORS}"),
@@ -42,7 +45,7 @@ class _Number(NamedTuple):
     is_ambiguous: bool
 
 
-def normalise_decimals(table: Table, comma_divides: bool) -> None:
+def normalise_decimals(table: Table, comma_divides: bool, stated: str = "") -> None:
     """Rewrite numbers with decimal points and without separators of thousands, in place.
 
     Parameters
@@ -50,22 +53,27 @@ def normalise_decimals(table: Table, comma_divides: bool) -> None:
     table : Table
         With text cells; the change is added to its repairs.
     comma_divides : bool
-        True if commas separate the columns, so that a comma in a number is not a decimal comma.
+        True if commas separate the columns, so that points in numbers are decimal.
+    stated : {"", "comma", "point"}
+        The decimal mark, if the user states it.
 
     Raises
     ------
     UserError
         If a file has both decimal commas and points, or a number is ambiguous.
     """
-    if not any(map(_may_have_separators, table.columns)):
+    if not any(map(_may_have_separators, table.columns)) and (
+        comma_divides or not _may_have_thousands_only(table)
+    ):
         return
     notations = [(column, _parse_column(table, column)) for column in table.columns]
     marked = [number for _, numbers in notations for number in numbers if number is not None]
     if not marked:
         return
-    decimal = _decimal_mark(table, marked, comma_divides)
+    decimal = _decimal_mark(table, marked, comma_divides, stated)
     for column, numbers in notations:
-        _check_groups(table, column, numbers, decimal)
+        if not stated:
+            _check_groups(table, column, numbers, decimal)
         column.cells = [
             cell if number is None else cell.translate(_PLAIN[decimal])
             for cell, number in zip(column.cells, numbers, strict=True)
@@ -78,6 +86,13 @@ def _may_have_separators(column: Column) -> bool:
     joined = "\n".join(column.cells)
     separated = any(mark in joined for mark in f",{_SEPARATORS}")
     return separated or any(cell.count(".") > 1 for cell in column.cells)
+
+
+def _may_have_thousands_only(table: Table) -> bool:
+    """Return whether every point of a table is before three digits, as in ``1.230``."""
+    texts = (cell for column in table.columns for cell in column.cells if "." in cell)
+    first = next(texts, None)
+    return first is not None and all(map(_OPEN.fullmatch, chain([first], texts)))
 
 
 def _parse_column(table: Table, column: Column) -> list[_Number | None]:
@@ -108,24 +123,42 @@ def _parse_number(row: int, text: str) -> _Number | None:
     return _Number(row, text, decimal, group, False) if may_be_thousands else None
 
 
-def _decimal_mark(table: Table, numbers: list[_Number], comma_divides: bool) -> str:
-    """Return the decimal mark of a file; raise if it has two.
+def _decimal_mark(table: Table, numbers: list[_Number], comma_divides: bool, stated: str) -> str:
+    """Return the decimal mark of a file; raise if it has two, or none is certain.
 
-    A separator of thousands is evidence for the other mark. Ambiguous numbers decide only if there
-    are no others.
+    A separator of thousands is evidence for the other mark.
     """
     certain = [number for number in numbers if not number.is_ambiguous]
     comma = _first_decimal(certain, ",") or _first_separated(certain, ".")
     point = _first_decimal(certain, ".") or _first_separated(certain, ",")
-    if comma is None and point is None:  # then a mark before three digits is a decimal mark
-        comma = _first_separated(numbers, ",")
-        point = _first_separated(numbers, ".")
-        if comma_divides:
-            point = point or comma
-            comma = None
     if comma and point:
         raise _two_marks(table, comma, point)
-    return "," if comma else "."
+    against = comma if stated == "point" else point
+    if stated and against:
+        raise refuse(
+            table.path,
+            f"row {against.row} has '{against.text.strip()}', and {option('decimal', stated)} is"
+            " stated",
+        )
+    open_number = _first_separated(numbers, ",") or _first_separated(numbers, ".")
+    if stated or comma or point or open_number is None:
+        return "," if stated == "comma" or comma else "."
+    if comma_divides and open_number.group == ".":
+        return "."
+    raise _open_mark(table, open_number)
+
+
+def _open_mark(table: Table, number: _Number) -> UserError:
+    text = number.text.strip()
+    whole = float(text.replace(number.group, ""))
+    broken = float(text.replace(number.group, "."))
+    marks = ("comma", "point") if number.group == "," else ("point", "comma")
+    decimal, grouping = (option("decimal", mark) for mark in marks)
+    return refuse(
+        table.path,
+        f"row {number.row}: is '{text}' {broken:g} or {whole:g}? No number in the file tells; state"
+        f" the decimal mark: {decimal} for {broken:g}, {grouping} for {whole:g}",
+    )
 
 
 def _first_decimal(numbers: list[_Number], mark: str) -> _Number | None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fmus.kit.extras import optional
+from orchestration.records.formats.clocks import on_one_clock
 from orchestration.records.formats.layout import TextLayout
 from orchestration.records.formats.text import Lines, decode, tabulate
 from orchestration.records.record import Repair, refuse
@@ -134,8 +135,9 @@ def read_tdms(path: Path, content: bytes) -> Table:
     """Read a LabVIEW TDMS file; a `Reader`.
 
     One column per channel; time is computed from the waveform properties if no channel is called
-    time. A damaged file and channels that differ in length or clock are refused; without npTDMS any
-    file is.
+    time. Channels that begin at different moments or have different rates are missing at the
+    instants of others. A damaged file, and channels that differ in length without a clock, are
+    refused; without npTDMS any file is.
     """
     with optional():
         from nptdms import TdmsFile
@@ -150,7 +152,9 @@ def read_tdms(path: Path, content: bytes) -> Table:
     finally:
         logging.disable(log_level)
     repairs: list[Repair] = []
-    if _ends_inside_segment(content):
+    properties = [channel.properties for channel in channels]
+    rates = {one.get("wf_increment") for one in properties}
+    if _ends_inside_segment(content) and len(rates) == 1:
         count = min((values.size for values in data), default=0)
         lost = max((values.size for values in data), default=0) - count
         data = [values[:count] for values in data]
@@ -161,15 +165,24 @@ def read_tdms(path: Path, content: bytes) -> Table:
         repairs.append(Repair("partial line", message, tuple(range(count + 1, count + lost + 1))))
     if not channels or not any(values.size for values in data):
         raise refuse(path, "the TDMS file holds no complete row of data")
-    columns = _channel_columns(path, channels, data)
-    if not any(column.name.lower() in ("time", "t") for column in columns):
-        properties = [channel.properties for channel in channels]
-        columns[:0] = _waveform_clock(path, properties, data[0].size, repairs)
-    return Table(path, columns, np.arange(1, data[0].size + 1), repairs)
+    columns = _channel_columns(channels, data)
+    has_time = any(column.name.lower() in ("time", "t") for column in columns)
+    clock = next((one for one in properties if "wf_increment" in one), None)
+    if not has_time and clock is not None:
+        clocks = [one if "wf_increment" in one else clock for one in properties]
+        columns = _on_waveform_clocks(path, columns, clocks, repairs)
+    for column in columns:
+        if len(column.cells) != len(columns[0].cells):
+            raise refuse(
+                path,
+                f"channel '{column.name}' has {len(column.cells)} samples, '{columns[0].name}' has"
+                f" {len(columns[0].cells)}; channels without a clock have equal length",
+            )
+    return Table(path, columns, np.arange(1, len(columns[0].cells) + 1), repairs)
 
 
-def _channel_columns(path: Path, channels: list[Any], data: list[np.ndarray]) -> list[Column]:
-    """Return a column for each channel of npTDMS; raise if their values differ in number."""
+def _channel_columns(channels: list[Any], data: list[np.ndarray]) -> list[Column]:
+    """Return a column for each channel of npTDMS."""
     names = [channel.name for channel in channels]
     columns = []
     for channel, values in zip(channels, data, strict=True):
@@ -179,44 +192,41 @@ def _channel_columns(path: Path, channels: list[Any], data: list[np.ndarray]) ->
         unit = unit or plain_unit(str(channel.properties.get("unit_string", "")))
         if values.dtype.kind in "Mm":
             unit = "s"  # `as_numbers` turns instants into seconds
-        if values.size != data[0].size:
-            raise refuse(
-                path,
-                f"channel '{name}' has {values.size} samples, '{names[0]}' has {data[0].size}; "
-                "channels of one record have equal length",
-            )
         columns.append(Column(name, unit, as_numbers(values), channel.name))
     return columns
 
 
-def _waveform_clock(
-    path: Path, properties: list[Mapping[str, Any]], count: int, repairs: list[Repair]
+def _on_waveform_clocks(
+    path: Path,
+    columns: list[Column],
+    properties: list[Mapping[str, Any]],
+    repairs: list[Repair],
 ) -> list[Column]:
-    """Return a list of the time column from the waveform properties; empty if no channel has them.
+    """Return a time column and the channels at its instants, from their waveform properties.
 
-    Raise if channels have different clocks.
+    A channel begins at ``wf_start_time`` plus ``wf_start_offset``; without a start time in all of
+    them, at the offset.
     """
-    clocks = {
-        (float(channel.get("wf_start_offset", 0.0)), float(channel["wf_increment"]))
-        for channel in properties
-        if "wf_increment" in channel
-    }
-    if len(clocks) > 1:
-        raise refuse(
-            path,
-            f"the channels have {len(clocks)} different clocks (wf_start_offset, wf_increment);"
-            " save one per file",
-        )
-    columns = []
-    for offset, step in clocks:
+    starts = [one.get("wf_start_time") for one in properties]
+    earliest = None if None in starts else min(starts)  # type: ignore[type-var]
+    times = []
+    clocks = []
+    for column, one, start in zip(columns, properties, starts, strict=True):
+        step = float(one["wf_increment"])
         if not step > 0:
             raise refuse(path, f"wf_increment is {step:g} s (allowed: above 0)")
-        columns.append(
-            Column("time", "s", np.asarray(offset + step * np.arange(count), dtype=np.float64))
-        )
-        message = f"time is {offset:g} s + k × {step:g} s, from the waveform properties"
-        repairs.append(Repair("clock from header", message))
-    return columns
+        begin = float(one.get("wf_start_offset", 0.0))
+        if earliest is not None:
+            begin += float((start - earliest) / np.timedelta64(1, "s"))
+        times.append(begin + step * np.arange(len(column.cells), dtype=np.float64))
+        clocks.append(f"{begin:g} s + k × {step:g} s")
+    listed = clocks[0]
+    if len(set(clocks)) > 1:
+        named = zip(columns, clocks, strict=True)
+        listed = ", ".join(f"{clock} of {column.name}" for column, clock in named)
+    message = f"time is {listed}, from the waveform properties"
+    repairs.append(Repair("clock from header", message))
+    return on_one_clock(columns, times)
 
 
 def _ends_inside_segment(content: bytes) -> bool:

@@ -2,12 +2,14 @@
 
 from pathlib import Path
 
+from orchestration.records.formats.archives import PACKED, unpacked
 from orchestration.records.formats.binary import read_mat, read_netcdf, read_parquet
 from orchestration.records.formats.labview import read_lvm, read_tdms
 from orchestration.records.formats.opendaq import read_opendaq
 from orchestration.records.formats.subprocess_reader import in_subprocess
 from orchestration.records.formats.text import EXPECTED, read_text
 from orchestration.records.record import refuse
+from orchestration.records.source import AS_IT_STANDS, Reading
 from orchestration.records.tables import Reader, Table
 
 _SIGNATURES: dict[bytes, Reader] = {
@@ -29,13 +31,15 @@ _BINARY_EXTENSIONS = {
 }
 
 
-def read_table(path: Path) -> Table:
+def read_table(path: Path, reading: Reading = AS_IT_STANDS) -> Table:
     """Read a file of any known format.
 
     Parameters
     ----------
     path : Path
         The file.
+    reading : Reading
+        Names of columns, decimal mark and table of a file that does not tell them.
 
     Returns
     -------
@@ -51,9 +55,10 @@ def read_table(path: Path) -> Table:
         content = path.read_bytes()
     except OSError as error:
         raise refuse(path, f"cannot be read: {error.strerror or error}") from error
+    content = unpacked(path, content)
     if not content.strip():
         raise refuse(path, f"the file is empty; {EXPECTED}")
-    extension = path.suffix.lower()
+    extension = next((s for s in map(str.lower, path.suffixes[::-1]) if s not in PACKED), "")
     for signature, reader in _SIGNATURES.items():
         if content.startswith(signature):
             return reader(path, content)
@@ -65,8 +70,4 @@ def read_table(path: Path) -> Table:
         raise refuse(
             path, f"this is not {_BINARY_EXTENSIONS[extension]} file, although its name says so"
         )
-    if content.startswith((b"PK\x03\x04", b"\x1f\x8b")):
-        raise refuse(
-            path, "this is a compressed file or a spreadsheet; unpack it, or save it as CSV"
-        )
-    return read_text(path, content)
+    return read_text(path, content, reading)

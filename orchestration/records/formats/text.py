@@ -1,17 +1,32 @@
 """Delimited text: CSV in its usual dialects, with the line numbers of an editor."""
 
+from __future__ import annotations
+
 import csv
 import re
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from fmus.kit import UserError
+from orchestration.records.formats.cell_units import strip_units
 from orchestration.records.formats.decimals import normalise_decimals
-from orchestration.records.formats.layout import DELIMITERS, TextLayout, find_layout
+from orchestration.records.formats.layout import (
+    DELIMITERS,
+    TextLayout,
+    find_layout,
+    find_tables,
+    is_aside,
+    is_value,
+    split_strictly,
+)
 from orchestration.records.record import Repair, list_rows, refuse
-from orchestration.records.tables import Column, Table, parse_cell, plain_unit, read_header_cell
+from orchestration.records.source import AS_IT_STANDS, Reading
+from orchestration.records.tables import Column, Table, plain_unit, read_header_cell
+from orchestration.reporting import option
 
 _CONTROL = re.compile("[\x00-\x08\x0b\x0e-\x1f\x7f\x80-\x9f]")
 _LINE_END = re.compile(r"\r\n|\n|\r")
@@ -38,6 +53,10 @@ class Lines:
     lines: list[str]
     ended: bool
     repairs: list[Repair]
+
+    def until(self, stop: int) -> Lines:
+        """Return the lines before an index."""
+        return replace(self, lines=self.lines[:stop], ended=self.ended or stop < len(self.lines))
 
     def split(self, index: int, delimiter: str) -> list[str]:
         """Return the cells of the line at an index, see :func:`split_line`."""
@@ -106,10 +125,8 @@ def split_line(path: Path, row: int, line: str, delimiter: str) -> list[str]:
     UserError
         If a quote is not closed on the line.
     """
-    if '"' not in line:
-        return line.split(delimiter)
     try:
-        return next(csv.reader([line], delimiter=delimiter, strict=True, skipinitialspace=True))
+        return split_strictly(line, delimiter)
     except csv.Error as error:
         raise refuse(path, f"row {row}: the quotes do not match ({error})") from error
 
@@ -120,13 +137,40 @@ def _sniff_delimiter(header: str) -> str | None:
     return next((delimiter for delimiter in DELIMITERS if delimiter in bare), None)
 
 
-def read_text(path: Path, content: bytes) -> Table:
+def read_text(path: Path, content: bytes, reading: Reading = AS_IT_STANDS) -> Table:
     """Read a CSV file; a `Reader`.
 
     Cells are text, numbers with a decimal point.
     """
-    text = decode(path, content)
-    layout = find_layout(text.lines) or _plain_layout(text)
+    return read_lines(decode(path, content), reading)
+
+
+def read_lines(text: Lines, reading: Reading = AS_IT_STANDS) -> Table:
+    """Read the table in lines of text: one of several if the user names it.
+
+    Parameters
+    ----------
+    text : Lines
+    reading : Reading
+        Names of columns, decimal mark and table, where lines do not tell them.
+
+    Returns
+    -------
+    Table
+
+    Raises
+    ------
+    UserError
+        If there is no table, several of which none is named, or a row is not of its form.
+    """
+    tables = find_tables(text.lines)
+    chosen = tables[0]
+    if len(tables) > 1:
+        names = [", ".join(text.lines[t.start].split())[:60] for t in tables]
+        chosen = tables[choose_table(text.path, names, reading.table)]
+        text = text.until(chosen.stop)
+    layout = find_layout(text.lines[chosen.start :], stated_header(reading.columns))
+    layout = layout.below(chosen.start) if layout else _plain_layout(text)
     above = [
         row
         for row, line in enumerate(text.lines[: layout.names], start=1)
@@ -135,7 +179,34 @@ def read_text(path: Path, content: bytes) -> Table:
     if above:
         message = f"skipped above the header, which is row {layout.names + 1}: {list_rows(above)}"
         text.repairs.append(Repair("preamble", message))
-    return tabulate(text, layout)
+    return tabulate(text, layout, reading)
+
+
+def stated_header(columns: Sequence[str]) -> list[str]:
+    """Return header cells for columns that a user names, as ``name`` or ``name=unit``."""
+    parts = [column.partition("=") for column in columns]
+    return [f"{name.strip()} [{unit.strip()}]" if unit else name.strip() for name, _, unit in parts]
+
+
+def choose_table(path: Path, names: Sequence[str], stated: str) -> int:
+    """Return the index of the table of a file that a user names, or of the only one.
+
+    Raises
+    ------
+    UserError
+        If there are several and none, or no such table, is stated.
+    """
+    if len(names) == 1 and not stated:
+        return 0
+    if stated in names:
+        return names.index(stated)
+    if stated.isdigit() and 1 <= int(stated) <= len(names):
+        return int(stated) - 1
+    listed = "; ".join(f"{k} ({name})" for k, name in enumerate(names, start=1))
+    given = f"{option('table', stated)}: " if stated else ""
+    raise refuse(
+        path, f"{given}there are {len(names)} tables: {listed}; name one: {option('table', '1')}"
+    )
 
 
 def _plain_layout(text: Lines) -> TextLayout:
@@ -156,12 +227,19 @@ def _plain_layout(text: Lines) -> TextLayout:
             f" {EXPECTED}",
         )
     header = text.split(start, delimiter)
-    if all(parse_cell(cell) is not None for cell in header):
-        raise refuse(text.path, f"row {start + 1}: numbers where the header should be; {EXPECTED}")
+    if all(map(is_value, header)):
+        names = ["time=s", *(f"column{k}" for k in range(2, len(header) + 1))]
+        raise refuse(
+            text.path,
+            f"row {start + 1}: numbers where the header should be; {EXPECTED}, or name the columns:"
+            f" {option('columns', names)}",
+        )
     return TextLayout(delimiter, start, header, start + 1)
 
 
-def tabulate(text: Lines, layout: TextLayout, optional_last: bool = False) -> Table:
+def tabulate(
+    text: Lines, layout: TextLayout, reading: Reading = AS_IT_STANDS, optional_last: bool = False
+) -> Table:
     """Split the lines below a header into columns.
 
     Parameters
@@ -170,6 +248,8 @@ def tabulate(text: Lines, layout: TextLayout, optional_last: bool = False) -> Ta
         All lines of the file.
     layout : TextLayout
         Lines of the header and the data.
+    reading : Reading
+        With the decimal mark, where numbers do not tell it.
     optional_last : bool
         Whether a row may leave out the last cell (the comment column of LabVIEW text).
 
@@ -183,43 +263,75 @@ def tabulate(text: Lines, layout: TextLayout, optional_last: bool = False) -> Ta
     UserError
         If a row has the wrong number of cells, or there is no row.
     """
-    header = layout.header
-    delimiter = layout.delimiter
-    records: list[list[str]] = []
-    rows: list[int] = []
-    blank: list[int] = []
+    rows = _Rows([], [], [], [])
     for index in range(layout.first, len(text.lines)):
-        row = index + 1
-        if not text.lines[index].strip():
-            blank.append(row)
-            continue
-        cells = _cells(text, index, delimiter, len(header), optional_last)
-        if _is_partial(cells, header, index == len(text.lines) - 1, text.ended):
-            message = f"row {row}, the last, is cut off: dropped"
-            text.repairs.append(Repair("partial line", message, (row,)))
-            continue
-        if len(cells) != len(header):
-            raise _wrong_width(text.path, row, len(cells), len(header), delimiter)
-        records.append(cells)
-        rows.append(row)
-    if not records:
+        _add_line(rows, text, layout, index, optional_last)
+    if not rows.cells:
         raise refuse(
             text.path,
             f"there is a header (row {layout.names + 1}) but no complete row of data below it",
         )
-    if blank:
-        message = f"{len(blank)} blank lines skipped ({list_rows(blank)})"
-        text.repairs.append(Repair("blank lines", message, tuple(blank)))
-    if not text.ended and rows[-1] == len(text.lines):
+    if rows.blank:
+        message = f"{len(rows.blank)} blank lines skipped ({list_rows(rows.blank)})"
+        text.repairs.append(Repair("blank lines", message, tuple(rows.blank)))
+    if rows.aside:
+        first = text.lines[rows.aside[0] - 1].strip()[:40]
         message = (
-            f"row {rows[-1]}, the last, has no line end: its last number may be cut short; it was"
-            " kept"
+            f"{len(rows.aside)} lines that are no rows skipped ({list_rows(rows.aside)}): '{first}'"
         )
-        text.repairs.append(Repair("no line end", message, (rows[-1],)))
-    columns = _make_columns(layout, records)
-    table = Table(text.path, columns, np.array(rows, dtype=np.int64), text.repairs)
-    normalise_decimals(table, delimiter == ",")
+        text.repairs.append(Repair("lines aside", message, tuple(rows.aside)))
+    if not text.ended and rows.numbers[-1] == len(text.lines):
+        message = (
+            f"row {rows.numbers[-1]}, the last, has no line end: its last number may be cut short;"
+            " it was kept"
+        )
+        text.repairs.append(Repair("no line end", message, (rows.numbers[-1],)))
+    columns = _make_columns(layout, rows.cells)
+    table = Table(text.path, columns, np.array(rows.numbers, dtype=np.int64), text.repairs)
+    strip_units(table)
+    normalise_decimals(table, layout.delimiter == ",", reading.decimal)
     return table
+
+
+class _Rows(NamedTuple):
+    """Cells and numbers of the rows of a table, and the numbers of other lines among them."""
+
+    cells: list[list[str]]
+    numbers: list[int]
+    blank: list[int]
+    aside: list[int]
+
+
+def _add_line(
+    rows: _Rows, text: Lines, layout: TextLayout, index: int, optional_last: bool
+) -> None:
+    """Add a line below the header to the rows, or to the lines among them."""
+    row = index + 1
+    line = text.lines[index]
+    if not line.strip():
+        rows.blank.append(row)
+        return
+    width = len(layout.header)
+    cells = _cells(text, index, layout.delimiter, width, optional_last)
+    is_last = index == len(text.lines) - 1
+    # what begins with a digit is no comment and no header
+    if not line[:1].isdigit() and _is_no_row(line, cells, layout):
+        rows.aside.append(row)
+    elif _is_partial(cells, layout.header, is_last, text.ended):
+        message = f"row {row}, the last, is cut off: dropped"
+        text.repairs.append(Repair("partial line", message, (row,)))
+    elif len(cells) != width:
+        raise _wrong_width(text.path, row, len(cells), width, layout.delimiter)
+    else:
+        rows.cells.append(cells)
+        rows.numbers.append(row)
+
+
+def _is_no_row(line: str, cells: Sequence[str], layout: TextLayout) -> bool:
+    """Return whether a line is a comment, words below the data, or the header or units again."""
+    if is_aside(line, cells, len(layout.header)):
+        return True
+    return list(cells) == layout.header or (bool(layout.units) and list(cells) == layout.units)
 
 
 def _cells(text: Lines, index: int, delimiter: str, width: int, optional_last: bool) -> list[str]:
@@ -244,7 +356,7 @@ def _wrong_width(path: Path, row: int, count: int, width: int, delimiter: str) -
     return refuse(path, f"row {row}: {count} cells where the header has {width}{hint}")
 
 
-def _is_partial(cells: list[str], header: list[str], is_last: bool, ended: bool) -> bool:
+def _is_partial(cells: Sequence[str], header: Sequence[str], is_last: bool, ended: bool) -> bool:
     """Return whether a line is incomplete because the file was cut off while it was written."""
     if not is_last:
         return False
@@ -254,8 +366,7 @@ def _is_partial(cells: list[str], header: list[str], is_last: bool, ended: bool)
         return False
     last = cells[-1].strip()
     starts_number = re.fullmatch(r"[+-]?(\d*\.?\d*([eE][+-]?)?)?", last) is not None
-    is_number = last != "" and parse_cell(last.replace(",", ".")) is not None
-    return starts_number and not is_number
+    return starts_number and not is_value(last)
 
 
 def _make_columns(layout: TextLayout, records: list[list[str]]) -> list[Column]:

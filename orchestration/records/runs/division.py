@@ -38,17 +38,10 @@ def run_labels(table: Table, column: str, mapping: Mapping[str, str]) -> list[st
         If there is no such column, it is mapped to a signal, a row has no value in it, or it has
         more than `MOST` values.
     """
-    entry = option("runs", column)
-    matches = [c for c in table.columns if c.name == column]
-    if len(matches) != 1:
-        count = f"{len(matches)} columns are" if matches else "no column is"
-        raise refuse(
-            table.path,
-            f"{entry}: {count} called {column!r}{suggestion(column, table.names())}",
-        )
+    labels = column_labels(table, column, "runs")
     if column in mapping:
+        entry = option("runs", column)
         raise UserError(f"{entry}: this column is mapped to the signal {mapping[column]}")
-    labels = [_label(cell) for cell in matches[0].cells]
     if "" in labels:
         raise refuse(
             table.path,
@@ -59,6 +52,37 @@ def run_labels(table: Table, column: str, mapping: Mapping[str, str]) -> list[st
     if runs > MOST:
         raise refuse(table.path, f"column '{column}' labels {runs} runs (allowed: at most {MOST})")
     return labels
+
+
+def column_labels(table: Table, column: str, argument: str) -> list[str]:
+    """Return the label of every row from a column.
+
+    Parameters
+    ----------
+    table : Table
+    column : str
+    argument : str
+        Name of the option that names the column.
+
+    Returns
+    -------
+    list of str, length n
+        Whole numbers are written without decimals; empty where there is no value.
+
+    Raises
+    ------
+    UserError
+        If there is not one such column.
+    """
+    matches = [c for c in table.columns if c.name == column]
+    if len(matches) != 1:
+        count = f"{len(matches)} columns are" if matches else "no column is"
+        raise refuse(
+            table.path,
+            f"{option(argument, column)}: {count} called {column!r}"
+            f"{suggestion(column, table.names())}",
+        )
+    return [_label(cell) for cell in matches[0].cells]
 
 
 def _label(cell: str | float) -> str:

@@ -6,6 +6,7 @@ from .clock import UNEVEN as UNEVEN
 from .clock import Samples as Samples
 from .clock import evenly_sampled as evenly_sampled
 from .clock import gaps as gaps
+from .clock import keep_span as keep_span
 from .clock import repair_clock as repair_clock
 from .clock import restarts as restarts
 from .clock import sample_period as sample_period

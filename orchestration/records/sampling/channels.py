@@ -7,9 +7,12 @@ import numpy as np
 from fmus.kit.arrays import Array, Mask
 from orchestration.records.record import Repair, list_rows, refuse
 from orchestration.records.sampling.clock import Samples, true_runs
+from orchestration.reporting import option
 
 HOLE_SAMPLES = 5
 """Longest hole in an input that is interpolated, in samples."""
+_SLOW_SAMPLES = 2
+"""Least number of equal steps between the values of a channel that is slower than others."""
 CLIPPED_SHARE = 0.01
 CLIPPED_RUN = 5
 """Least share of samples, and length of a run, at one extreme of a clipped channel."""
@@ -85,15 +88,19 @@ def repair_holes(samples: Samples, inputs: Collection[str], required: Collection
 
 def _fill_input(samples: Samples, name: str, values: Array, missing: Mask) -> Array:
     """Return an input with its short holes interpolated linearly in time; raise for others."""
+    if _is_slow(missing):
+        return _held_input(samples, name, values, missing)
     for first, end in true_runs(missing):
         rows = samples.rows[first:end]
         span = f"row {rows[0]}" if end - first == 1 else f"rows {rows[0]} to {rows[-1]}"
         if first == 0 or end == values.size:
+            at_start = first == 0
+            cut = ("begin", samples.time[end]) if at_start else ("end", samples.time[first - 1])
             raise refuse(
                 samples.path,
                 f"the input '{name}' has no value in {span}, at the"
-                f" {'start' if first == 0 else 'end'} of the record, where nothing can be"
-                " interpolated; cut these rows off",
+                f" {'start' if at_start else 'end'} of the record, where nothing can be"
+                f" interpolated; cut these rows off: {option(cut[0], f'{cut[1]:.9g}s')}",
             )
         if end - first > HOLE_SAMPLES:
             raise refuse(
@@ -110,6 +117,27 @@ def _fill_input(samples: Samples, name: str, values: Array, missing: Mask) -> Ar
     filled = values.copy()
     filled[missing] = np.interp(samples.time[missing], samples.time[~missing], values[~missing])
     return filled
+
+
+def _is_slow(missing: Mask) -> bool:
+    """Return whether a channel begins with a value, and has one in every k-th row, k the same."""
+    steps = np.diff(np.flatnonzero(~missing))
+    return (
+        not missing[0]
+        and steps.size >= _SLOW_SAMPLES
+        and bool((steps == steps[0]).all())
+        and steps[0] > HOLE_SAMPLES + 1
+        and missing.size - int(np.flatnonzero(~missing)[-1]) <= steps[0]
+    )
+
+
+def _held_input(samples: Samples, name: str, values: Array, missing: Mask) -> Array:
+    """Return an input that is slower than others, held between its samples."""
+    measured = np.flatnonzero(~missing)
+    every = int(measured[1] - measured[0])
+    message = f"{name}: a value every {every} rows, held between them ({measured.size} values)"
+    samples.repairs.append(Repair("held", message, tuple(samples.rows[missing].tolist())))
+    return values[np.maximum.accumulate(np.where(missing, 0, np.arange(values.size)))]
 
 
 def notice_channels(samples: Samples, units: dict[str, str], inputs: Collection[str] = ()) -> None:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array, Indices, Mask
-from orchestration.records.record import Repair, list_rows, refuse
+from orchestration.records.record import Repair, list_rows, refuse, refuse_loss
 
 LATE_RUN_ROWS = 5
 """Most consecutive late rows that are sorted; more mean a clock that was set back."""
@@ -61,22 +61,46 @@ class Samples:
         self.values = {name: values[selection] for name, values in self.values.items()}
 
 
-def repair_clock(samples: Samples, jumps: bool = False) -> None:
+def keep_span(samples: Samples, begin: float | None, end: float | None) -> None:
+    """Keep the samples between two times in s, in place; None for no limit.
+
+    Raises
+    ------
+    UserError
+        If there are none.
+    """
+    if begin is None and end is None:
+        return
+    time = samples.time
+    low = -np.inf if begin is None else begin
+    high = np.inf if end is None else end
+    inside = (time >= low) & (time <= high)
+    if not inside.any():
+        known = time[np.isfinite(time)]
+        span = f"{known.min():g} s to {known.max():g} s" if known.size else "no time"
+        raise refuse(samples.path, f"no row is between {low:g} s and {high:g} s: it has {span}")
+    samples.keep(inside)
+
+
+def repair_clock(samples: Samples, discard: float = 1.0, jumps: bool = False) -> None:
     """Make the time strictly increasing, in place.
 
     Parameters
     ----------
     samples : Samples
         The samples as the file has them.
+    discard : float
+        Largest share of the rows that may be dropped, in percent.
     jumps : bool
         True if values jump between rows of equal time; else these are averaged.
 
     Raises
     ------
     UserError
-        If the clock restarts or is set back, or fewer than two samples remain.
+        If the clock restarts or is set back, too many rows have no time, or fewer than two samples
+        remain.
     """
-    _drop_missing_time(samples)
+    _drop_missing_time(samples, discard)
     _require_two(samples)
     _sort_late_rows(samples)
     if jumps:
@@ -98,14 +122,15 @@ def _require_two(samples: Samples) -> None:
         raise refuse(samples.path, f"{content}; a record needs at least two different times")
 
 
-def _drop_missing_time(samples: Samples) -> None:
-    """Drop the rows whose time is missing or infinite, in place."""
+def _drop_missing_time(samples: Samples, discard: float) -> None:
+    """Drop the rows whose time is missing or infinite, in place; raise if they are too many."""
     invalid = ~np.isfinite(samples.time)
-    if invalid.any():
+    if invalid.any() and not invalid.all():
         rows = samples.rows[invalid].tolist()
+        refuse_loss(samples.path, "rows have no valid time", rows, invalid.size, discard)
         message = f"{len(rows)} rows without a valid time dropped ({list_rows(rows)})"
         samples.repairs.append(Repair("missing time", message, tuple(rows)))
-        samples.keep(~invalid)
+    samples.keep(~invalid)
 
 
 def _sort_late_rows(samples: Samples) -> None:
@@ -147,9 +172,9 @@ def _sort_late_rows(samples: Samples) -> None:
             f"{len(rows)} of {time.size} rows are out of order ({list_rows(rows)}); sorted are at"
             " most 1 %: the times do not order this record",
         )
-    samples.repairs.append(
-        Repair("order", f"{len(rows)} rows out of order sorted ({list_rows(rows)})", tuple(rows))
-    )
+    late_by = float((before - time).max())
+    message = f"{len(rows)} rows out of order by up to {late_by:.4g} s sorted ({list_rows(rows)})"
+    samples.repairs.append(Repair("order", message, tuple(rows)))
     samples.keep(np.argsort(time, kind="stable"))
 
 
@@ -235,13 +260,17 @@ def _average_duplicates(samples: Samples) -> None:
         return
     group = np.cumsum(first) - 1
     repeated = samples.rows[~first].tolist()
-    are_identical = all(
-        np.array_equal(values, values[first][group], equal_nan=True)
-        for values in samples.values.values()
-    )
+    spreads = {
+        name: spread
+        for name, values in samples.values.items()
+        if (spread := _largest_deviation(values, values[first][group]))
+    }
     means = {name: _group_means(values, first) for name, values in samples.values.items()}
     instants = int((np.bincount(group) > 1).sum())
-    treatment = "identical values" if are_identical else "their values averaged"
+    treatment = "identical values"
+    if spreads:
+        listed = ", ".join(f"{name} by up to {spread:.4g}" for name, spread in spreads.items())
+        treatment = f"their values averaged, which differ: {listed}"
     message = (
         f"{len(repeated)} rows repeat the time of an earlier row ({instants} instants,"
         f" {treatment}): {time.size} rows became {int(first.sum())} ({list_rows(repeated)})"
@@ -249,6 +278,12 @@ def _average_duplicates(samples: Samples) -> None:
     samples.keep(first)
     samples.values = means
     samples.repairs.append(Repair("duplicates", message, tuple(repeated)))
+
+
+def _largest_deviation(values: Array, others: Array) -> float:
+    """Return the largest difference of values (n,) from others; zero where one is missing."""
+    deviations = np.abs(values - others)
+    return float(deviations[np.isfinite(deviations)].max(initial=0.0))
 
 
 def _group_means(values: Array, first: Mask) -> Array:

@@ -8,6 +8,7 @@ from .table import Column as Column
 from .table import Reader as Reader
 from .table import Table as Table
 from .table import as_numbers as as_numbers
+from .table import is_no_value as is_no_value
 from .table import numbers as numbers
 from .table import parse_cell as parse_cell
 from .table import split_header_cell as split_header_cell

@@ -5,6 +5,15 @@ from collections.abc import Sequence
 
 _BRACKETED = re.compile(r"(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]", re.DOTALL)
 _PARENTHESISED = re.compile(r"(?P<name>.*?)\s*\((?P<unit>[^()]*)\)", re.DOTALL)
+_IN_BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]")
+_SINCE = re.compile(r"(\w+)\s+since\s.*", re.DOTALL)  # of times in NetCDF (CF conventions)
+# a name that says that it is a time, and in which unit
+_TIME_IN_UNIT = re.compile(
+    r"(?:.*[\s_.-])?(?:time|t|zeit|timestamp|elapsed|clock)[\s_.-]+"
+    r"(?P<unit>ns|us|µs|ms|msecs?|milliseconds?|microseconds?|nanoseconds?|s|secs?|seconds?|min"
+    r"|minutes?|h|hours?|days?)",
+    re.IGNORECASE,
+)
 _WORDED = re.compile(r"(?P<name>.*\S)\s+in\s+(?P<unit>\S+)", re.DOTALL)
 _REFERRED = re.compile(r"\s+vs\.?\s.*", re.DOTALL)
 _TIME_OF_DAY = re.compile(r"d{0,2}[.\s]?h{1,2}:m(?:in|m)?(?::s{1,2}(?:[.,:](?:ms|[sf0]+))?)?")
@@ -36,7 +45,19 @@ _SPELLED = {
     "second": "s",
     "seconds": "s",
     "sekunden": "s",
+    "msec": "ms",
+    "msecs": "ms",
+    "milliseconds": "ms",
+    "millisecond": "ms",
+    "microsecond": "us",
+    "microseconds": "us",
+    "nanosecond": "ns",
+    "nanoseconds": "ns",
     "min": "min",
+    "minute": "min",
+    "minutes": "min",
+    "day": "d",
+    "days": "d",
     "std": "h",
     "std.": "h",
     "hour": "h",
@@ -61,7 +82,10 @@ def plain_unit(text: str) -> str | None:
     -------
     str or None
     """
-    unit = _REFERRED.sub("", text.strip())
+    bare = _IN_BRACKETS.fullmatch(text.strip())
+    unit = _REFERRED.sub("", bare[1] if bare else text.strip())
+    since = _SINCE.fullmatch(unit)
+    unit = since[1] if since else unit
     return _KEPT.get(unit) or _SPELLED.get(unit.casefold(), unit)
 
 
@@ -115,6 +139,9 @@ def _split(text: str) -> tuple[str, str | None]:
         unit = text[slash.end() :].strip()
         if name and is_unit(unit):
             return name, plain_unit(unit)
+    timed = _TIME_IN_UNIT.fullmatch(text)
+    if timed:
+        return text, plain_unit(timed["unit"].lower())
     worded = _WORDED.fullmatch(text)
     if worded and is_unit(worded["unit"]):
         return worded["name"], plain_unit(worded["unit"])

@@ -1,15 +1,18 @@
 """Raw table of a file, as every reader returns it: columns with name, unit and cells."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit.arrays import Array
-from orchestration.records.record import Repair, refuse
+from fmus.kit.arrays import Array, Indices, Mask
+from orchestration.records.record import Repair, list_rows, refuse
 
 MISSING_CELLS = frozenset(
     {
@@ -28,14 +31,46 @@ MISSING_CELLS = frozenset(
         "-1.#ind",
     }
 )
-INFINITE_CELLS = {"1.#inf": np.inf, "-1.#inf": -np.inf}
+INFINITE_CELLS = {
+    "1.#inf": np.inf,
+    "-1.#inf": -np.inf,
+    "∞": np.inf,
+    "+∞": np.inf,
+    "-∞": -np.inf,
+    "\u2212∞": -np.inf,
+}
+_NO_VALUE_CELLS = frozenset(
+    {
+        *("-", "--", "---", "----", "-----", "*", "**", "***", "****", "*****", "?", "??", "???"),
+        *("ol", "+ol", "-ol", "o.l", "o.l.", "o l", "over", "+over", "-over", "ovld", "ovl"),
+        *("overload", "overrange", "over range", "over-range", "overflow", "ovrflw", "ovrng"),
+        *("under", "underrange", "underflow", "range", "out of range", "saturated", "clipped"),
+        *("error", "err", "fault", "invalid", "inval", "bad", "bad input", "no data", "nodata"),
+        *("#####", "#value!", "#div/0!", "#num!", "#ref!", "#name?", "#null!", "#nv", "#wert!"),
+        *("missing", "nil", "n.a.", "n.d.", "nc", "no sensor", "sensor break", "timeout"),
+        *("nan(ind)", "-nan(ind)", "1.#io", "-1.#io", "#n/v", "undef", "undefined", "unknown"),
+    }
+)
+"""What instruments and spreadsheets write where there is no value."""
+_NO_NUMBERS = (9.9e37, 9.91e37, 9.96920997e36)
+"""Numbers for overrange and no number of SCPI 1999 (7.2.1.4), and of a missing value in NetCDF."""
+_MARKS = tuple(
+    sign * mark for mark in (999.0, 999.25, 9999.0, 99999.0, 999999.0) for sign in (-1.0, 1.0)
+)
+"""Numbers that mark a missing value in a column that holds nothing else like them."""
+_ALONE = 2.0
+"""Least distance of such a mark from all other values, in ranges of these."""
+_FEWEST = 8
+"""Least number of other values."""
 _TRUTH_CELLS = {"true": 1.0, "false": 0.0}  # in results of FMU tools
 _HEADER_CELL = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$", re.DOTALL)
 # index of an element of an array, a part of its name: A[2,1]
 INDEX = re.compile(r"(?<=\S)\[\d+(?:,\d+)*\]")
 _NUMBER = re.compile(
-    r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?", re.IGNORECASE | re.ASCII
+    r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?inf(inity)?", re.IGNORECASE | re.ASCII
 )
+
+_FORTRAN = re.compile(r"(?<=[\d.])d(?=[+-]?\d)")  # exponent of double precision: 1.0D+00
 
 
 @dataclass
@@ -92,6 +127,20 @@ class Table:
         """
         return [column.name for column in self.columns]
 
+    def keep(self, mask: Mask) -> Table:
+        """Return a table of the rows (n,) for which a mask is true."""
+        chosen = np.flatnonzero(mask).tolist()
+        columns = [
+            replace(
+                column,
+                cells=column.cells[chosen]
+                if isinstance(column.cells, np.ndarray)
+                else [column.cells[k] for k in chosen],
+            )
+            for column in self.columns
+        ]
+        return replace(self, columns=columns, rows=self.rows[chosen])
+
     def map_name(self, column: Column) -> str:
         """Return the name of a column for ``--map``: its header cell if its name is not unique."""
         return column.name if self.names().count(column.name) == 1 else column.title
@@ -123,6 +172,12 @@ def split_header_cell(cell: str) -> tuple[str, str | None]:
     return match["name"].strip(), (match["unit"] or "").strip() or None
 
 
+def is_no_value(cell: str) -> bool:
+    """Return whether an instrument or a spreadsheet writes a text where there is no value."""
+    text = cell.strip().lower()
+    return bool(text) and (text in MISSING_CELLS or text in _NO_VALUE_CELLS)
+
+
 def parse_cell(cell: str) -> float | None:
     """Return the number in a text cell.
 
@@ -137,22 +192,26 @@ def parse_cell(cell: str) -> float | None:
         NaN for a missing value; None for other text.
     """
     text = cell.strip().lower()
-    if text in MISSING_CELLS:
+    if text in MISSING_CELLS or text in _NO_VALUE_CELLS:
         return float("nan")
     if text in INFINITE_CELLS:
         return INFINITE_CELLS[text]
     if text in _TRUTH_CELLS:
         return _TRUTH_CELLS[text]
-    return float(text) if _NUMBER.fullmatch(text) else None
+    plain = _FORTRAN.sub("e", text.replace("\u2212", "-"))
+    return float(plain) if _NUMBER.fullmatch(plain) else None
 
 
 def numbers(table: Table, column: Column) -> Array:
     """Return the values of a column as numbers.
 
+    What instruments write for no value is missing: texts such as ``OVERLOAD``, 9.91E37 of SCPI, and
+    -9999 where a column holds nothing else like it.
+
     Parameters
     ----------
     table : Table
-        Table of the column, for the message.
+        Table of the column; a repair is added for such values.
     column : Column
         The column.
 
@@ -167,14 +226,16 @@ def numbers(table: Table, column: Column) -> Array:
         If a cell is neither a number nor empty.
     """
     if isinstance(column.cells, np.ndarray):
-        return np.array(column.cells, dtype=float)
+        return _without_marks(table, column, np.array(column.cells, dtype=float))
     joined = "".join(column.cells)
     # float() would also accept 1_000 and digits of other scripts
     if joined.isascii() and "_" not in joined:
         try:
-            return np.array([float(cell) for cell in column.cells], dtype=float)
+            values = np.array([float(cell) for cell in column.cells], dtype=float)
         except ValueError:
             pass
+        else:
+            return _without_marks(table, column, values)
     values = np.empty(len(column.cells))
     for index, cell in enumerate(column.cells):
         value = parse_cell(cell)
@@ -185,16 +246,67 @@ def numbers(table: Table, column: Column) -> Array:
                 " (allowed: a number, or an empty cell for a missing value)",
             )
         values[index] = value
+    texts = [
+        index
+        for index in np.flatnonzero(np.isnan(values)).tolist()
+        if column.cells[index].strip().lower() in _NO_VALUE_CELLS
+    ]
+    if texts:
+        _report_no_values(table, column, f"'{column.cells[texts[0]].strip()}'", np.array(texts))
+    return _without_marks(table, column, values)
+
+
+def _without_marks(table: Table, column: Column, values: Array) -> Array:
+    """Return values (n,) with NaN for numbers that mark a missing one."""
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return values
+    extremes = {float(known.min()), float(known.max())}
+    sizes = np.abs(values)
+    for number in _NO_NUMBERS:
+        if any(np.isclose(abs(x), number, rtol=1e-6, atol=0.0) for x in extremes):
+            found = np.isclose(sizes, number, rtol=1e-6, atol=0.0)
+            values = _masked(table, column, values, found)
+    for mark in extremes.intersection(_MARKS):
+        others = known[known != mark]
+        levels = np.unique(others).size
+        if others.size < _FEWEST or levels < (1 if mark < 0.0 else 3):  # a pulse may be 999 high
+            continue
+        low = float(others.min())
+        high = float(others.max())
+        if max(low - mark, mark - high) > _ALONE * (high - low):
+            values = _masked(table, column, values, values == mark)
     return values
 
 
-def as_numbers(values: np.ndarray) -> np.ndarray | list[str]:
+def _masked(table: Table, column: Column, values: Array, found: Mask) -> Array:
+    """Return values (n,) with NaN where they mark a missing one, and add that to the repairs."""
+    indices = np.flatnonzero(found)
+    if not indices.size:
+        return values
+    _report_no_values(table, column, f"{values[indices[0]]:g}", indices)
+    return np.where(found, np.nan, values)
+
+
+def _report_no_values(table: Table, column: Column, mark: str, indices: Indices) -> None:
+    """Add a repair for cells that hold no value, once for each column."""
+    rows = table.rows[indices].tolist()
+    message = (
+        f"column '{column.name}': {mark} is no measurement: {len(rows)} values treated as missing"
+        f" ({list_rows(rows)})"
+    )
+    repair = Repair("no value", message, tuple(rows))
+    if repair not in table.repairs:
+        table.repairs.append(repair)
+
+
+def as_numbers(values: np.ndarray | np.ma.MaskedArray[Any, Any]) -> np.ndarray | list[str]:
     """Return an array of any type as floats, or as text cells if it has no numbers.
 
     Parameters
     ----------
     values : ndarray, shape (n,)
-        Numbers, booleans, instants or objects.
+        Numbers, booleans, instants or objects; masked values are missing.
 
     Returns
     -------
@@ -202,6 +314,11 @@ def as_numbers(values: np.ndarray) -> np.ndarray | list[str]:
         Instants become seconds since the first one, and objects become text, which is parsed when
         the column is used.
     """
+    if isinstance(values, np.ma.MaskedArray):
+        fill = {"M": np.datetime64("NaT"), "m": np.timedelta64("NaT"), "O": None}
+        kind = values.dtype.kind
+        whole: Any = values if kind in fill else values.astype(float)
+        values = whole.filled(fill.get(kind, np.nan))
     if values.dtype.kind == "M":
         known = values[~np.isnat(values)]
         first = known[0] if known.size else np.datetime64("NaT")

@@ -1,9 +1,12 @@
 from .instants import FORMS as FORMS
 from .instants import first_text as first_text
 from .instants import holds_instants as holds_instants
+from .instants import is_form as is_form
 from .instants import is_instant as is_instant
 from .instants import merge_date_and_time as merge_date_and_time
 from .instants import seconds as seconds
+from .plausible import require_resolution as require_resolution
+from .plausible import require_unit as require_unit
 from .time_column import TIME as TIME
 from .time_column import complementary_column as complementary_column
 from .time_column import find_time as find_time

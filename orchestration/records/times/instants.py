@@ -12,6 +12,7 @@ import numpy as np
 from fmus.kit.arrays import Array
 from orchestration.records.record import Repair, list_rows, refuse
 from orchestration.records.tables import MISSING_CELLS, Column, Table
+from orchestration.records.times.summer_time import is_zone, local_to_utc
 from orchestration.reporting import option
 
 DAY_FIRST = "dd/mm/yyyy"
@@ -34,10 +35,17 @@ _DATE = re.compile(
 )
 _CLOCK = re.compile(
     r"(?:(?P<days>\d{1,5})(?:\s?d(?:ays?)?,?\s+|[-.\s]))?"
-    r"(?P<h>\d{1,6}):(?P<m>[0-5]\d)(?::(?P<s>[0-5]\d))?(?:[.,:](?P<fraction>\d+))?"
+    r"(?P<h>\d{1,6}):(?P<m>[0-5]\d)(?::(?P<s>[0-5]\d|60))?(?:[.,:](?P<fraction>\d+))?"
     r"(?:\s?(?P<am_pm>[AaPp])\.?[Mm]\.?)?"
-    r"(?:\s?(?:[Zz]|UTC|GMT|(?P<sign>[+-])(?P<zone_h>\d{2}):?(?P<zone_m>\d{2})?))?"
+    r"(?P<zone>\s?(?:UTC|GMT)?(?P<sign>[+-])(?P<zone_h>\d{1,2})(?::?(?P<zone_m>\d{2}))?"
+    r"|\s?(?:[Zz]|UTC|GMT)|\s(?P<zone_name>[A-Z]{3,4}))?"
 )
+_ZONES = {
+    **{"WET": 0, "WEST": 1, "BST": 1, "CET": 1, "CEST": 2, "MEZ": 1, "MESZ": 2, "EET": 2},
+    **{"EEST": 3, "EST": -5, "EDT": -4, "CST": -6, "CDT": -5, "MST": -7, "MDT": -6, "PST": -8},
+    **{"PDT": -7, "JST": 9},
+}
+"""Hours ahead of UTC of zones by their names in files."""
 
 
 class _Cell(NamedTuple):
@@ -74,7 +82,9 @@ def _match_instant(cell: str) -> _Cell | None:
         return _Cell(day, None)
     rest = text[day.end() :].lstrip(" ,Tt") if day else text
     clock = _CLOCK.fullmatch(rest)
-    return None if clock is None else _Cell(day, clock)
+    if clock is None or (clock["zone_name"] and clock["zone_name"] not in _ZONES):
+        return None
+    return _Cell(day, clock)
 
 
 def holds_instants(column: Column) -> bool:
@@ -99,7 +109,7 @@ def seconds(table: Table, column: Column, form: str = "") -> Array:
     column : Column
         Text cells.
     form : str
-        One of `FORMS` if the user states it.
+        One of `FORMS`, a time zone such as ``Europe/Berlin``, or both, if the user states it.
 
     Returns
     -------
@@ -109,19 +119,22 @@ def seconds(table: Table, column: Column, form: str = "") -> Array:
     Raises
     ------
     UserError
-        If a cell is of another kind than the first, its date is not in the calendar, or day and
-        month are ambiguous.
+        If a cell is of another kind than the first, its date is not in the calendar, day and month
+        are ambiguous, or the hour is, at the end of summer time.
     """
+    order, zone = _stated(form)
     cells = _parsed(table, column)
     present = {k: cell for k, cell in enumerate(cells) if cell is not None}
     first, cell = next(iter(present.items()))
     instants = np.full(len(cells), np.nan)
-    instants[list(present)] = [_seconds(instant, form) for instant in present.values()]
+    instants[list(present)] = [_seconds(instant, order) for instant in present.values()]
     if cell.day is not None:
-        notation, days = _days(table, column, cells, form)
+        notation, days = _days(table, column, cells, order)
         instants += _DAY * days
+        if cell.clock is not None and not cell.clock["zone"]:
+            instants = local_to_utc(table, column, instants, zone)
     else:
-        has_minutes_first = _has_minutes_first(cell, form)
+        has_minutes_first = _has_minutes_first(cell, order)
         notation = MINUTES if has_minutes_first else _hours_form(column, cell)
         _continue_after_midnight(table, column, instants, _HOUR if has_minutes_first else _DAY)
     text = str(column.cells[first]).strip()
@@ -129,6 +142,18 @@ def seconds(table: Table, column: Column, form: str = "") -> Array:
         Repair("date", f"column '{column.name}' is read as {notation}: '{text}' is 0 s")
     )
     return instants - instants[first]
+
+
+def is_form(text: str) -> bool:
+    """Return whether a text in the brackets of ``time[...]`` is a form of dates or a time zone."""
+    return all(word in FORMS or is_zone(word) for word in text.split())
+
+
+def _stated(form: str) -> tuple[str, str]:
+    """Return the form of dates and the time zone that a user states; empty where there is none."""
+    words = form.split()
+    order = next((word for word in words if word in FORMS), "")
+    return order, next((word for word in words if word not in FORMS), "")
 
 
 def _hours_form(column: Column, cell: _Cell) -> str:
@@ -164,9 +189,10 @@ def _parsed(table: Table, column: Column) -> list[_Cell | None]:
     return cells
 
 
-def _parts(cell: _Cell) -> tuple[bool, bool]:
-    """Return whether a cell has a date, and whether it has a time of day."""
-    return cell.day is not None, cell.clock is not None
+def _parts(cell: _Cell) -> tuple[bool, bool, bool]:
+    """Return whether a cell has a date, whether a time of day, and whether that states a zone."""
+    clock = cell.clock
+    return cell.day is not None, clock is not None, clock is not None and bool(clock["zone"])
 
 
 def _has_minutes_first(cell: _Cell, form: str) -> bool:
@@ -189,6 +215,7 @@ def _seconds(cell: _Cell, form: str) -> float:
     if clock["am_pm"]:
         hours = hours % 12 + (12 if clock["am_pm"] in "Pp" else 0)
     zone = int(clock["zone_h"] or 0) * _HOUR + int(clock["zone_m"] or 0) * 60.0
+    zone += _ZONES.get(clock["zone_name"], 0) * _HOUR
     if clock["sign"] == "-":
         zone = -zone
     return int(clock["days"] or 0) * _DAY + hours * _HOUR + minutes * 60.0 + seconds - zone

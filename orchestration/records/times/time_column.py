@@ -65,7 +65,8 @@ def find_time(table: Table, signals: Container[str], free: Sequence[Column]) -> 
     UserError
         If there is no time column, or several are called time.
     """
-    columns = [column for column in free if column.name not in signals]
+    # an output may be called time, but not the first column
+    columns = [c for c in free if c.name not in signals or (c is free[0] and _is_in_time(c))]
     by_name, by_unit, by_date = _candidates(table, columns)
     # by identity, as several columns may have one name
     candidates = {id(column): column for column in (*by_name, *by_unit, *by_date)}
@@ -94,6 +95,8 @@ def _candidates(
 ) -> tuple[list[Column], list[Column], list[Column]]:
     """Return the columns with the name of a time, those with its unit, and those with dates."""
     exact = [column for column in columns if column.name.casefold() == TIME]
+    if len(exact) > 1 and len({column.unit for column in exact}) > 1 and _is_in_time(exact[0]):
+        del exact[1:]
     if len(exact) > 1:
         raise refuse(
             table.path,

@@ -31,7 +31,7 @@ def folder(tmp_path_factory):
 
 
 def held(folder, model, holdout):
-    fitted, judged = held_out(folder / "three.csv", holdout, model, column="run")
+    fitted, judged = held_out(folder / "three.csv", model, {"holdout": holdout, "runs": "run"})
     return [run.label for run in fitted], [run.label or run.source.stem for run in judged]
 
 
@@ -49,7 +49,7 @@ def test_runs_are_held_out_by_their_labels(folder, model, holdout, labels):
 
 
 def test_other_files_are_held_out_beside_labels(folder, model):
-    other = matching_runs(folder / "one.csv", model)
+    other = matching_runs(folder / "one.csv", model, {})
     expected = (["1", "2"], ["3", "one"])
     assert held(folder, model, ["3", *other]) == expected
 
@@ -66,8 +66,8 @@ def test_something_is_left_to_fit_to(folder, model):
 
 def test_a_record_is_taken_as_it_is_and_a_file_read_with_its_mapping(folder, model):
     record = ppy.read_record(folder / "one.csv", model)
-    assert matching_record(record, model) is record
-    swapped = matching_record(folder / "one.csv", model, {"x": "u", "u": "x"})
+    assert matching_record(record, model, {}) is record
+    swapped = matching_record(folder / "one.csv", model, {"mapping": {"x": "u", "u": "x"}})
     assert swapped.signals["u"].tolist() == record.signals["x"].tolist()
 
 
@@ -87,8 +87,8 @@ def test_a_record_is_refused_before_anything_is_built(tmp_path, monkeypatch, use
         raise AssertionError("built")
 
     monkeypatch.setattr("fmus.kit.build.build_cached", build)
-    (tmp_path / "r.csv").write_text("time [s],voltage [V]\n0,1\n1,OVERLOAD\n2,3\n")
-    with pytest.raises(UserError, match="row 3, column 'voltage': 'OVERLOAD'"):
+    (tmp_path / "r.csv").write_text("time [s],voltage [V]\n0,1\n1,jammed\n2,3\n")
+    with pytest.raises(UserError, match="row 3, column 'voltage': 'jammed'"):
         use(tmp_path / "r.csv", "ppy_actuator")
 
 
@@ -97,8 +97,8 @@ def test_arrays_and_frames_are_taken_wherever_a_record_is():
     arrays = {"t [s]": time, "current [A]": np.sin(time), "voltage [mV]": 700.0 * np.cos(time)}
     frame = pandas.DataFrame(arrays).set_index("t [s]")
     subject = declared_model("ppy_actuator")
-    runs = matching_runs([arrays, frame], subject)
-    fitted, judged = held_out(arrays, frame, subject)
+    runs = matching_runs([arrays, frame], subject, {})
+    fitted, judged = held_out(arrays, subject, {"holdout": frame})
     for record in (*runs, *fitted, *judged, ppy.read_record(frame)):
         np.testing.assert_allclose(record.signals["voltage"], 0.7 * np.cos(time))
     assert (len(fitted), len(judged)) == (1, 1)

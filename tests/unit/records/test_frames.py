@@ -66,7 +66,7 @@ def test_each_has_a_name_of_its_own():
         ({"time": [], "current": []}, "no rows"),
         ({}, "no rows"),
         (pd.DataFrame(np.zeros((2, 2)), columns=["a", "a"]), "several columns are called 'a'"),
-        ({"time": TIME, "current": ["1", "2", "OVERLOAD", "4"]}, "row 3, column 'current'"),
+        ({"time": TIME, "current": ["1", "2", "jammed", "4"]}, "row 3, column 'current'"),
     ],
 )
 def test_what_is_no_table_is_refused(data, says):

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from fmus.kit import UserError
-from orchestration.records import parse_mapping, read_columns, read_record
-from tests.support import vendors
+from orchestration.records import Reading, Source, parse_mapping, read_columns, read_record
+from tests.support import odd_tables, vendors
 from tests.support.record_forms import write
 from tests.support.record_rows import read, varied_rows, write_rows
 
@@ -146,6 +146,24 @@ def test_a_damaged_file_of_a_vendor_is_refused_with_file_row_and_reason(tmp_path
         assert re.search(rf"\brows? {damage.line}\b", message), (damage.what, message)
         assert damage.reason in message, damage.what
         assert "\n" not in message
+
+
+@pytest.mark.parametrize("table", odd_tables.all_tables(), ids=lambda table: table.name)
+def test_an_odd_table_is_read_as_it_is_or_asks_for_what_settles_it(tmp_path, table):
+    path = write(tmp_path, table.content, table.name)
+    if table.asks:
+        with pytest.raises(UserError) as caught:
+            read_record(path, odd_tables.UNITS)
+        assert str(caught.value).startswith(str(path))
+        assert table.asks in str(caught.value)
+    source = Source(path, Reading(**table.reading))
+    record = read_record(source, odd_tables.UNITS, mapping=table.mapping, required=["voltage"])
+    np.testing.assert_allclose(record.time - record.time[0], table.time, rtol=1e-9, atol=1e-4)
+    np.testing.assert_allclose(record.signals["current"], table.current, rtol=1e-14, atol=1e-16)
+    np.testing.assert_allclose(record.signals["voltage"], table.voltage, rtol=1e-14)
+    said = " ".join(repair.message for repair in record.repairs)
+    for words in table.says:
+        assert words in said
 
 
 def read_vendor(folder, file):

@@ -55,7 +55,7 @@ def test_a_record_leads_to_the_operating_point(folder):
         (["--at", "-1"], "--at -1: a time from 0 s on"),
         (["--plot", "m.txt"], "--plot m.txt: its name must end in"),
         (["--over", "C"], "--over 'C': write name=from..to:count"),
-        (["--map", "a=current"], "--map renames the columns of a record"),
+        (["--map", "a=current"], "--map is about a record"),
     ],
 )
 def test_bad_input_is_one_line(folder, words, said):

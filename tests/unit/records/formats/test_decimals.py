@@ -31,7 +31,6 @@ def settled(*columns, comma_divides=False):
         (["1 234,5", "12 345,25"], [1234.5, 12345.25]),
         (["1\u00a0234,5", "1\u202f000,0"], [1234.5, 1000.0]),
         (["1'234.5", "0.5"], [1234.5, 0.5]),
-        (["1,234", "2,345"], [1.234, 2.345]),
         (["1,5e-3", ",5", "5,"], [1.5e-3, 0.5, 5.0]),
         (["999,5", "1.000,5", "1.001"], [999.5, 1000.5, 1001.0]),
     ],
@@ -44,7 +43,6 @@ def test_numbers_are_read_as_they_are_meant(cells, values):
     ("cells", "values"),
     [
         (["1,234.5", "0.25"], [1234.5, 0.25]),
-        (["1,234", "12,345"], [1234.0, 12345.0]),
         (["0,5", "1,25"], [0.5, 1.25]),
         (["0,123", "0,456"], [0.123, 0.456]),  # nobody writes that for thousands
     ],
@@ -53,10 +51,18 @@ def test_where_commas_divide_columns_one_before_three_digits_is_of_thousands(cel
     assert settled(cells, comma_divides=True)[1] == [values]
 
 
-def test_points_before_three_digits_stay_decimal_points():
-    made, values = settled(["1.234", "2.345"])
+def test_points_before_three_digits_are_decimal_where_commas_divide_columns():
+    made, values = settled(["1.234", "2.345"], comma_divides=True)
     assert values == [[1.234, 2.345]]
     assert made.repairs == []
+
+
+@pytest.mark.parametrize("cells", [["1,234", "2,345"], ["1.234", "2.345"], ["5", "-1.234"]])
+def test_a_mark_before_three_digits_throughout_is_asked_for(cells):
+    with pytest.raises(
+        UserError, match=r"decimal='comma' for .*decimal='point' for|decimal='point'"
+    ):
+        settled(cells)
 
 
 def test_what_was_changed_is_said_with_its_first_row():

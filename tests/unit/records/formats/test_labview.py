@@ -26,6 +26,33 @@ def test_tdms(tmp_path, clock):
     )
 
 
+@pytest.mark.parametrize("late", ["start", "offset"])
+@pytest.mark.parametrize("step", [0.1, 0.2, 0.25])
+def test_channels_that_begin_later_or_are_slower_keep_their_instants(tmp_path, late, step):
+    nptdms = pytest.importorskip("nptdms")
+    began = np.datetime64("2026-01-01T00:00:00", "us")
+    shift = np.timedelta64(3, "s") if late == "start" else np.timedelta64(0, "s")
+    first = {"wf_increment": 0.1, "wf_start_time": began, "wf_start_offset": 0.0}
+    other = {
+        "wf_increment": step,
+        "wf_start_time": began + shift,
+        "wf_start_offset": 3.0 if late == "offset" else 0.0,
+    }
+    fast, slow = 0.1 * np.arange(100), 3.0 + step * np.arange(40)
+    with nptdms.TdmsWriter(tmp_path / "r.tdms") as writer:
+        writer.write_segment(
+            [
+                nptdms.ChannelObject("g", "current [A]", np.sin(fast), first),
+                nptdms.ChannelObject("g", "displacement [m]", np.cos(slow), other),
+            ]
+        )
+    record = read_record(tmp_path / "r.tdms", SIGNALS)
+    for name, instants, values in (("current", fast, np.sin), ("displacement", slow, np.cos)):
+        measured = np.isfinite(record.signals[name])
+        np.testing.assert_allclose(record.time[measured], instants, atol=1e-9)
+        np.testing.assert_allclose(record.signals[name][measured], values(instants), rtol=1e-12)
+
+
 @pytest.mark.parametrize(("lost", "complete"), [(8, 7), (9, 6), (33, 4), (100, 4)])
 def test_a_tdms_file_cut_off_keeps_its_complete_rows_and_says_so(tmp_path, lost, complete):
     nptdms = pytest.importorskip("nptdms")

@@ -22,11 +22,14 @@ from tests.support.record_forms import PLAIN, refusal, write
         ("time [s],current [A]\n1,2\n", "one instant (row 2)"),
         ("0,1\n1,2\n", "row 1: numbers where the header should be"),
         ("# volts and amps\n0,1\n1,2\n", "row 2: numbers where the header should be"),
-        ("Dear all, the rig is down.\nSee you.\nBye\n", "row 2: 1 cells where the header has 2"),
+        (
+            "Dear all, the rig is down.\nSee you.\nBye\n",
+            "there is a header (row 1) but no complete row of data below it",
+        ),
         ("hello\nworld\n", "not a header"),
         (b"\x00\x01\x02\xff\xfe" * 40, "not a text file"),
         (bytes(np.random.default_rng(0).integers(0, 256, 4000, dtype=np.uint8)), "not a text file"),
-        (b"PK\x03\x04aaaa", "spreadsheet"),
+        (b"PK\x03\x04aaaa", "damaged"),
         (b"PAR1 and then nothing", "damaged"),
         (b"TDSm and then nothing of the kind at all", "TDMS file holds no complete row"),
         (

@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 import orchestration as ppy
 from fmus.kit import UserError
 from orchestration.identify.noise.autoregression import fit_autoregression
-from orchestration.records import read_record
+from orchestration.records import Reading, Source, read_record
 from orchestration.records.sampling.clock import JITTER, evenly_sampled, sample_period
 from tests.support.intersample_records import TRUE, record
 from tests.support.record_rows import read, refusal, varied_rows, write_rows
@@ -166,8 +166,30 @@ def test_logarithmic_sampling_is_uneven_and_not_full_of_gaps(tmp_path):
 
 
 def test_a_row_without_time_is_dropped_and_said(tmp_path):
-    rows = varied_rows(20)
+    rows = varied_rows(200)
     rows[3][0], rows[7][0] = "", "inf"
     record, kinds = read(write_rows(tmp_path, rows))
-    assert record.time.size == 18
+    assert record.time.size == 198
     assert kinds["missing time"].rows == (5, 9)
+
+
+def test_more_rows_without_time_than_a_hundredth_are_refused_with_what_allows_it(tmp_path):
+    rows = varied_rows(100)
+    rows[3][0], rows[7][0] = "", "inf"
+    path = write_rows(tmp_path, rows)
+    assert "2 of 100 rows have no valid time (rows 5, 9)" in refusal(path)
+    assert "discard='2%' allows it" in refusal(path)
+    record, _ = read(Source(path, Reading(discard=2.0)))
+    assert record.time.size == 98
+
+
+def test_averaged_values_say_by_how_much_they_differ(tmp_path):
+    _, kinds = read(write_rows(tmp_path, [[0, 1, 2], [1, 1, 2], [1, 3, 2], [2, 0, 1]]))
+    assert "which differ: u by up to 2)" in kinds["duplicates"].message
+
+
+def test_a_part_of_the_time_is_read(tmp_path):
+    path = write_rows(tmp_path, varied_rows(100))
+    record, _ = read(Source(path, Reading(begin=10.0, end=20.0)))
+    assert record.time.tolist() == list(range(10, 21))
+    assert "no row is between 200 s and inf s" in refusal(Source(path, Reading(begin=200.0)))
