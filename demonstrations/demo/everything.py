@@ -21,7 +21,7 @@ from orchestration.experiment import waveforms
 from orchestration.fmu import Model, find_model
 from orchestration.fmu import simulation as simulate
 from orchestration.identify import comparison as comparing
-from orchestration.records import write_record
+from orchestration.records import Source, write_record
 from orchestration.reporting import console as screen
 from orchestration.reporting import pictures
 
@@ -62,9 +62,11 @@ def run(out: Path) -> Path:
             for k, name in enumerate(("record", "unseen"))
         ]
         model = models["native"]
-        first = comparing.compare(model, comparing.read_for(model, records[0]), {}, _FITTED, tell)
+        first = comparing.compare(
+            model, comparing.read_for(model, Source.of(records[0])), {}, _FITTED, tell
+        )
         tell("judging the recalibrated model on the record it has not seen")
-        unseen = comparing.read_for(model, records[1])
+        unseen = comparing.read_for(model, Source.of(records[1]))
         before = comparing.compare(model, unseen)
         after = comparing.compare(model, unseen, first.fit.values if first.fit else {})
         tell("drawing")

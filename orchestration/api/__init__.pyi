@@ -17,7 +17,6 @@ from .package import UserError as UserError
 from .package import __version__ as __version__
 from .records import held_out as held_out
 from .records import read_record as read_record
-from .records import source as source
 from .results import DiagnosisResult as DiagnosisResult
 from .runs import run as run
 from .simulation import as_measured as as_measured

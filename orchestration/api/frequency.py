@@ -11,8 +11,8 @@ from fmus.kit import Component
 from fmus.kit.errors import UserError, suggestion
 from orchestration.api.declaration import takes
 from orchestration.api.forms import optional_seconds
-from orchestration.api.options import FrequencyKeywords
-from orchestration.api.records import Data, matching_record, source
+from orchestration.api.options import FrequencyKeywords, source_of
+from orchestration.api.records import Data, matching_record
 from orchestration.api.simulation import as_measured, values_of
 from orchestration.fmu import Model
 from orchestration.fmu.isolation import limits_of
@@ -141,4 +141,4 @@ def _read_named_columns(record: Data, options: FrequencyKeywords, inputs: Sequen
     if isinstance(record, Record):
         return record
     signals = [part.strip() for ratio in of for part in ratio.split("/")]
-    return read_columns(source(record, options), dict.fromkeys([*signals, *inputs]), inputs)
+    return read_columns(source_of(record, options), dict.fromkeys([*signals, *inputs]), inputs)

@@ -7,9 +7,9 @@ options in them could not be read.
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypedDict
+from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
-from orchestration.api.declaration import Form, Option
+from orchestration.api.declaration import Form, Option, options_of
 from orchestration.api.forms import (
     BAND,
     EFFECTS,
@@ -27,6 +27,8 @@ from orchestration.api.forms import (
     TIME,
     TIMES,
     numbers,
+    rows_per_second,
+    seconds,
     some_of,
 )
 
@@ -35,7 +37,7 @@ if TYPE_CHECKING:
 
     from orchestration.api.records import Records
     from orchestration.fmu.isolation import Limits
-    from orchestration.records import Record
+    from orchestration.records import Arrays, Record, Source
     from orchestration.sweeps import Design, Task
 
 
@@ -122,6 +124,24 @@ class ReadingOptions(TypedDict, total=False):
             form=PERCENT,
         ),
     ]
+
+
+def source_of(data: "str | Path | Arrays", options: Mapping[str, Any]) -> "Source":
+    """Return a file or arrays that is read as values of `ReadingOptions` say."""
+    from orchestration.records import Source
+
+    in_si: dict[str, Callable[[Any], Any]] = {
+        "columns": tuple,
+        "rate": rows_per_second,
+        "begin": seconds,
+        "end": seconds,
+    }
+    given = {
+        name: in_si.get(name, lambda value: value)(options[name])
+        for name in options_of(ReadingOptions)
+        if options.get(name) is not None
+    }
+    return Source.of(data, **given)
 
 
 class MappingOption(ReadingOptions, total=False):

@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Unpack
 
 from fmus.kit import UserError
-from orchestration.api.declaration import options_of, takes
-from orchestration.api.forms import rows_per_second, seconds
-from orchestration.api.options import MappingOption, ReadingOptions
+from orchestration.api.declaration import takes
+from orchestration.api.options import MappingOption, ReadingOptions, source_of
 from orchestration.api.simulation import as_measured
 from orchestration.fmu import Model
 from orchestration.identify import read_for, read_runs_for
-from orchestration.records import Arrays, Reading, Record, Source, record_labels
+from orchestration.records import Arrays, Record, Source, record_labels
 from orchestration.reporting import option
 
-_IN_SI: Mapping[str, Callable[[Any], Any]] = {
-    "columns": tuple,
-    "rate": rows_per_second,
-    "begin": seconds,
-    "end": seconds,
-}
 Data = Record | str | Path | Arrays
 Records = Data | Sequence[Data]
 
@@ -68,17 +61,7 @@ def read_record(
     >>> record.repairs
     []
     """
-    return read_for(as_measured(model), source(path, options), mapping)
-
-
-def source(data: str | Path | Arrays, options: Mapping[str, Any]) -> Source:
-    """Return a file or arrays with the values of `ReadingOptions`, in SI units."""
-    given = {
-        name: _IN_SI.get(name, lambda value: value)(options[name])
-        for name in options_of(ReadingOptions)
-        if options.get(name) is not None
-    }
-    return Source(Path(data) if isinstance(data, str) else data, Reading(**given))
+    return read_for(as_measured(model), source_of(path, options), mapping)
 
 
 def one_record(records: Records, options: Mapping[str, Any]) -> Record | Source:
@@ -92,7 +75,7 @@ def one_record(records: Records, options: Mapping[str, Any]) -> Record | Source:
     first, *others = _listed(records)
     if others:
         raise UserError(f"a system is diagnosed on one record, and there are {1 + len(others)}")
-    return first if isinstance(first, Record) else source(first, options)
+    return first if isinstance(first, Record) else source_of(first, options)
 
 
 def matching_runs(records: Records, model: Model, options: Mapping[str, Any]) -> list[Record]:
@@ -102,7 +85,7 @@ def matching_runs(records: Records, model: Model, options: Mapping[str, Any]) ->
         if isinstance(record, Record):
             runs.append(record)
         else:
-            found = source(record, options)
+            found = source_of(record, options)
             runs += read_runs_for(model, found, options.get("mapping"), options.get("runs"))
     return runs
 
@@ -166,4 +149,4 @@ def matching_record(record: Data, model: Model, options: Mapping[str, Any]) -> R
     """Return a record of a model's signals; a file or arrays are read as `MappingOption` says."""
     if isinstance(record, Record):
         return record
-    return read_for(model, source(record, options), options.get("mapping"))
+    return read_for(model, source_of(record, options), options.get("mapping"))

@@ -31,13 +31,14 @@ def open_measured(options: MeasuredOptions, runtime: str | None = None) -> Measu
     UserError
         If either cannot be read, or they do not fit.
     """
-    from orchestration.api import as_measured, source, values_of
+    from orchestration.api import as_measured, values_of
+    from orchestration.api.options import source_of
     from orchestration.identify import read_for
     from orchestration.reporting.console import tell_repairs
 
     declared = as_measured(options["model"], options["laid_over"], runtime)
     parameters = values_of(declared, options["settings"], options["preset"])
-    record = read_for(declared, source(options["record"], options), options["mapping"])
+    record = read_for(declared, source_of(options["record"], options), options["mapping"])
     tell_repairs(record.repairs)
     check_inputs(declared, record.signals, parameters)
     return MeasuredModel(build_model(declared, runtime), record, parameters)

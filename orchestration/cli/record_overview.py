@@ -39,7 +39,7 @@ def record_info(options: InfoCommand) -> None:
     UserError
         If the file is of no known form, or there is no such model.
     """
-    from orchestration.api import source
+    from orchestration.api.options import source_of
     from orchestration.fmu.model import declared_model
     from orchestration.records import read_overview
 
@@ -48,7 +48,7 @@ def record_info(options: InfoCommand) -> None:
     Outputs({"the record": file}, {"--json": path}, {"--json": JSON}).check()
     if options["laid_over"] and options["of_model"] is None:
         raise UserError("--with: name the model of the record with --model")
-    overview = read_overview(source(file, options))
+    overview = read_overview(source_of(file, options))
     model = None
     proposal = None
     if options["of_model"] is not None:

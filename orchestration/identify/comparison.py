@@ -20,7 +20,7 @@ from orchestration.identify.fitting import FmuWithDifferences
 from orchestration.identify.grey_box import Fit, fit_grey_box
 from orchestration.identify.metrics import fit_percent, rms
 from orchestration.identify.noise import WHITENESS_SAMPLES, Whiteness, whiteness
-from orchestration.records import Readable, Record, read_record, read_runs
+from orchestration.records import Record, Source, read_record, read_runs
 from orchestration.reporting import Displayable, one_line, option, write_page
 
 if TYPE_CHECKING:
@@ -127,13 +127,13 @@ class Comparison(Displayable):
         return write_page(self, path, command)
 
 
-def read_for(model: Model, path: Readable, mapping: Mapping[str, str] | None = None) -> Record:
+def read_for(model: Model, path: Source, mapping: Mapping[str, str] | None = None) -> Record:
     """Read a record of which some columns are the model's inputs and outputs.
 
     Parameters
     ----------
     model : Model
-    path : str, Path, DataFrame, Mapping of str to array_like, shape (n,), or Source
+    path : Source
     mapping : Mapping of str to str, optional
         Column of the file to signal of the model.
 
@@ -153,7 +153,7 @@ def read_for(model: Model, path: Readable, mapping: Mapping[str, str] | None = N
 
 def read_runs_for(
     model: Model,
-    path: Readable,
+    path: Source,
     mapping: Mapping[str, str] | None = None,
     column: str | None = None,
 ) -> list[Record]:

@@ -10,8 +10,6 @@ from .record import Record as Record
 from .record import Repair as Repair
 from .record import record_labels as record_labels
 from .sameness import refuse_same as refuse_same
-from .source import Readable as Readable
-from .source import Reading as Reading
 from .source import Source as Source
 from .writing import Journal as Journal
 from .writing import header as header

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 if TYPE_CHECKING:
     from orchestration.records.frames import Arrays
@@ -63,11 +63,11 @@ class Source:
     reading: Reading = AS_IT_STANDS
 
     @classmethod
-    def of(cls, data: Readable) -> Source:
-        """Return a source as it is, or data as a source that is read as it stands."""
+    def of(cls, data: Readable, **reading: Any) -> Source:
+        """Return a source as it is, or data as a source with fields of its `Reading`."""
         if isinstance(data, Source):
             return data
-        return cls(Path(data) if isinstance(data, str) else data)
+        return cls(Path(data) if isinstance(data, str) else data, Reading(**reading))
 
 
 Readable: TypeAlias = "str | Path | Arrays | Source"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError
 from orchestration.api.declaration import only, stated_of
-from orchestration.api.options import LineariseKeywords, MappingOption
+from orchestration.api.options import LineariseKeywords, MappingOption, source_of
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import LineariseCommand
 from orchestration.cli.commands.sweep import ranges_of
@@ -62,7 +62,6 @@ def _file(name: str) -> Path | None:
 
 def _model_and_stimulus(name: str, options: LineariseCommand) -> tuple[Any, dict[str, Any] | None]:
     """Return the model, with effects laid over it, and the record that drives it, if one does."""
-    from orchestration.api import source
     from orchestration.fmu.model import declared_model
     from orchestration.records import read_record
     from orchestration.reporting.console import tell_repairs
@@ -80,7 +79,7 @@ def _model_and_stimulus(name: str, options: LineariseCommand) -> tuple[Any, dict
         return model, None
     units = {signal.name: signal.unit for signal in model.inputs.values()}
     record = read_record(
-        source(file, options), units, mapping=options["mapping"], inputs=list(units)
+        source_of(file, options), units, mapping=options["mapping"], inputs=list(units)
     )
     tell_repairs(record.repairs)
     return model, {"time": record.time, **record.signals}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from fmus.kit import UserError
 from orchestration.api.declaration import stated_of
-from orchestration.api.options import MappingOption
+from orchestration.api.options import MappingOption, source_of
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import SimulateCommand
 from orchestration.cli.isolation import hearing_ctrl_c, limits
@@ -129,7 +129,6 @@ def _read_inputs(
     model: Model, parameters: Mapping[str, Value], options: SimulateCommand
 ) -> Record | None:
     """Read the record of inputs, if one is given."""
-    from orchestration.api import source
     from orchestration.cli.models import check_inputs
     from orchestration.records import read_record
     from orchestration.reporting.console import tell_repairs
@@ -140,7 +139,7 @@ def _read_inputs(
     units = {signal.name: signal.unit for signal in model.inputs.values()}
     mapping = options["mapping"]
     record = read_record(
-        source(file, options), units, mapping=mapping, inputs=list(units), jumps=True
+        source_of(file, options), units, mapping=mapping, inputs=list(units), jumps=True
     )
     tell_repairs(record.repairs)
     check_inputs(model, record.signals, parameters)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from fmus.kit import UserError
-from orchestration.records import Reading, Source, parse_mapping, read_columns, read_record
+from orchestration.records import Source, parse_mapping, read_columns, read_record
 from tests.support import odd_tables, vendors
 from tests.support.record_forms import write
 from tests.support.record_rows import read, varied_rows, write_rows
@@ -156,7 +156,7 @@ def test_an_odd_table_is_read_as_it_is_or_asks_for_what_settles_it(tmp_path, tab
             read_record(path, odd_tables.UNITS)
         assert str(caught.value).startswith(str(path))
         assert table.asks in str(caught.value)
-    source = Source(path, Reading(**table.reading))
+    source = Source.of(path, **table.reading)
     record = read_record(source, odd_tables.UNITS, mapping=table.mapping, required=["voltage"])
     np.testing.assert_allclose(record.time - record.time[0], table.time, rtol=1e-9, atol=1e-4)
     np.testing.assert_allclose(record.signals["current"], table.current, rtol=1e-14, atol=1e-16)

@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 import orchestration as ppy
 from fmus.kit import UserError
 from orchestration.identify.noise.autoregression import fit_autoregression
-from orchestration.records import Reading, Source, read_record
+from orchestration.records import Source, read_record
 from orchestration.records.sampling.clock import JITTER, evenly_sampled, sample_period
 from tests.support.intersample_records import TRUE, record
 from tests.support.record_rows import read, refusal, varied_rows, write_rows
@@ -179,7 +179,7 @@ def test_more_rows_without_time_than_a_hundredth_are_refused_with_what_allows_it
     path = write_rows(tmp_path, rows)
     assert "2 of 100 rows have no valid time (rows 5, 9)" in refusal(path)
     assert "discard='2%' allows it" in refusal(path)
-    record, _ = read(Source(path, Reading(discard=2.0)))
+    record, _ = read(Source.of(path, discard=2.0))
     assert record.time.size == 98
 
 
@@ -190,6 +190,6 @@ def test_averaged_values_say_by_how_much_they_differ(tmp_path):
 
 def test_a_part_of_the_time_is_read(tmp_path):
     path = write_rows(tmp_path, varied_rows(100))
-    record, _ = read(Source(path, Reading(begin=10.0, end=20.0)))
+    record, _ = read(Source.of(path, begin=10.0, end=20.0))
     assert record.time.tolist() == list(range(10, 21))
-    assert "no row is between 200 s and inf s" in refusal(Source(path, Reading(begin=200.0)))
+    assert "no row is between 200 s and inf s" in refusal(Source.of(path, begin=200.0))
