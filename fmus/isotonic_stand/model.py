@@ -46,7 +46,13 @@ class IsotonicStand(Component):
     )
 
     gravity = Parameter(
-        9.80665, "m/s^2", min=0.1, max=100.0, source="standard gravity", doc="gravity (g)"
+        9.80665,
+        "m/s^2",
+        min=0.1,
+        max=100.0,
+        source="standard gravity",
+        fitted=False,
+        doc="gravity (g)",
     )
     core_mass = Parameter(
         0.0,
@@ -113,6 +119,7 @@ class IsotonicStand(Component):
         max=1e6,
         nominal=1000.0,
         source="assumed: about 5 kHz, and no multiple of a sample rate",
+        fitted=False,
         doc="frequency of the carrier that excites the LVDT (f_c)",
     )
     carrier_shift = Parameter(
@@ -123,6 +130,7 @@ class IsotonicStand(Component):
         nominal=2e-5,
         display="us",
         source="assumed: the carrier and the record are not started together",
+        fitted=False,
         doc="time from the start to a rising zero of the ripple (t_c)",
     )
     carrier_ripple = Parameter(
@@ -133,6 +141,7 @@ class IsotonicStand(Component):
         nominal=0.01,
         display="mV",
         source="assumed: none; 10 mV in preset dcth_1000",
+        fitted=False,
         doc="amplitude of what the demodulator leaves of the rectified carrier (V_r)",
     )
 

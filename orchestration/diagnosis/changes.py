@@ -142,7 +142,7 @@ def _joined(before: Diagnosis, later: Diagnosis, options: Options) -> Subject | 
         records += [replace(r, group=first + r.group * several) for r in own]
     groups = tuple(record_labels([*before.records, *later.records]))
     local = LocalValues(groups, options.own_of_each(model))
-    hold = options.held([p.name for p in model.parameters])
+    hold = options.held_of(model)
     smooth = any(before.subject.problem.records[0].smooth)
     subject = subject_of(model, records, (), hold, options.given, smooth, local=local)
     if subject is not None and options.recalibrates:

@@ -317,7 +317,7 @@ class _Data:
     def subject(self, reading: Reading | None = None) -> Subject | None:
         """Return the subject of the files as they were read, or in another reading."""
         options = self.options
-        hold = options.held([p.name for p in self.law_model.parameters])
+        hold = options.held_of(self.law_model)
         own, others = self.records, self.unseen
         if reading is not None:
             own = [reading.apply(self.law_model, record) for record in own]

@@ -90,6 +90,11 @@ class Options:
         others = [name for name in parameters if self.fit and name not in self.fit]
         return frozenset([*self.hold, *others])
 
+    def held_of(self, model: LawModel) -> frozenset[str]:
+        """Return `held`, with what is declared as not fitted unless its fit is asked for."""
+        unfitted = {p.name for p in model.parameters if not p.fitted}
+        return self.held([p.name for p in model.parameters]) | unfitted.difference(self.fit)
+
     def own_of_each(self, model: LawModel) -> tuple[str, ...]:
         """Return the parameters with a value of their own in every record, but for start states.
 
@@ -98,7 +103,7 @@ class Options:
         UserError
             If one is unknown, or not fitted.
         """
-        held = self.held([p.name for p in model.parameters]) | model.periods | set(model.shifts)
+        held = self.held_of(model) | model.periods | set(model.shifts)
         real = {p.name for p in model.parameters if p.type == "real"}
         for name in self.each:
             if name not in real or name in held:

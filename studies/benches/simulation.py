@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +39,7 @@ _CORNER = 2.0 * math.pi * 100.0  # rad/s, of the filter of the load cell
 _B0 = 0.66  # V/N, thesis eq. 2.2
 _B1 = -0.06  # V/N
 _HIGHEST = 10.0  # V, of the amplifier; the lowest is zero
-_PERIOD = 1.0 / 30.0  # s
+PERIOD = 1.0 / 30.0  # s, of the controller
 # states, then what follows from them and the voltage of the controller
 _SIGNALS = (
     "coil_current",
@@ -79,6 +80,13 @@ class Bench:
     jitter: float = 0.0
     dry_friction: float = 0.0
     creep: float = 1e-3
+
+    period: ClassVar[float] = PERIOD  # of what samples
+
+    @property
+    def true(self) -> dict[str, float]:
+        """Values by the names of the parameters that mean the same in the models."""
+        return self.values | {"sample_shift": self.phase, "coulomb_force": self.dry_friction}
 
     def run(
         self, time: Array, reference: Array, current: Array, noise: float, seed: int
@@ -124,8 +132,8 @@ class Bench:
     ) -> tuple[list[float], list[float]]:
         """Return when the controller samples, infinity last, and the noise that it reads then."""
         random = np.random.default_rng(seed)
-        count = math.ceil((time[-1] - time[0]) / _PERIOD) + 1
-        instants = time[0] + self.phase + _PERIOD * np.arange(count)
+        count = math.ceil((time[-1] - time[0]) / PERIOD) + 1
+        instants = time[0] + self.phase + PERIOD * np.arange(count)
         instants[1:] += self.jitter * random.standard_normal(count - 1)
         noises = noise * random.standard_normal(count)
         return [*instants.tolist(), math.inf], noises.tolist()

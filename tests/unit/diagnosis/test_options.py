@@ -6,7 +6,7 @@ from time import process_time
 
 import pytest
 
-from fmus.kit import UserError
+from fmus.kit import Parameter, UserError
 from orchestration.diagnosis import LawModel, Options, Shape, Term
 from orchestration.diagnosis.options import Deadline
 from orchestration.diagnosis.terms import NamedTerm, SensorTerm
@@ -14,6 +14,12 @@ from orchestration.fmu.model import declared_model
 from tests.support.oscillator_model import Oscillator
 
 NAMES = ["mass", "damping", "stiffness"]
+
+
+class Weighed(Oscillator):
+    """An oscillator with a constant of nature."""
+
+    gravity = Parameter(9.81, "m/s^2", fitted=False)
 
 
 @pytest.mark.parametrize(
@@ -108,3 +114,11 @@ def test_a_deadline_is_of_processor_time():
     assert not short.was_met
     unasked = Deadline(0.0)
     assert unasked.was_met
+
+
+def test_what_is_declared_as_not_fitted_is_held_unless_its_fit_is_asked_for():
+    model = LawModel(Weighed)
+    assert Options().held_of(model) == {"gravity"}
+    assert Options(hold=["damping"]).held_of(model) == {"damping", "gravity"}
+    everything_else = {p.name for p in model.parameters} - {"gravity"}
+    assert Options(fit=["gravity"]).held_of(model) == everything_else
