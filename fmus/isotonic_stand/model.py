@@ -82,6 +82,7 @@ class IsotonicStand(Component):
         nominal=0.01,
         display="mm",
         source="assumed: the 1000 of DCTH 1000 as thousandths of an inch",
+        fitted=False,
         doc="displacement of the core to either side up to which the LVDT is specified (X)",
     )
     lvdt_sensitivity = Parameter(
@@ -101,6 +102,7 @@ class IsotonicStand(Component):
         nominal=0.005,
         display="%",
         source="assumed: none; a share of 0.5 % in preset dcth_1000",
+        fitted=False,
         doc="largest deviation of the LVDT from a straight line, as a share of full scale (e)",
     )
     demodulator_cutoff = Parameter(
