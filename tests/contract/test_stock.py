@@ -70,10 +70,14 @@ def works(function: Callable, *arguments):
 
 
 def stimulus(name: str, n: int = 40) -> tuple[np.ndarray, dict, list[str]]:
-    """Equal steps, inputs that jump at every one, and the real outputs."""
+    """Equal steps, inputs that jump at every one, and the real outputs.
+
+    One that has a least value, as a limit of the voltage, keeps its sign.
+    """
     random, cls = np.random.default_rng(3), component(name)
+    lows = {v.name: -1.0 if v.min is None else 0.5 for v in cls.layout.inputs}
     inputs = {
-        signal: value * random.uniform(-1.0, 1.5, n)
+        signal: value * random.uniform(lows[signal], 1.5, n)
         for signal, value in SUBJECTS[name].inputs.items()
     }
     return (
@@ -112,7 +116,8 @@ def run_with(archive: str, given: dict) -> dict:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", slow_but(COMPONENTS, *TELLING_NAMES))
 def test_the_numbers_are_those_of_the_native_build_in_libcosim(stock, fmu, name):
-    times, inputs, outputs = stimulus(name)
+    """It runs on until the protection of a galvanostat, whose limit was not set yet, lets go."""
+    times, inputs, outputs = stimulus(name, 400 if name == "galvanostat" else 40)
     real = {
         n: v
         for n, v in inputs.items()
