@@ -309,7 +309,7 @@ def _near_the_likeliest(ranked: Sequence[Ranked], found: Found) -> list[Ranked]:
     """Return the fits that are not behind the most likely one on what is left out.
 
     Errors are in widths of the noise of each output, or one of large errors would decide alone.
-    What is plainer may be behind by what its words are worth.
+    What is plainer may be behind by what its words are worth: nats, as far as the best are exact.
     """
     if not ranked:
         return []
@@ -328,6 +328,7 @@ def _near_the_likeliest(ranked: Sequence[Ranked], found: Found) -> list[Ranked]:
         behind, error = shortfall(entry.judged, lowest, noise)
         plainer = max(lowest.words - entry.judged.words, 0.0)
         worth = (WEIGHTS.share_behind + of_words * plainer) * most
+        worth += (1.0 - found.structure) * plainer
         is_behind = behind > max(deviations * error, WEIGHTS.share_behind * removed)
         return not is_behind or bool(plainer and most - entry.comparison.left_out <= worth)
 
