@@ -111,10 +111,8 @@ def _check_names(system: System) -> None:
         for name in names:
             if names.count(name) > 1:
                 raise UserError(f"two {kind} are named {name!r}")
-            if not name or name != name.strip() or (kind == "members" and "." in name):
-                raise UserError(
-                    f"{name!r} is no name for one of its {kind}: it is empty, padded, or has a dot"
-                )
+            if not name or name != name.strip():
+                raise UserError(f"{name!r} is no name for one of its {kind}: it is empty or padded")
 
 
 def _find_end(system: System, models: Mapping[str, Model], port: Port, causality: str) -> Signal:

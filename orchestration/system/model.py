@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -157,8 +157,11 @@ class System:
         UserError
             If the text is not of this form, or there is no such member.
         """
-        name, dot, variable = text.partition(".")
-        if not dot or not variable:
+        name = owner_of(text, [member.name for member in self.members])
+        if name is not None:
+            return Port(name, text[len(name) + 1 :])
+        name, _, variable = text.partition(".")
+        if not variable:
             raise UserError(f"system {self.name}: {text!r} is not of the form member.variable")
         return Port(self.member(name).name, variable)
 
@@ -202,6 +205,15 @@ class System:
         if len(others) == len(self.connections):
             raise UserError(f"system {self.name}: {target} is not connected")
         return replace(self, connections=others).given({target: value})
+
+
+def owner_of(text: str, members: Iterable[str]) -> str | None:
+    """Return the member of a text ``member.variable``; None if it has none of these.
+
+    A member of a system within the system has a name with a dot: the longest name that fits.
+    """
+    owners = [name for name in members if len(text) > len(name) + 1 and text.startswith(f"{name}.")]
+    return max(owners, key=len, default=None)
 
 
 def connect(*pairs: str) -> tuple[Connection, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from xml.etree.ElementTree import Element
 
 from fmus.kit import UserError
@@ -212,10 +212,9 @@ class _ConnectionReader:
         connections = [
             Connection(Port(source, a), Port(target, b), *transformation) for a, b in pairs
         ]
-        if wire.get("suppressUnitConversion", "false") not in ("true", "1"):
-            for connection in connections:
-                self._refuse_ambiguous_factor(connection, where)
-        return connections
+        if wire.get("suppressUnitConversion", "false") in ("true", "1"):
+            return connections
+        return [self._converting(connection, where) for connection in connections]
 
     def _read_end(self, wire: Element, side: str) -> DeclaredVariable:
         """Return the variable at an end of a connection; one element of an array is a scalar.
@@ -247,26 +246,31 @@ class _ConnectionReader:
             raise UserError(f"{where}: {name}: {error}") from error
         return DeclaredVariable(whole.kind, (), (element,))
 
-    def _refuse_ambiguous_factor(self, connection: Connection, where: str) -> None:
-        """Raise an error if a connection has a factor and its ends have different units.
+    def _converting(self, connection: Connection, where: str) -> Connection:
+        """Return a connection that converts units, where those of its ends differ.
 
-        By SSP the factor is applied after the conversion of units; some tools apply it instead.
+        Raises
+        ------
+        UserError
+            If it has a factor, too. By SSP it is applied after the conversion; some tools apply it
+            instead.
         """
-        if connection.passes_on:  # without a factor
-            return
         source = connection.source
         target = connection.target
         output = interface(self._members[source.member]).outputs.get(source.variable)
         input_ = interface(self._members[target.member]).inputs.get(target.variable)
         if output is None or input_ is None:  # refused when the system is checked
-            return
-        converts = conversion(output.unit, input_.unit) not in (None, _IDENTITY)
-        if converts:
-            raise UserError(
-                f"{where}: from {output.unit!r} to {input_.unit!r}, by a factor that may"
-                ' come on top of the conversion or be all of it; say suppressUnitConversion="true"'
-                " if it is all"
-            )
+            return connection
+        needed = conversion(output.unit, input_.unit)
+        if needed is None or needed == _IDENTITY:
+            return connection
+        if connection.passes_on:
+            return replace(connection, factor=needed[0], offset=needed[1])
+        raise UserError(
+            f"{where}: from {output.unit!r} to {input_.unit!r}, by a factor that may"
+            ' come on top of the conversion or be all of it; say suppressUnitConversion="true"'
+            " if it is all"
+        )
 
     def _with_source_first(self, wire: Element) -> Element:
         """Return a connection whose start is its source, by exchanging start and end if needed.

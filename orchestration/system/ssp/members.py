@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -11,9 +11,10 @@ from fmus.kit import UserError, units
 from orchestration.fmu import Value
 from orchestration.fmu.archive import parse_xml
 from orchestration.system.checking import variable
-from orchestration.system.model import Member
+from orchestration.system.model import Member, owner_of
 from orchestration.system.ssp.arrays import enumeration_items, variable_of
 from orchestration.system.ssp.declarations import check_connectors, check_shape
+from orchestration.system.ssp.flattening import OWNER
 from orchestration.system.ssp.package import Package
 from orchestration.system.ssp.vocabulary import (
     FMU,
@@ -35,7 +36,9 @@ _OTHER_IMPLEMENTATIONS = {
 _BOOLEANS = {"true": 1.0, "1": 1.0, "false": 0.0, "0": 0.0}
 
 
-def read_members(top: Element, package: Package, folder: Path) -> dict[str, Member]:
+def read_members(
+    top: Element, package: Package, folder: Path, aliases: Mapping[str, Sequence[str]]
+) -> dict[str, Member]:
     """Read the members, with the parameter bindings of members and of the system.
 
     Parameters
@@ -45,6 +48,8 @@ def read_members(top: Element, package: Package, folder: Path) -> dict[str, Memb
     package : Package
     folder : Path
         Folder into which FMUs of an archive are unpacked.
+    aliases : Mapping of str to sequence of str
+        Parameters ``member.parameter`` by other names of them.
 
     Returns
     -------
@@ -65,22 +70,21 @@ def read_members(top: Element, package: Package, folder: Path) -> dict[str, Memb
     if len(members) != len(listed):
         raise UserError("two members have one name")
     for name, value in _read_bindings(top, package, "system"):
-        owner, dot, parameter = name.partition(".")
-        if not dot or owner not in members:
-            raise UserError(f"parameter {name!r} of the system is not of the form member.parameter")
-        member = members[owner]
-        parameters = {**member.parameters, **_read_values(member, parameter, value)}
-        members[owner] = replace(member, parameters=parameters)
+        for target in aliases.get(name, [name]):
+            owner = owner_of(target, members)
+            if owner is None:
+                raise UserError(
+                    f"parameter {name!r} of the system is not of the form member.parameter"
+                )
+            member = members[owner]
+            own = _read_values(member, target[len(owner) + 1 :], value)
+            members[owner] = replace(member, parameters={**member.parameters, **own})
     return members
 
 
 def _read_member(element: Element, package: Package, folder: Path) -> Member:
     """Read a member with its parameter bindings, and compare its connectors with its FMU."""
     name = attribute(element, "name")
-    if element.tag == tag("ssd:System"):
-        raise UserError(
-            f"{name} is a system within the system; this program runs one level of members"
-        )
     if element.tag != tag("ssd:Component"):
         raise UserError(
             f"{name} is a {local_name(element)}; this program runs components that are FMUs"
@@ -106,17 +110,42 @@ def _read_member(element: Element, package: Package, folder: Path) -> Member:
 def _read_bindings(element: Element, package: Package, where: str) -> Iterator[tuple[str, Element]]:
     """Yield names and values of all parameters that are bound to an element."""
     for binding in element.findall("ssd:ParameterBindings/ssd:ParameterBinding", NAMESPACES):
-        if binding.find("ssd:ParameterMapping", NAMESPACES) is not None:
-            raise UserError(f"{where}: parameter mappings are not known to this program")
         if binding.get("sourceBase", "SSD") != "SSD":
             raise UserError(f"{where}: parameters inside of an FMU are not known to this program")
+        mapped = _read_mapping(binding, package, where)
         for parameter in _read_parameters(binding, package, where):
-            name = binding.get("prefix", "") + attribute(parameter, "name")
+            own = binding.get("prefix", "") + attribute(parameter, "name")
             if len(parameter) == 0 or parameter[0].tag not in _PARAMETER_TYPES:
                 kind = local_name(parameter[0]) if len(parameter) else "nothing"
                 known = ", ".join(TYPES)
-                raise UserError(f"{where}: parameter {name} is {kind}; known are {known}")
-            yield name, parameter
+                raise UserError(f"{where}: parameter {own} is {kind}; known are {known}")
+            for name in [own] if mapped is None else mapped.get(own, ()):
+                yield ".".join(filter(None, (binding.get(OWNER), name))), parameter
+
+
+def _read_mapping(binding: Element, package: Package, where: str) -> dict[str, list[str]] | None:
+    """Return the names that parameters of a binding are mapped to; None without a mapping.
+
+    Raises
+    ------
+    UserError
+        If a value is transformed on the way.
+    """
+    declared = binding.find("ssd:ParameterMapping", NAMESPACES)
+    if declared is None:
+        return None
+    mappings = declared.findall("ssm:ParameterMapping", NAMESPACES)
+    source = declared.get("source")
+    if source is not None:
+        mappings.append(parse_xml(package.text(source), str(package.path), source))
+        check_elements(mappings[-1])
+    names: dict[str, list[str]] = {}
+    for entry in find_all(mappings, "ssm:MappingEntry"):
+        target = attribute(entry, "target")
+        if len(entry):
+            raise UserError(f"{where}: a transformation of parameter {target!r} is not known")
+        names.setdefault(attribute(entry, "source"), []).append(target)
+    return names
 
 
 def _read_parameters(binding: Element, package: Package, where: str) -> list[Element]:

@@ -11,6 +11,7 @@ from fmus.kit import UserError
 from orchestration.fmu.archive import parse_xml
 from orchestration.system.model import System
 from orchestration.system.ssp.connections import read_connections
+from orchestration.system.ssp.flattening import flatten
 from orchestration.system.ssp.members import read_members
 from orchestration.system.ssp.package import Package
 from orchestration.system.ssp.vocabulary import (
@@ -46,8 +47,8 @@ def read(path: Path, folder: Path) -> System:
     ------
     UserError
         If it cannot be read, is not safe to unpack, declares connectors that the FMUs do not have,
-        or contains nested systems, models other than FMUs, signal dictionaries, parameter mappings
-        or transformations that are not linear.
+        or contains models other than FMUs, signal dictionaries or transformations that are not
+        linear.
     """
     with Package(path) as package, _path_in_errors(path):
         name = package.description
@@ -75,7 +76,8 @@ def _path_in_errors(path: Path) -> Iterator[None]:
 
 def _read_system(root: Element, top: Element, package: Package, folder: Path) -> System:
     """Read the system in the element `top`."""
-    members = read_members(top, package, folder)
+    aliases = flatten(top)
+    members = read_members(top, package, folder, aliases)
     connections, connectors = read_connections([top, *_annotated_parts(top)], members)
     experiment = root.find("ssd:DefaultExperiment", NAMESPACES)
     return System(

@@ -13,10 +13,11 @@ from xml.etree.ElementTree import Element
 from fmus.kit import UserError
 from fmus.kit.build import SSC, SSV
 
+SSM = "http://ssp-standard.org/SSP1/SystemStructureParameterMapping"
 SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
 OSP = "http://opensimulationplatform.com/SSP/OSPAnnotations"
 OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
-NAMESPACES = {"ssd": SSD, "ssc": SSC, "ssv": SSV, "osp": OSP, "oms": OMS}
+NAMESPACES = {"ssd": SSD, "ssc": SSC, "ssv": SSV, "ssm": SSM, "osp": OSP, "oms": OMS}
 
 ENDINGS = (".ssp", ".ssd")  # an archive, and a bare description
 DESCRIPTION = "SystemStructure.ssd"
@@ -57,7 +58,7 @@ def tag(name: str) -> str:
 _CONTENTS = {
     "ssd:SystemStructureDescription": "ssd:System ssd:DefaultExperiment",
     "ssd:System": "ssd:Connectors ssd:Elements ssd:Connections ssd:ParameterBindings",
-    # of these, the reader accepts components only
+    # of these, the reader accepts components and systems
     "ssd:Elements": "ssd:Component ssd:System ssd:SignalDictionaryReference",
     "ssd:Component": "ssd:Connectors ssd:ParameterBindings",
     "ssd:Connectors": "ssd:Connector",
@@ -67,6 +68,9 @@ _CONTENTS = {
     "ssd:ParameterBindings": "ssd:ParameterBinding",
     "ssd:ParameterBinding": "ssd:ParameterValues ssd:ParameterMapping",
     "ssd:ParameterValues": "ssv:ParameterSet",
+    "ssd:ParameterMapping": "ssm:ParameterMapping",
+    "ssm:ParameterMapping": "ssm:MappingEntry",
+    "ssm:MappingEntry": "ssc:LinearTransformation",
     "ssd:DefaultExperiment": "",
     "ssv:ParameterSet": "ssv:Parameters",
     "ssv:Parameters": "ssv:Parameter",

@@ -36,11 +36,6 @@ from tests.support.system.ssp_files import bound, refused, refused_one
         ('implementation="CoSimulation"', 'implementation="ModelExchange"', ["model exchange"]),
         (
             "</ssd:Elements>",
-            '<ssd:System name="inner"/></ssd:Elements>',
-            ["inner is a system within the system"],
-        ),
-        (
-            "</ssd:Elements>",
             '<ssd:SignalDictionaryReference name="bus"/></ssd:Elements>',
             ["bus is a SignalDictionaryReference"],
         ),
@@ -137,10 +132,6 @@ def test_parameters_that_cannot_be_set(archive, tmp_path, value, parts):
             "is a SystemStructureDescription, not a ParameterSet",
         ),
         ('<ssd:ParameterBinding source="resources/drive.fmu"/>', "it is not well-formed XML"),
-        (
-            "<ssd:ParameterBinding><ssd:ParameterMapping/></ssd:ParameterBinding>",
-            "parameter mappings are not known",
-        ),
         ('<ssd:ParameterBinding sourceBase="component" source="x"/>', "inside of an FMU"),
     ],
 )

@@ -1,0 +1,145 @@
+"""Descriptions with systems in systems, rewritten as one system of members.
+
+A member of an inner system is named ``inner.member``; what is connected through a connector of the
+inner system is connected directly. Parameter connectors of a system become other names of the
+parameters that they are connected to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from xml.etree.ElementTree import Element, SubElement
+
+from fmus.kit import UserError
+from orchestration.system.ssp.vocabulary import NAMESPACES, attribute, tag
+
+OWNER = "owner"  # attribute of a binding: the name of the system that it was declared in
+_SIDES = ("start", "end")
+_OTHER = {"start": "end", "end": "start"}
+_PARAMETER = "parameter"
+
+Aliases = dict[str, list[str]]
+
+
+def flatten(system: Element) -> Aliases:
+    """Rewrite a system in place as one without systems in it.
+
+    Parameters
+    ----------
+    system : Element
+        The ``System`` of a description, whose elements are known.
+
+    Returns
+    -------
+    dict of str to list of str
+        Parameters ``member.parameter`` by the name of the parameter connectors that set them.
+
+    Raises
+    ------
+    UserError
+        If two transformations follow each other, or an element of an array is connected through a
+        connector of an inner system.
+    """
+    for wire in _wires(system):
+        for side in _SIDES:  # an empty name is that of the system itself
+            if wire.get(f"{side}Element") == "":
+                del wire.attrib[f"{side}Element"]
+    aliases: Aliases = {}
+    for inner in system.findall("ssd:Elements/ssd:System", NAMESPACES):
+        name = attribute(inner, "name")
+        own = flatten(inner)
+        aliases |= {f"{name}.{one}": [f"{name}.{p}" for p in all_] for one, all_ in own.items()}
+        _dissolve(inner, name, system)
+    return aliases | _parameter_aliases(system, aliases)
+
+
+def _wires(system: Element) -> list[Element]:
+    return system.findall("ssd:Connections/ssd:Connection", NAMESPACES)
+
+
+def _group(system: Element, name: str) -> Element:
+    """Return the element of a group in a system, a new one where it has none."""
+    found = system.find(name, NAMESPACES)
+    return SubElement(system, tag(name)) if found is None else found
+
+
+def _dissolve(inner: Element, name: str, system: Element) -> None:
+    """Move members, connections and parameter bindings of an inner system into its system."""
+    elements = _group(system, "ssd:Elements")
+    elements.remove(inner)
+    for member in inner.findall("ssd:Elements/*", NAMESPACES):
+        member.set("name", f"{name}.{attribute(member, 'name')}")
+        elements.append(member)
+    for number, binding in enumerate(
+        inner.findall("ssd:ParameterBindings/ssd:ParameterBinding", NAMESPACES)
+    ):
+        binding.set(OWNER, ".".join(filter(None, (name, binding.get(OWNER)))))
+        # what the outer system sets comes later, and counts
+        _group(system, "ssd:ParameterBindings").insert(number, binding)
+    within = _wires(inner)
+    for wire in within:
+        for side in _SIDES:
+            owner = wire.get(f"{side}Element")
+            if owner is not None:
+                wire.set(f"{side}Element", f"{name}.{owner}")
+    connections = _group(system, "ssd:Connections")
+    at_border = [wire for wire in within if _ends_at(wire, None)]
+    for wire in list(connections):
+        if _ends_at(wire, name):
+            connections.remove(wire)
+            connections.extend(list(_through(wire, name, at_border)))
+    connections.extend([wire for wire in within if wire not in at_border])
+
+
+def _ends_at(wire: Element, owner: str | None) -> list[str]:
+    """Return the sides of a wire that are connectors of an owner; None is the system itself."""
+    return [side for side in _SIDES if wire.get(f"{side}Element") == owner]
+
+
+def _through(wire: Element, name: str, at_border: Iterable[Element]) -> Iterator[Element]:
+    """Yield the wires that a wire to a connector of an inner system becomes."""
+    near = _ends_at(wire, name)[0]
+    connector = attribute(wire, f"{near}Connector")
+    for other in at_border:
+        border = _ends_at(other, None)[0]
+        if other.get(f"{border}Connector") != connector:
+            continue
+        where = f"connection through {name}.{connector}"
+        if wire.get(f"{near}Indices") or other.get(f"{border}Indices"):
+            raise UserError(f"{where}: elements of arrays are not known there")
+        if len(wire) and len(other):
+            raise UserError(f"{where}: two transformations follow each other")
+        ends = _end(wire, _OTHER[near], "start") | _end(other, _OTHER[border], "end")
+        changed = other if len(other) else wire  # it says whether units are converted
+        suppressed = changed.get("suppressUnitConversion")
+        joined = Element(wire.tag, ends)
+        if suppressed is not None:
+            joined.set("suppressUnitConversion", suppressed)
+        joined.extend([*wire, *other])
+        yield joined
+
+
+def _end(wire: Element, side: str, named: str) -> dict[str, str]:
+    """Return the attributes of an end of a wire, as those of a side."""
+    parts = ("Element", "Connector", "Indices")
+    return {f"{named}{p}": text for p in parts if (text := wire.get(f"{side}{p}")) is not None}
+
+
+def _parameter_aliases(system: Element, known: Aliases) -> Aliases:
+    """Remove the parameter connectors of a system with their wires; return what they set."""
+    connectors = system.find("ssd:Connectors", NAMESPACES)
+    aliases: Aliases = {}
+    for connector in list(connectors) if connectors is not None else []:
+        if connectors is not None and connector.get("kind") == _PARAMETER:
+            connectors.remove(connector)
+            aliases[attribute(connector, "name")] = []
+    connections = system.find("ssd:Connections", NAMESPACES)
+    for wire in list(connections) if connections is not None else []:
+        for side in _ends_at(wire, None):
+            targets = aliases.get(attribute(wire, f"{side}Connector"))
+            owner = wire.get(f"{_OTHER[side]}Element")
+            if targets is not None and owner is not None and connections is not None:
+                connections.remove(wire)
+                name = f"{owner}.{attribute(wire, f'{_OTHER[side]}Connector')}"
+                targets += known.get(name, [name])
+    return aliases
