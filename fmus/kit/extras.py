@@ -34,14 +34,17 @@ class Package(NamedTuple):
 
 PACKAGES: Mapping[str, Package] = {
     "SALib": Package("SALib", "sweeps", "computing Sobol indices"),
+    "asammdf": Package("asammdf", "mdf", "reading MDF"),
     "control": Package("control", "linear", "analysing a linear model"),
     "dask": Package("dask", "zarr", "writing Zarr"),
     "distributed": Package("distributed", "cluster", "sweeping on a cluster"),
+    "h5py": Package("h5py", "records", "reading HDF5"),
     "matplotlib": Package("matplotlib", "pictures", "drawing a picture or a page"),
     "nidaqmx": Package("nidaqmx", "nidaqmx", "a device of National Instruments"),
     "nptdms": Package("npTDMS", "records", "reading TDMS"),
     "psutil": Package("psutil", "rig", "serving a rig"),
     "pyarrow": Package("pyarrow", "records", "reading or writing Parquet"),
+    "python_calamine": Package("python-calamine", "records", "reading a spreadsheet"),
     "pythonfmu": Package("pythonfmu", "pythonfmu", "the runtime pythonfmu"),
     "pyvisa": Package("PyVISA", "visa", "an instrument of VISA"),
     "threadpoolctl": Package("threadpoolctl", "diagnose", "diagnosing or identifying a black box"),

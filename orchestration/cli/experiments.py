@@ -204,6 +204,9 @@ def _recorded_inputs(
     units = {name: signal.unit for name, signal in inputs.items()}
     record = read_record(file, units, mapping=mapping, inputs=list(units))
     tell_repairs(record.repairs)
+    formulas = [target for target in mapping.values() if split_header_cell(target)[0] not in inputs]
+    if formulas:
+        raise UserError(f"--map {formulas[0]}: a formula is for a record of one model")
     columns = {split_header_cell(target)[0]: column for column, target in mapping.items()}
     own_units = {name: split_header_cell(mapping[column])[1] for name, column in columns.items()}
     stimuli = {

@@ -4,6 +4,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from fmus.kit.errors import UserError, suggestion
+from orchestration.records.formula import Formula, is_formula
 from orchestration.records.proposal import propose
 from orchestration.records.record import Repair, refuse
 from orchestration.records.tables import INDEX, Column, Table, split_header_cell
@@ -36,7 +37,7 @@ class Match:
 
 
 def parse_mapping(entries: Iterable[str]) -> dict[str, str]:
-    """Parse ``file_column=signal`` and ``file_column=signal[unit]`` entries.
+    """Parse ``file_column=signal``, ``file_column=signal[unit]`` and ``signal=formula`` entries.
 
     Parameters
     ----------
@@ -46,7 +47,8 @@ def parse_mapping(entries: Iterable[str]) -> dict[str, str]:
     Returns
     -------
     dict of str to str
-        Signal, with its unit if stated, by file column: ``{"strain": "displacement[m]"}``.
+        Signal, with its unit if stated, by file column: ``{"strain": "displacement[m]"}``; and
+        formula by signal: ``{"current": "-I"}``.
 
     Raises
     ------
@@ -57,6 +59,11 @@ def parse_mapping(entries: Iterable[str]) -> dict[str, str]:
     for entry in entries:
         column, equals, target = (part.strip() for part in entry.rpartition("="))
         signal, unit = split_header_cell(target)
+        if is_formula(signal):
+            if column in mapping:
+                raise UserError(f"{option('mapping', entry)}: signal '{column}' is mapped twice")
+            mapping[column] = target
+            continue
         # brackets are either the index of an array element, as in A[2,1], or around a unit
         has_other_bracket = set("[]") & set(INDEX.sub("", signal)) or (
             unit is None and "[" in target
@@ -121,10 +128,11 @@ def match_columns(
         If a mapped column, a required signal, the time or every signal is missing, or a name is not
         unique.
     """
-    matches = _stated_matches(table, signals, mapping)
+    matches, computed = _stated_matches(table, signals, mapping)
     matched = [match.column for match in matches.values()]
     if len({id(column) for column in matched}) != len(matched):
         raise refuse(table.path, f"{option('mapping')} gives one column to two signals")
+    matched += computed
     time = matches.pop(TIME, None)
     if time is None:
         time = Match(find_time(table, signals, _unmatched(table, matched)), TIME, None)
@@ -170,12 +178,19 @@ def _advice(table: Table, unmatched: Sequence[Column], missing: Mapping[str, str
 
 def _stated_matches(
     table: Table, signals: Mapping[str, str], mapping: Mapping[str, str]
-) -> dict[str, Match]:
-    """Return the matches that the user states, by signal; raise if one cannot be made."""
+) -> tuple[dict[str, Match], list[Column]]:
+    """Return the matches that the user states, by signal, and the columns of formulas."""
     matches: dict[str, Match] = {}
+    computed: list[Column] = []
     for name, target in mapping.items():
         signal, unit = (target, None) if target in signals else split_header_cell(target)
         entry = option("mapping", {name: target})
+        if signal not in signals and name in (*signals, TIME) and is_formula(signal):
+            is_index = unit is not None and unit.replace(",", "").isdigit()  # of a column u[2]
+            formula = Formula(table, target if is_index else signal, entry)
+            matches[name] = Match(formula.column(name), name, None if is_index else unit)
+            computed += formula.columns
+            continue
         if signal != TIME and signal not in signals:
             raise UserError(
                 f"{entry}: the model has no signal '{signal}'{suggestion(signal, signals)}"
@@ -183,7 +198,7 @@ def _stated_matches(
         if signal in matches:
             raise UserError(f"{entry}: signal '{signal}' is mapped twice")
         matches[signal] = Match(_find_column(table, name, entry), signal, unit)
-    return matches
+    return matches, computed
 
 
 def _unmatched(table: Table, matched: list[Column]) -> list[Column]:

@@ -1,8 +1,9 @@
 """Parquet, MATLAB and NetCDF files."""
 
 import io
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from orchestration.records.tables import (
     split_header_cell,
 )
 
+_STEPS = ("Ts", "ts", "dt", "Delta_t", "sample_time")
+
 
 def read_parquet(path: Path, content: bytes) -> Table:
     """Read a Parquet file; a `Reader`.
@@ -27,8 +30,20 @@ def read_parquet(path: Path, content: bytes) -> Table:
     """
     with optional():
         import pyarrow.parquet as parquet
+    return _arrow_table(path, content, "Parquet", parquet.read_table)
+
+
+def read_feather(path: Path, content: bytes) -> Table:
+    """Read a Feather file of version 2; a `Reader`, see `read_parquet`."""
+    with optional():
+        from pyarrow import feather
+    return _arrow_table(path, content, "Feather", feather.read_table)
+
+
+def _arrow_table(path: Path, content: bytes, kind: str, read: Callable[[io.BytesIO], Any]) -> Table:
+    """Return the table of a file that a function of pyarrow reads."""
     try:
-        arrow = parquet.read_table(io.BytesIO(content))
+        arrow = read(io.BytesIO(content))
         columns = []
         for field, chunks in zip(arrow.schema, arrow.columns, strict=True):
             name, unit = read_header_cell(field.name)
@@ -40,10 +55,10 @@ def read_parquet(path: Path, content: bytes) -> Table:
             columns.append(Column(name, unit or plain_unit(stated), as_numbers(values), field.name))
     except Exception as error:  # a damaged file may raise any exception
         raise refuse(
-            path, f"the Parquet file is damaged: {type(error).__name__}: {error}"
+            path, f"the {kind} file is damaged: {type(error).__name__}: {error}"
         ) from error
     if not columns or arrow.num_rows == 0:
-        raise refuse(path, "the Parquet file holds no rows")
+        raise refuse(path, f"the {kind} file holds no rows")
     return Table(path, columns, np.arange(1, arrow.num_rows + 1))
 
 
@@ -56,13 +71,13 @@ def read_netcdf(path: Path, content: bytes) -> Table:
     from scipy.io import netcdf_file
 
     try:
-        with netcdf_file(io.BytesIO(content), mmap=False) as file:
+        with netcdf_file(io.BytesIO(content), mmap=False, maskandscale=True) as file:
             first = next(iter(file.dimensions), None)
             columns = []
             for name, variable in file.variables.items():
                 if variable.dimensions == (first,):
-                    unit = getattr(variable, "units", b"").decode() or None
-                    columns.append(Column(name, unit, as_numbers(np.array(variable[:]))))
+                    unit = plain_unit(getattr(variable, "units", b"").decode())
+                    columns.append(Column(name, unit, as_numbers(np.ma.array(variable[:]))))
     except Exception as error:  # a damaged file may raise any exception
         raise refuse(
             path, f"the NetCDF file is damaged: {type(error).__name__}: {error}"
@@ -75,28 +90,28 @@ def read_netcdf(path: Path, content: bytes) -> Table:
 def read_mat(path: Path, content: bytes) -> Table:
     """Read a MATLAB file, version 4 to 7 but not 7.3; a `Reader`.
 
-    One column per numeric vector; units come from a variable ``units``, which is a struct with a
-    text field per variable, or texts ``name [unit]``. A damaged file, version 7.3 and vectors that
-    differ in length are refused.
+    One column per numeric vector, also of a struct or of a structure with time of Simulink; units
+    come from a variable ``units``, which is a struct with a text field per variable, or texts
+    ``name [unit]``. Without a time a number ``Ts`` or ``dt`` is its step in s. A damaged file and
+    vectors that differ in length are refused.
     """
     from scipy.io import loadmat
 
     try:
         variables = loadmat(io.BytesIO(content))  # type: ignore[arg-type]  # SciPy also takes files
-    except NotImplementedError:
-        raise refuse(path, "this is a MATLAB 7.3 file (HDF5); save it with -v7") from None
     except Exception as error:  # a damaged file may raise any exception
         raise refuse(
             path, f"the MATLAB file is damaged: {type(error).__name__}: {error}"
         ) from error
     variables = {name: value for name, value in variables.items() if not name.startswith("__")}
     units = _mat_units(path, variables.pop("units", None))
+    variables = dict(_flat(variables))
     vectors = {name: np.asarray(value) for name, value in variables.items() if _is_vector(value)}
     if not vectors:
         raise refuse(
             path,
-            f"no numeric vector among the variables {sorted(variables)} (structs and matrices are"
-            " not read)",
+            f"no numeric vector among the variables {sorted(variables)} (matrices and objects of"
+            " MATLAB, such as table, are not read)",
         )
     count = _common_length(path, vectors)
     columns = [
@@ -104,9 +119,50 @@ def read_mat(path: Path, content: bytes) -> Table:
         for name, vector in vectors.items()
     ]
     unread = sorted(variables.keys() - vectors.keys())
-    message = f"not numeric vectors, so not read: {', '.join(unread)}"
-    repairs = [Repair("ignored columns", message)] if unread else []
+    repairs = []
+    step = next((name for name in _STEPS if name in unread), None)
+    if step is not None and not any(name.casefold() in ("time", "t") for name in vectors):
+        seconds = float(np.ravel(variables[step])[0])
+        columns.insert(0, Column("time", "s", seconds * np.arange(count, dtype=np.float64)))
+        message = f"time is k × {seconds:g} s, from {step}"
+        repairs.append(Repair("clock from header", message))
+        unread.remove(step)
+    if unread:
+        message = f"not numeric vectors, so not read: {', '.join(unread)}"
+        repairs.append(Repair("ignored columns", message))
     return Table(path, columns, np.arange(1, count + 1), repairs)
+
+
+def _flat(variables: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Yield variables, and the fields of structs in place of these, by their own names if unique.
+
+    A structure with time of Simulink has its signals as ``label`` and ``values``.
+    """
+    fields: list[tuple[str, str, Any]] = []
+    for name, value in variables.items():
+        array = np.asarray(value)
+        if array.dtype.names and array.size == 1:
+            fields += [(name, own, item) for own, item in _fields(array.ravel()[0])]
+        else:
+            fields.append(("", name, value))
+    names = [own for _, own, _ in fields]
+    for struct, own, item in fields:
+        yield (f"{struct}.{own}" if struct and names.count(own) > 1 else own), item
+
+
+def _fields(struct: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the fields of a struct by name, of structs in it too."""
+    names = struct.dtype.names
+    if {"label", "values"} <= set(names):
+        yield _mat_text(struct["label"]) or "signal", struct["values"]
+        return
+    for name in names:
+        value = struct[name]
+        if isinstance(value, np.ndarray) and value.dtype.names:
+            for item in value.ravel():
+                yield from _fields(item)
+        else:
+            yield name, value
 
 
 def _is_vector(value: object) -> bool:

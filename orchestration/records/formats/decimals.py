@@ -15,7 +15,7 @@ _SEPARATORS = "'’\u00a0\u202f "
 _NUMBER = re.compile(
     r"\s*[+\u2212-]?(?P<whole>\d*)"
     r"(?P<groups>(?:(?P<group>[.,'’\u00a0\u202f ])\d{3}(?:(?P=group)\d{3})*)?)"
-    r"(?:(?P<decimal>[.,])\d*)?(?P<exponent>[eEdD][+-]?\d+)?\s*"
+    r"(?:(?P<decimal>[.,])\d*)?(?P<exponent>[eEdD][+\u2212-]?\d+)?\s*"
 )
 _OPEN = re.compile(r"\s*[+\u2212-]?[1-9]\d{0,2}\.\d{3}\s*")
 _PLAIN = {

@@ -16,7 +16,7 @@ SPACE = " "
 """Delimiter of columns with any number of spaces between them."""
 DELIMITERS = "\t;,|" + SPACE
 _NUMBER = re.compile(
-    r"[+\u2212-]?(?:\d[\d.,'’ \u00a0\u202f]*|[.,]\d+)(?:[eEdD][+-]?\d+)?(?P<unit>.*)"
+    r"[+\u2212-]?(?:\d[\d.,'’ \u00a0\u202f]*|[.,]\d+)(?:[eEdD][+\u2212-]?\d+)?(?P<unit>.*)"
 )
 _COMMENT = re.compile(r"\s*(?:#|%|//)")
 _SAMPLED_ROWS = 9
@@ -170,12 +170,17 @@ def _is_row(below: Sequence[str], delimiter: str, width: int) -> bool:
     return bool(rows) and len(rows[0]) == width and sum(map(is_value, rows[0])) >= 2
 
 
-def is_aside(line: str, cells: Sequence[str], width: int) -> bool:
-    """Return whether a line among rows is none: a comment, or words that are not as many cells."""
+def is_aside(line: str, cells: Sequence[str], layout: TextLayout) -> bool:
+    """Return whether a line among rows is none: a comment, or words that are not as many cells.
+
+    Between spaces a sentence may have as many words as a row has cells.
+    """
+    width = len(layout.header)
     filled = [cell for cell in cells if cell.strip()]
     if _COMMENT.match(line):
         return len(cells) != width or not any(map(is_value, filled))
-    return len(filled) != width and not any(is_value(c) or is_no_value(c) for c in filled)
+    may_be = len(filled) != width or layout.delimiter == SPACE
+    return may_be and not any(is_value(c) or is_no_value(c) for c in filled)
 
 
 def _last_rows(

@@ -1,11 +1,27 @@
 """Choice of a file's reader by its first bytes, so that a wrong extension does no harm."""
 
+import re
+from collections.abc import Callable
 from pathlib import Path
 
 from orchestration.records.formats.archives import PACKED, unpacked
-from orchestration.records.formats.binary import read_mat, read_netcdf, read_parquet
+from orchestration.records.formats.binary import (
+    read_feather,
+    read_mat,
+    read_netcdf,
+    read_parquet,
+)
+from orchestration.records.formats.hdf5 import read_hdf5
 from orchestration.records.formats.labview import read_lvm, read_tdms
+from orchestration.records.formats.mdf import read_mdf
 from orchestration.records.formats.opendaq import read_opendaq
+from orchestration.records.formats.oscilloscopes import (
+    RIGOL,
+    TEKTRONIX,
+    read_rigol,
+    read_tektronix,
+)
+from orchestration.records.formats.spreadsheet import read_spreadsheet
 from orchestration.records.formats.subprocess_reader import in_subprocess
 from orchestration.records.formats.text import EXPECTED, read_text
 from orchestration.records.record import refuse
@@ -14,6 +30,8 @@ from orchestration.records.tables import Reader, Table
 
 _SIGNATURES: dict[bytes, Reader] = {
     b"PAR1": in_subprocess(read_parquet),
+    b"ARROW1": in_subprocess(read_feather),
+    b"MDF     4": in_subprocess(read_mdf),
     b"CDF\x01": read_netcdf,
     b"CDF\x02": read_netcdf,
     b"TDSm": read_tdms,
@@ -22,12 +40,26 @@ _SIGNATURES: dict[bytes, Reader] = {
     b"\xef\xbb\xbfLabVIEW Measurement": read_lvm,
     b"# domain;": read_opendaq,
 }
+_FIRST_LINES: dict[re.Pattern[bytes], Reader] = {RIGOL: read_rigol, TEKTRONIX: read_tektronix}
+_OF_SEVERAL: dict[bytes, Callable[[Path, bytes, Reading], Table]] = {
+    b"\x89HDF": in_subprocess(read_hdf5),
+    b"PK\x03\x04": in_subprocess(read_spreadsheet),
+    b"\xd0\xcf\x11\xe0": in_subprocess(read_spreadsheet),
+}
+"""Readers of files with several tables, of which the user names one."""
 _BINARY_EXTENSIONS = {
     ".parquet": "a Parquet",
     ".tdms": "a TDMS",
     ".mat": "a MATLAB",
     ".lvm": "a LabVIEW text",
-    ".nc": "a NetCDF 3",
+    ".nc": "a NetCDF",
+    ".xlsx": "an Excel",
+    ".xls": "an Excel",
+    ".ods": "an OpenDocument",
+    ".h5": "an HDF5",
+    ".hdf5": "an HDF5",
+    ".mf4": "an MDF 4",
+    ".feather": "a Feather",
 }
 
 
@@ -58,16 +90,27 @@ def read_table(path: Path, reading: Reading = AS_IT_STANDS) -> Table:
     content = unpacked(path, content)
     if not content.strip():
         raise refuse(path, f"the file is empty; {EXPECTED}")
-    extension = next((s for s in map(str.lower, path.suffixes[::-1]) if s not in PACKED), "")
-    for signature, reader in _SIGNATURES.items():
+    plain = _reader_by_form(content)
+    if plain is not None:
+        return plain(path, content)
+    for signature, reader in _OF_SEVERAL.items():
         if content.startswith(signature):
-            return reader(path, content)
-    if content.startswith(b"\x89HDF") or content[512:516] == b"\x89HDF":
-        raise refuse(path, "this is an HDF5 file (MATLAB 7.3 is one); save it from MATLAB with -v7")
-    if content.startswith(b"MATLAB 7.3") or (extension == ".mat" and b"\x00" in content[:20]):
-        return in_subprocess(read_mat)(path, content)  # version 4 has no signature
+            return reader(path, content, reading)
+    if content[512:516] == b"\x89HDF":  # MATLAB writes a header of its own
+        return in_subprocess(read_hdf5)(path, content, reading)
+    extension = next((s for s in map(str.lower, path.suffixes[::-1]) if s not in PACKED), "")
+    if extension == ".mat" and b"\x00" in content[:20]:  # version 4 has no signature
+        return in_subprocess(read_mat)(path, content)
     if extension in _BINARY_EXTENSIONS:
         raise refuse(
             path, f"this is not {_BINARY_EXTENSIONS[extension]} file, although its name says so"
         )
     return read_text(path, content, reading)
+
+
+def _reader_by_form(content: bytes) -> Reader | None:
+    """Return the reader of a file with one table by its first bytes or line; None without one."""
+    for signature, reader in _SIGNATURES.items():
+        if content.startswith(signature):
+            return reader
+    return next((reader for line, reader in _FIRST_LINES.items() if line.match(content)), None)

@@ -8,11 +8,13 @@ import pickle
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from fmus.kit import UserError
 from orchestration.records.record import refuse
-from orchestration.records.tables import Reader, Table
+from orchestration.records.tables import Table
 
 _SECONDS = 60.0  # a busy machine with a cold disk takes long to start Python
 _RATE = 1e7  # bytes that a reader parses per second at least
@@ -20,21 +22,21 @@ _MEMORY = 2**30  # bytes that a process needs at least
 _GROWTH = 8  # further bytes for every byte of the file
 
 
-def in_subprocess(reader: Reader) -> Reader:
+def in_subprocess(reader: Callable[..., Table]) -> Callable[..., Table]:
     """Return a reader that runs another one in a subprocess of limited time and memory.
 
     Parameters
     ----------
-    reader : Reader
+    reader : callable
         A function at the top level of a module.
 
     Returns
     -------
-    Reader
+    callable
         It refuses a file that crashes the subprocess, or takes too much time or memory.
     """
 
-    def read(path: Path, content: bytes) -> Table:
+    def read(path: Path, content: bytes, *more: Any) -> Table:
         command = [
             sys.executable,
             "-P",
@@ -49,7 +51,11 @@ def in_subprocess(reader: Reader) -> Reader:
         environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
         try:
             process = subprocess.run(
-                command, input=content, capture_output=True, timeout=seconds, env=environment
+                command,
+                input=pickle.dumps((content, more)),
+                capture_output=True,
+                timeout=seconds,
+                env=environment,
             )
         except subprocess.TimeoutExpired:
             raise refuse(
@@ -90,12 +96,12 @@ def _main(module: str, name: str, path: str) -> None:
     """Run a reader on standard input, and write its table or error to standard output."""
     output = os.dup(1)
     os.dup2(2, 1)  # libraries may print, which must not mix with the answer
-    content = sys.stdin.buffer.read()
-    reader: Reader = getattr(importlib.import_module(module), name)
+    content, more = pickle.load(sys.stdin.buffer)
+    reader: Any = getattr(importlib.import_module(module), name)
     _bound_memory(len(content))
     answer: Table | str
     try:
-        answer = reader(Path(path), content)
+        answer = reader(Path(path), content, *more)
     except UserError as error:
         answer = str(error)
     except MemoryError:

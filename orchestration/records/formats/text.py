@@ -329,7 +329,7 @@ def _add_line(
 
 def _is_no_row(line: str, cells: Sequence[str], layout: TextLayout) -> bool:
     """Return whether a line is a comment, words below the data, or the header or units again."""
-    if is_aside(line, cells, len(layout.header)):
+    if is_aside(line, cells, layout):
         return True
     return list(cells) == layout.header or (bool(layout.units) and list(cells) == layout.units)
 

@@ -71,3 +71,10 @@ def test_each_has_a_name_of_its_own():
 )
 def test_what_is_no_table_is_refused(data, says):
     assert says in refusal(data)
+
+
+def test_masked_samples_are_missing():
+    values = np.ma.array(CURRENT.copy(), mask=[False, True, False, False])
+    values.data[1] = 9.96920997e36
+    record = read_record({"time [s]": TIME, "current [A]": values}, SIGNALS)
+    assert np.flatnonzero(np.isnan(record.signals["current"])).tolist() == [1]

@@ -74,3 +74,52 @@ def test_channels_of_unequal_length_are_refused(tmp_path):
 
     savemat(tmp_path / "r.mat", {"time": TIME, "current": CURRENT[:3]})
     assert "'current' has 3 values, 'time' has 4" in refusal(tmp_path / "r.mat")
+
+
+def test_feather(tmp_path):
+    arrow = pytest.importorskip("pyarrow")
+    feather = pytest.importorskip("pyarrow.feather")
+    columns = {"time [ms]": TIME * 1e3, "current [mA]": CURRENT * 1e3}
+    table = arrow.table({**columns, "displacement [m]": DISPLACEMENT})
+    feather.write_feather(table, tmp_path / "r.feather")
+    check(read_record(tmp_path / "r.feather", SIGNALS))
+
+
+def test_mat_structs_are_read_and_a_step_is_the_clock(tmp_path):
+    from scipy.io import savemat
+
+    units = {"current": "mA", "displacement": "m"}
+    run = {"current": CURRENT * 1e3, "displacement": DISPLACEMENT, "Ts": 0.5}
+    savemat(tmp_path / "r.mat", {"run": run, "units": units})
+    record = read_record(tmp_path / "r.mat", SIGNALS)
+    check(record)
+    assert "time is k × 0.5 s, from Ts" in [r.message for r in record.repairs]
+
+
+def test_a_structure_with_time_of_simulink(tmp_path):
+    from scipy.io import savemat
+
+    signals = np.empty((1, 2), dtype=[("label", object), ("values", object)])
+    signals[0, 0] = ("current", CURRENT[:, None])
+    signals[0, 1] = ("displacement", DISPLACEMENT[:, None])
+    savemat(tmp_path / "r.mat", {"out": {"time": TIME, "signals": signals}})
+    check(read_record(tmp_path / "r.mat", SIGNALS))
+
+
+def test_netcdf_with_missing_values_and_times_since(tmp_path):
+    from scipy.io import netcdf_file
+
+    with netcdf_file(tmp_path / "r.nc", "w") as file:
+        file.createDimension("time", 4)
+        for name, values, unit in (
+            ("time", TIME, "seconds since 2026-01-01"),
+            ("current", np.where(CURRENT < 0.0, -9e5, CURRENT), "A"),
+            ("displacement", DISPLACEMENT, "m"),
+        ):
+            variable = file.createVariable(name, "d", ("time",))
+            variable[:] = values
+            variable.units = unit
+        file.variables["current"].missing_value = -9e5
+    record = read_record(tmp_path / "r.nc", SIGNALS)
+    np.testing.assert_array_equal(record.time, TIME)
+    assert np.flatnonzero(np.isnan(record.signals["current"])).tolist() == [1]
