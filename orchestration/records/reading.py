@@ -189,10 +189,9 @@ def time_in_seconds(table: Table, match: Match, discard: float = 0.0) -> np.ndar
     """
     column = match.column
     if not holds_instants(column):
-        time = _column_in_unit(table, match, "s")
         if match.unit is None and column.unit in (None, "s"):
-            require_unit(table, column, time)
-        return time
+            require_unit(table, column, numbers(table, column))
+        return _column_in_unit(table, match, "s")
     if match.unit is not None and not is_form(match.unit):
         raise refuse(
             table.path,
