@@ -20,7 +20,7 @@ help:
 	@echo "make hidden-study how often the right cause is named, and a wrong one where nothing is hidden, over hundreds of records; SEED=N draws others"
 	@echo "make public-study what is said of public records, beside plain least squares; records where PPY_PUBLIC_DATA says"
 	@echo "make misuse-study what is said of records with wrong units, columns, signs, clocks or cuts; SEED=N likewise"
-	@echo "make bench-study what is said of benches with an actuator, clean and with dry friction; SEED=N likewise"
+	@echo "make bench-study what is said of benches and stands with an actuator, clean and with what is hidden; SEED=N likewise"
 	@echo "make laws-study whether the law is found that lacks what no catalogue has; SEED=N likewise"
 	@echo "make extended-study models extended by what their diagnosis names, asked again as FMUs; SEED=N likewise"
 	@echo "make foreign-study what is told of FMUs without equations; SEED=N likewise"

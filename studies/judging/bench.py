@@ -205,6 +205,12 @@ goes through the controller, and the clock of every fourth jitters by 0.3 ms. Dr
 its sign within 0.7 to 2 mm/s, as that of a greased slide; one that sticks dry is in no law of the
 catalogue, and not among these. Each is diagnosed by `ppy diagnose RECORD --system dma_bench`.
 
+Records of 80 to 160 s at 10 Hz of a stand, as LabVIEW writes them: mass, current, voltage and
+displacement. Weights swing or hang still, the core rubs or runs free, LVDT and frame are askew,
+elongation is late, or the load adds voltage. They are diagnosed with `--system isotonic_stand
+--hold actuator.alpha --hold actuator.k1`, which an analyser measures: without them an LVDT that
+leans is an actuator that moves less, and a frame that bends a softer one.
+
 {stamp}
 
 """,
@@ -212,6 +218,7 @@ catalogue, and not among these. Each is diagnosed by `ppy diagnose RECORD --syst
         "orchestration/diagnosis",
         "fmus/voice_coil_dma",
         "fmus/ppy_actuator",
+        "fmus/isotonic_stand",
         "studies/benches",
     ),
 )
