@@ -92,6 +92,7 @@ class IsotonicStand(Component):
         max=1e6,
         nominal=100.0,
         source="assumed: 5 V at full scale",
+        fitted=False,
         doc="voltage of the LVDT per displacement of its core (S)",
     )
     linearity = Parameter(
@@ -112,6 +113,7 @@ class IsotonicStand(Component):
         max=1e4,
         nominal=100.0,
         source="assumed",
+        fitted=False,
         doc="cutoff frequency of the first-order filter of the demodulator (f_d)",
     )
     carrier_frequency = Parameter(
