@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from fmus.kit.arrays import single_threaded
 from orchestration.diagnosis.courses import courses_of
 from orchestration.diagnosis.engine import Diagnosis
-from orchestration.diagnosis.screening import Screen
+from orchestration.diagnosis.screening import screen_of
 from orchestration.diagnosis.terms import SensorTerm, Term
 
 
@@ -60,7 +60,7 @@ def map_laws(diagnosis: Diagnosis) -> LawMap:
     along = courses_of(base, base.problem.records, base.point.starts)
     if along is None:
         return LawMap(diagnosis, ())
-    screen = Screen(along, is_candidate=_is_dependence)
+    screen = screen_of(along, is_candidate=_is_dependence)
     terms = [candidate.term for candidate in screen.candidates]
     gains = screen.values([(i,) for i in range(len(terms))]).tolist()
     best: dict[tuple[str, str], LawEntry] = {}

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fmus.kit.arrays import Array, Mask
+from fmus.kit.arrays import Array, Indices, Mask
 from orchestration.diagnosis.catalogue import named_terms
 from orchestration.diagnosis.comparison import words
 from orchestration.diagnosis.courses import Courses
@@ -27,7 +27,6 @@ from orchestration.diagnosis.runs import Linearisation
 from orchestration.diagnosis.signals import Seen, alike_signals, distinct, seen
 from orchestration.diagnosis.terms import (
     FORMS,
-    KNOTS,
     DelayTerm,
     Memory,
     NamedTerm,
@@ -58,10 +57,7 @@ _DRIFTS = (Shape.LINEAR, Shape.ROOT, Shape.SQUARE)  # of a sensor, over the time
 _PRODUCT = (Shape.LINEAR, Shape.SQUARE, Shape.CURVE)  # of a term in proportion to an input
 _DELAYS, _LATEST = 6, 16.0  # of an output; the longest is so small a part of the record
 _PLACES = 24  # instants of a record at which a law may have changed
-_RANGE = -2.0, 2.0  # of a signal whose curve has no knots yet, in scales
-_KNOTS, _MORE_KNOTS = 9, KNOTS  # of a curve; of one that bends more than the first can
-_RATIO = 4.0  # of two lags, from which a search starts
-_QUICK, _RATES = 5.0, (0.5, 2.0)  # of a rate limit: its lag, and rates in scales over that of a lag
+CURVE_KNOTS = 9  # of a curve at first
 _ROWS = 1600  # of the screen at most
 _SAME = 0.9999  # cosine from which on two laws act alike
 _START = 3.0  # prior deviation of a start state, in nominal values
@@ -106,21 +102,18 @@ class Screen:
     Parameters
     ----------
     along : Courses
-    named : bool
-        Whether effects of the catalogue are candidates.
-    is_candidate : callable
-        Returns whether a term may be one at all.
+    candidates : sequence of Candidate
+        Those of the catalogue last.
+    replaced : Term, optional
+        Of the fit, in place of which they stand.
     """
 
     def __init__(
-        self,
-        along: Courses,
-        named: bool = False,
-        is_candidate: Callable[[Term], bool] = lambda term: True,
+        self, along: Courses, candidates: Sequence[Candidate], replaced: Term | None = None
     ):
         self._along = along
-        every = _candidates(along, named)
-        self.candidates = [candidate for candidate in every if is_candidate(candidate.term)]
+        self.candidates = list(candidates)
+        self._replaced = replaced
         self.ends = np.cumsum([0, *(c.term.coefficients for c in self.candidates)])
         self._columns, measured = self._projected()
         outputs = len(along.spread)
@@ -129,6 +122,8 @@ class Screen:
         self._rows_of = [*map(slice, ends[:-1], ends[1:]), slice(ends[-1], None)]
         rest = self._columns.remaining
         of_each = [rest[rows][measured[rows]] for rows in self._rows_of[:-1]]
+        if replaced is not None:
+            of_each = list(np.concatenate(along.errors).T)
         self.effective = np.array([effective_samples(own) for own in of_each])
         self._squares = np.array([rest[rows] @ rest[rows] for rows in self._rows_of])
 
@@ -186,7 +181,27 @@ class Screen:
         laws = drives.rows.shape[1]
         response = respond(along.pieces[piece], part, drives, stride, out[:laws])
         out[laws:] = (effects[::stride] * size[:, np.newaxis]).T
-        return along.errors[piece][::stride] * root, self._nuisance(response, piece)
+        target, free = along.errors[piece][::stride] * root, self._nuisance(response, piece)
+        if self._replaced is None:
+            return target, free
+        coefficients, places = self._of_replaced
+        own = places[: len(coefficients)]
+        return target + free[:, :, own] @ coefficients, np.delete(free, places, axis=2)
+
+    @cached_property
+    def _of_replaced(self) -> tuple[Array, Indices]:
+        """Return the coefficients of the term that is replaced, and the columns of it that go.
+
+        Constants of its memory stay: they are those of the terms in its place.
+        """
+        fitted, term = self._along.fitted, self._replaced
+        assert term is not None
+        before = fitted.terms[: fitted.terms.index(term)]
+        first = len(fitted.point.q) + sum(t.coefficients + len(t.start) for t in before)
+        places = first + np.arange(term.coefficients)
+        if term.shape.has_width:
+            places = np.append(places, first + term.coefficients + len(term.start) - 1)
+        return fitted.values_of(term)[: term.coefficients], places
 
     @cached_property
     def _weights(self) -> list[Array]:
@@ -527,6 +542,22 @@ class _Shapes:
         return Candidate(term, self._known[key], amount, words(self.model, term, depends))
 
 
+def screen_of(
+    along: Courses, named: bool = False, is_candidate: Callable[[Term], bool] = lambda term: True
+) -> Screen:
+    """Return the screen of every term that may be missing.
+
+    Parameters
+    ----------
+    along : Courses
+    named : bool
+        Whether effects of the catalogue are candidates.
+    is_candidate : callable
+        Returns whether a term may be one at all.
+    """
+    return Screen(along, [one for one in _candidates(along, named) if is_candidate(one.term)])
+
+
 def _candidates(along: Courses, named: bool) -> Iterator[Candidate]:
     """Yield every term that may be missing, those of the catalogue last."""
     classes = alike(along.model, along.parts)
@@ -716,52 +747,11 @@ def _terms(
             continue
         if shape is Shape.CURVE and high - low <= 0.2:
             continue
-        places = tuple(np.linspace(low, high, _KNOTS)) if shape is Shape.CURVE else ()
+        places = tuple(np.linspace(low, high, CURVE_KNOTS)) if shape is Shape.CURVE else ()
         for width in FORMS[shape].widths:
             wide = 2.0 if shape is Shape.DRY and view.one_sided else 1.0
             of_signal = law, view.signal, shape, view.memory, view.constants
             yield Term(*of_signal, factor, size, view.scale, view.middle, width * wide, places)
-
-
-def other_shapes(term: Term, ends: tuple[float, float] | None = None) -> Iterator[Term]:
-    """Yield a term with each of the other shapes of its signal.
-
-    Parameters
-    ----------
-    term : Term
-    ends : tuple of float, optional
-        Range of its signal, in scales.
-
-    Notes
-    -----
-    A curve with more knots is another. A product of two signals is one of either over the other:
-    a screen has it in one way.
-    """
-    low, high = (term.places[0], term.places[-1]) if term.places else ends or _RANGE
-    if len(term.places) < _MORE_KNOTS:
-        finer = tuple(np.linspace(low, high, _MORE_KNOTS))
-        yield replace(term, shape=Shape.CURVE, width=1.0, places=finer)
-    is_product = term.factor not in ("", term.law)
-    for shape in Shape:
-        if shape is term.shape or shape in (Shape.CONSTANT, Shape.MODULUS, Shape.STEP):
-            continue
-        if is_product and shape is Shape.LINEAR:
-            continue
-        places = tuple(np.linspace(low, high, _KNOTS)) if shape is Shape.CURVE else ()
-        yield replace(term, shape=shape, width=FORMS[shape].width, places=places)
-
-
-def other_memories(term: Term) -> Iterator[Term]:
-    """Yield a term that lags or fades with lags that differ by direction, or a limited rate."""
-    if term.memory not in (Memory.LAG, Memory.FADING):
-        return
-    lag = term.constants[0]
-    kinds: list[tuple[Memory, tuple[float, ...]]] = [(Memory.FADING, (lag,))]
-    kinds += [(Memory.TWO_LAGS, (lag / ratio**0.5, ratio)) for ratio in (_RATIO, 1.0 / _RATIO)]
-    kinds += [(Memory.RATE_LIMIT, (lag / _QUICK, rate / lag)) for rate in _RATES]
-    for memory, constants in kinds:
-        if memory is not term.memory or term.shape is not Shape.LINEAR:
-            yield replace(term, memory=memory, constants=constants, shape=Shape.LINEAR, places=())
 
 
 def at_other_instants(term: Term) -> Iterator[Term]:

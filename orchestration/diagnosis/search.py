@@ -43,12 +43,12 @@ from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.misreadings import misreadings
 from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.remainder import leaves_more
+from orchestration.diagnosis.replacements import other_memories, replacements
 from orchestration.diagnosis.runs import Record
 from orchestration.diagnosis.screening import (
     Screen,
     at_other_instants,
-    other_memories,
-    other_shapes,
+    screen_of,
     with_shorter_lags,
 )
 from orchestration.diagnosis.subject import Subject, read_again
@@ -526,7 +526,7 @@ class _Rounds:
             along = courses_of(fitted, pieces, starts) if pieces else None
         if along is None:
             return None
-        screen = Screen(along, count == 1, self._is_candidate)
+        screen = screen_of(along, count == 1, self._is_candidate)
         return screen if screen.candidates else None
 
     def _fit_all(
@@ -575,29 +575,27 @@ class _Rounds:
 
     def shapes(self) -> None:
         """Fit the best sets with other shapes and other memories of each of their terms."""
-        self._fit_with(lambda t: (*other_shapes(t, self._ends(t)), *other_memories(t)))
+        asked = []
+        for one in self.found.best(_SHAPES):
+            fitted = one.fit
+            along = courses_of(fitted, fitted.problem.records, fitted.point.starts)
+            if along is None:
+                continue
+            for term in filter(_is_function, one.terms):
+                for other, values in replacements(along, term):
+                    asked.append(_replaced(fitted, term, other, values))
+                asked += [_replaced(fitted, term, other) for other in other_memories(term)]
+        self._fit_all(asked, _FEWER_STEPS)
 
     def owners(self) -> None:
         """Fit the best sets with each of their terms in every other law."""
-        self._fit_with(self._in_other_laws)
-
-    def _fit_with(self, others_of: Callable[[Term], Iterable[Term]]) -> None:
-        """Fit the best sets with others in place of each of their terms that has a signal."""
-        asked = []
-        for one in self.found.best(_SHAPES):
-            for term in one.terms:
-                if not term.signal or isinstance(term, NamedTerm | SensorTerm):
-                    continue
-                for other in others_of(term):
-                    terms = tuple(other if t == term else t for t in one.terms)
-                    asked.append((terms, [_extended(one.fit, terms)]))
+        asked = [
+            _replaced(one.fit, term, other)
+            for one in self.found.best(_SHAPES)
+            for term in filter(_is_function, one.terms)
+            for other in self._in_other_laws(term)
+        ]
         self._fit_all(asked, _FEWER_STEPS)
-
-    def _ends(self, term: Term) -> tuple[float, float] | None:
-        """Return the range of the signal of a term in its scales, as a screen had it."""
-        curves = (t for t in self._terms if t.places and t.scale == term.scale)
-        same = (t.places for t in curves if t.source == term.source)
-        return next(((places[0], places[-1]) for places in same), None)
 
     def _in_other_laws(self, term: Term) -> Iterable[Term]:
         """Return a term of a signal in each of the other laws that a screen had it in."""
@@ -649,6 +647,28 @@ def _parts_of(fitted: Fit) -> list[tuple[tuple[Term, ...], list[Point]]]:
 def _with_one_less(terms: tuple[Term, ...]) -> list[tuple[Term, ...]]:
     """Return the sets of all but one of several terms."""
     return list(itertools.combinations(terms, len(terms) - 1)) if len(terms) > 1 else []
+
+
+def _is_function(term: Term) -> bool:
+    """Return whether a term is a function of a signal in a law, of which there are others."""
+    return bool(term.signal) and not isinstance(term, NamedTerm | SensorTerm)
+
+
+def _replaced(
+    fitted: Fit, term: Term, other: Term, values: Sequence[Array] = ()
+) -> tuple[tuple[Term, ...], list[Point]]:
+    """Return the terms of a fit with another in place of one, and points from which it starts.
+
+    Each with values of the other; without any, with a small one.
+    """
+    terms = tuple(other if one == term else one for one in fitted.terms)
+    at = terms.index(other)
+    points = []
+    for start in values or [other.values(SMALL)]:
+        own = [fitted.values_of(one) for one in fitted.terms]
+        own[at] = start
+        points.append(replace(fitted.point, values=np.concatenate(own)))
+    return terms, points
 
 
 def _view_of(term: Term) -> tuple[object, ...]:

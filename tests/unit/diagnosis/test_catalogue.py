@@ -20,7 +20,7 @@ from orchestration.diagnosis.extension import extended_component
 from orchestration.diagnosis.fitting import Fit, Problem, StartPrior, nominal_point
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.runs import Record
-from orchestration.diagnosis.screening import Screen
+from orchestration.diagnosis.screening import screen_of
 from orchestration.diagnosis.search import search
 from orchestration.diagnosis.subject import subject_of
 from orchestration.diagnosis.terms import NamedTerm, Released
@@ -115,7 +115,7 @@ def test_outputs_that_were_not_measured_do_not_hide_what_is_proposed() -> None:
     fitted = subject.base
     along = courses_of(fitted, fitted.problem.records, fitted.point.starts)
     assert along is not None
-    screen = Screen(along, named=True)
+    screen = screen_of(along, named=True)
     value, _ = screen.propose(1)[0]
     assert value > 3.0
 
@@ -129,7 +129,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(screening, "_REMEMBERED", {})
     monkeypatch.setattr(screening, "_FACTORS", {})
     monkeypatch.setattr("orchestration.diagnosis.search._PIECES", (1,))
-    monkeypatch.setattr("orchestration.diagnosis.search.other_shapes", lambda term: ())
+    monkeypatch.setattr("orchestration.diagnosis.search.replacements", lambda along, term: ())
 
 
 @pytest.mark.slow

