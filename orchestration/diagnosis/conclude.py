@@ -12,7 +12,7 @@ from orchestration.diagnosis.comparison import WEIGHTS, Common, Judged, are_same
 from orchestration.diagnosis.courses import Courses, are_interchangeable
 from orchestration.diagnosis.features import confidence, features_of
 from orchestration.diagnosis.readings import Reading
-from orchestration.diagnosis.remainder import drifts, remainders
+from orchestration.diagnosis.remainder import drifts, remainders, undersampled
 from orchestration.diagnosis.search import Found, Ranked
 from orchestration.diagnosis.signals import are_alike, remembered_by
 from orchestration.diagnosis.subject import Subject, words_of
@@ -275,17 +275,18 @@ def _verdict(group: Sequence[Cause], found: Found) -> str:
 
     That something is missing at all is seen by a large slow error of the model, or by strong
     evidence of a cause, on what is left out too. Without either the model is consistent only if no
-    cause gains on what is fitted.
+    cause gains on what is fitted, and if what is left can be told to be noise.
     """
     is_missing = drifts(found.base)
     gains = bool(group) and group[0].score > 0.0
     if not is_missing and not (gains and group[0].comparison.evidence > WEIGHTS.least):
-        return "unexplained" if found.gain_where_fitted() > WEIGHTS.least else "consistent"
+        is_open = found.gain_where_fitted() > WEIGHTS.least or undersampled(found.base)
+        return "unexplained" if is_open else "consistent"
     if not gains or not _is_enough(group) or rises(group[0].judged, found.base):
         return "unexplained"
     first = group[0].judged
-    leaves_most = drifts(first) and first.left_out > WEIGHTS.larger_part * found.base.left_out
-    if leaves_most or is_lost(first, found.subject_of(first.reading)):
+    leaves_most = first.left_out > WEIGHTS.larger_part * found.base.left_out
+    if (leaves_most and drifts(first)) or is_lost(first, found.subject_of(first.reading)):
         return "unexplained"
     return "cause" if group[0].probability >= WEIGHTS.sure else "ambiguous"
 

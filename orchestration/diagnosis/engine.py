@@ -27,10 +27,16 @@ from orchestration.diagnosis.observer import Observer
 from orchestration.diagnosis.options import Deadline, Options
 from orchestration.diagnosis.pieces import Note, pieces_of, recorded_inputs
 from orchestration.diagnosis.readings import TIME, Reading
-from orchestration.diagnosis.remainder import Remainder, drifts, leaves_more, remainders
+from orchestration.diagnosis.remainder import (
+    Remainder,
+    drifts,
+    leaves_more,
+    remainders,
+    undersampled,
+)
 from orchestration.diagnosis.runs import Record
 from orchestration.diagnosis.search import Found, search
-from orchestration.diagnosis.subject import Subject, predicted, subject_of
+from orchestration.diagnosis.subject import Subject, longest_time_constant, predicted, subject_of
 from orchestration.diagnosis.term_names import deviations, estimates, stems
 from orchestration.diagnosis.terms import Term
 from orchestration.experiment.design import DiscriminatingExperiment
@@ -44,6 +50,7 @@ _Answer = tuple[Found, Conclusion]
 Verdict = Literal["consistent", "recalibrate", "cause", "ambiguous", "unexplained"]
 
 _WHOLE = 0.9  # of a record, from which on it counts as used
+_UNTOLD = 3.0  # times the longest record, from which on a time constant is like an endless one
 _HELD_OUT = "in what was held out, "  # begins what is said of these records
 
 
@@ -267,6 +274,8 @@ def diagnose(
         warnings.simplefilter("ignore", RuntimeWarning)
         (found, conclusion), data, more = _decide(data, progress, deadline)
     notes += [*others, *more, *_remarks(found, data)]
+    if conclusion.verdict == "consistent":
+        notes += _short(model, found.subject)
     if not deadline.was_met:
         notes.append(_time_note(options))
     design = _designed(found, conclusion, records, options)
@@ -488,6 +497,31 @@ def _remarks(found: Found, data: _Data) -> Iterator[Note]:
     yield from _denoised(subject)
     yield from _in_cubics(subject)
     yield from _unrelated(found)
+    yield from _coarse(found)
+
+
+def _short(model: Model, subject: Subject) -> Iterator[Note]:
+    """Yield the note on records that are short beside the slowest mode of a model."""
+    records = (*subject.problem.records, *(one.record for one in subject.left_out))
+    length = max(float(np.ptp(record.time)) for record in records)
+    slowest = longest_time_constant(subject)
+    if slowest > _UNTOLD * length:
+        text = (
+            f"{model.name} takes {slowest:.3g} s to settle by two thirds, and the longest record"
+            f" lasts {length:.3g} s: what it does later is not tested; record a longer run"
+        )
+        yield "short", model.name, text
+
+
+def _coarse(found: Found) -> Iterator[Note]:
+    """Yield the note on outputs of which what is left may be noise as well as a law."""
+    names = " and ".join(undersampled(found.base))
+    text = (
+        f"{names}: sampled too coarsely: from sample to sample the model moves by about as much as"
+        " it leaves, so that noise cannot be told from what it lacks; record more samples a second"
+    )
+    if names:
+        yield "coarse", names, text
 
 
 def _predictions(model: Model, subject: Subject) -> Iterator[Note]:

@@ -27,6 +27,7 @@ from orchestration.diagnosis.terms import Term
 _SHARES = 10.0 ** np.arange(-5.0, 1.1, 0.5)  # of the rates, that disturbances are tried to be
 _NEAR = 10.0 ** np.array([-4.0, -2.0, -1.0, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0])  # then, of each
 _RESOLUTION = 0.002  # of the spread of an output, below which there is no noise
+_KEPT = 1e-3  # e-folds over a record, up to which a mode keeps what it has
 _ROUNDS = 3  # of courses and gains by turns
 
 
@@ -52,16 +53,16 @@ class Linear:
     pushes: Array
     measured: Mask
 
-    @property
-    def growth(self) -> float:
-        """Growth of the fastest mode over the record, e-folds."""
+    @cached_property
+    def growths(self) -> Array:
+        """Growth of each mode over the record, e-folds."""
         if not self.transitions.size:
-            return -np.inf
+            return np.array([-np.inf])
         mean = self.transitions.mean(axis=0)
         if not np.isfinite(mean).all():
-            return np.inf
-        largest = np.abs(np.linalg.eigvals(mean)).max()
-        return len(self.transitions) * float(np.log(max(largest, np.finfo(float).tiny)))
+            return np.array([np.inf])
+        sizes = np.abs(np.linalg.eigvals(mean))
+        return np.asarray(len(self.transitions) * np.log(np.maximum(sizes, np.finfo(float).tiny)))
 
     def gains(self, noise: Array, shares: Array) -> Array:
         """Return the gains (s, n, nx, ny) of Kalman filters.
@@ -281,7 +282,16 @@ def _tried(place: Place, linear: Sequence[Linear], shares: Array) -> Iterator[Ob
 
 def growth_of(place: Place) -> float:
     """Return the growth of the fastest mode over a record, e-folds."""
-    return max(one.growth for one in place.linear(place.courses()))
+    return float(max(one.growths.max() for one in place.linear(place.courses())))
+
+
+def slowest_decay(place: Place) -> float:
+    """Return the time in which the slowest mode falls by e, s, of those that decay at all."""
+    slowest = 0.0
+    for record, one in zip(place.records, place.linear(place.courses()), strict=True):
+        decays = -one.growths[np.isfinite(one.growths) & (one.growths < -_KEPT)]
+        slowest = max(slowest, float(np.ptp(record.time)) / decays.min(initial=np.inf))
+    return slowest
 
 
 def _log_likelihood(place: Place, runs: Sequence[Course]) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,9 +10,12 @@ import numpy as np
 from fmus.kit.arrays import Array
 from orchestration.diagnosis.comparison import Judged
 
-_SLOW = 0.5  # correlation of neighbouring samples from which on a remainder is slow
-_LARGE = 0.15  # of the spread, from which on a slow remainder is no noise of an instrument
-_WIDTHS = 1.5  # of the noise, from which on a slow remainder is more than noise
+_SLOW = 0.5  # correlation of neighbouring samples from which on most of a remainder is slow
+_CHANCE = 3.0  # standard errors of a correlation, up to which noise is white
+_LARGE = 0.15  # of the spread, from which on what is left is no noise of a usual instrument
+_COMMON = 0.1  # the same of the part that neighbouring samples have in common
+_WIDTHS = 1.5  # of the noise, from which on what is left is more than noise
+_MOVES = 0.5  # of what is left, by which a model moves from sample to sample at most
 _TO_DEVIATION = 1.4826  # of the median of moduli, for normal noise
 
 
@@ -29,12 +32,15 @@ class Remainder:
         Root mean square over the standard deviation of the noise; None for an output without noise.
     tests : Mapping of str to float
         Results of `TESTS` by name.
+    pairs : int
+        Neighbouring samples by which their correlation is known.
     """
 
     output: str
     share: float
     noise_widths: float | None
     tests: Mapping[str, float]
+    pairs: int
 
     @property
     def correlation(self) -> float:
@@ -43,13 +49,30 @@ class Remainder:
 
     @property
     def is_slow(self) -> bool:
-        """Whether neighbouring errors are alike, as those of noise from an instrument are not."""
-        return self.correlation > _SLOW
+        """Whether most of its square is common to neighbouring samples."""
+        return self.correlation > _SLOW and not self.is_white
+
+    @property
+    def is_white(self) -> bool:
+        """Whether neighbouring samples correlate no more than those of white noise by chance.
+
+        Their correlation has a standard error of ``1 / sqrt(n)`` (Bartlett: On the theoretical
+        specification and sampling properties of autocorrelated time-series, 1946).
+        """
+        return self.correlation <= _CHANCE / np.sqrt(max(self.pairs, 1))
+
+    @property
+    def structure(self) -> float:
+        """Share of the output of what is common to neighbouring samples: their covariance's root.
+
+        Zero if it may be white noise.
+        """
+        return 0.0 if self.is_white else self.share * float(np.sqrt(self.correlation))
 
     @property
     def is_more_than_noise(self) -> bool:
-        """Whether it is slow, and clearly larger than what is independent from sample to sample."""
-        return self.is_slow and (self.noise_widths is None or self.noise_widths > _WIDTHS)
+        """Whether it is not white, and clearly larger than what is independent in each sample."""
+        return not self.is_white and (self.noise_widths is None or self.noise_widths > _WIDTHS)
 
 
 def remainders(judged: Judged, sizes: Array | None = None) -> tuple[Remainder, ...]:
@@ -63,30 +86,60 @@ def remainders(judged: Judged, sizes: Array | None = None) -> tuple[Remainder, .
         default the spreads.
     """
     result = []
-    sizes = np.ones(len(judged.fit.problem.spread)) if sizes is None else sizes
-    for j, output in enumerate(judged.fit.problem.model.outputs):
+    problem = judged.fit.problem
+    sizes = np.ones(len(problem.spread)) if sizes is None else sizes
+    every = with_gaps([*judged.fit.errors, judged.measuring])
+    for j, output in enumerate(problem.model.outputs):
         if not np.isfinite(sizes[j]):
             continue
         error = judged.measuring[:, j]
         if np.isfinite(error).sum() < 4:
             continue
         size = float(np.sqrt(np.nanmean(error**2)))
-        noise = noise_of(error)
+        noise = noise_of(every[:, j])
         widths = size / noise if noise > 1e-6 * size else None
         share = size / float(sizes[j])
         tests = {name: test(error) for name, test in TESTS.items()}
-        result.append(Remainder(output.name, share, widths, tests))
+        pairs = int(np.isfinite(error[:-1] * error[1:]).sum())
+        result.append(Remainder(output.name, share, widths, tests, pairs))
     return tuple(result)
 
 
 def drifts(judged: Judged) -> bool:
     """Return whether a model leaves a large slow error where nothing was fitted."""
-    return any(one.share > _LARGE and one.is_slow for one in remainders(judged))
+    left = remainders(judged)
+    return any(one.share > _LARGE and one.structure > _COMMON for one in left)
 
 
 def leaves_more(judged: Judged) -> bool:
     """Return whether a model leaves more than noise of an output where nothing was chosen by."""
     return any(one.is_more_than_noise for one in remainders(judged))
+
+
+def undersampled(judged: Judged) -> list[str]:
+    """Return outputs that were sampled too coarsely to tell noise from what a law may do.
+
+    What is left of them is large and white, and from sample to sample the model moves by as much,
+    so that what it lacks would be white as well.
+    """
+    problem, pairs = (
+        judged.fit.problem,
+        zip(judged.fit.errors, judged.fit.problem.records, strict=True),
+    )
+    simulated = with_gaps([record.outputs / problem.spread - e for e, record in pairs])
+    moves = dict(
+        zip((o.name for o in problem.model.outputs), map(noise_of, simulated.T), strict=True)
+    )
+    return [
+        one.output
+        for one in remainders(judged)
+        if one.share > _LARGE and one.is_white and moves[one.output] > _MOVES * one.share
+    ]
+
+
+def with_gaps(pieces: Sequence[Array]) -> Array:
+    """Return pieces (n, ny) one after the other, each with a gap behind it."""
+    return np.concatenate([np.pad(p, ((0, 1), (0, 0)), constant_values=np.nan) for p in pieces])
 
 
 def noise_of(error: Array) -> float:

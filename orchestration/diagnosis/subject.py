@@ -25,11 +25,11 @@ from orchestration.diagnosis.fitting import (
 )
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.local_values import COMMON, LocalValues
-from orchestration.diagnosis.observer import Observer, Place, growth_of, observer_of
+from orchestration.diagnosis.observer import Observer, Place, growth_of, observer_of, slowest_decay
 from orchestration.diagnosis.prediction import Prediction, predict
 from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.recording import evenly, with_quiet_inputs, without_outliers
-from orchestration.diagnosis.remainder import noise_of
+from orchestration.diagnosis.remainder import noise_of, with_gaps
 from orchestration.diagnosis.runs import Record, Setting
 from orchestration.diagnosis.terms import Shape, Term
 
@@ -130,7 +130,8 @@ class Subject:
             by_turns = np.concatenate(blocks[::2])
             choosing.append(predicted.errors[by_turns])
             beyond.append(predicted.beyond_uncertainty(by_turns))
-            measuring.append(predicted.errors[np.concatenate(blocks[1::2])])
+            # or samples of two blocks would be neighbours
+            measuring.append(with_gaps([predicted.errors[block] for block in blocks[1::2]]))
         model = self.problem.model
         read = () if self.reading is None else (self.reading,)
         prior = sum(words_of(model, part) for part in (*read, *fitted.terms))
@@ -572,6 +573,11 @@ def predicted(subject: Subject, fitted: Fit | None = None) -> Subject | None:
             return None
         subject, at = one, again
     return subject
+
+
+def longest_time_constant(subject: Subject) -> float:
+    """Return the time in which the slowest mode of the base falls by e, s; see `slowest_decay`."""
+    return slowest_decay(_place(subject.problem, subject.left_out, subject.base))
 
 
 def _refitted(subject: Subject, terms: Sequence[Term], point: Point) -> Fit | None:

@@ -45,6 +45,8 @@ _FAULTS = {  # notes on what was done to values
     "outputs logged late": {"moves_ahead", "runs_ahead"},
     "outputs by another clock": {"other_clock"},
     "pieces in the wrong order": {"pieced"},
+    "too short": {"short"},
+    "sampled too coarsely": {"coarse"},
     "cut and closed up": {"pieced"},
     "two specimens in one": {"pieced", "other_specimen"},
     "inputs of another run": {"unrelated"},

@@ -175,7 +175,9 @@ PLAIN = SimpleNamespace(
     freedom=0,
     explanations=0,
     problem=SimpleNamespace(
-        model=SimpleNamespace(outputs=[SimpleNamespace(name="level")]), spread=np.ones(1)
+        model=SimpleNamespace(outputs=[SimpleNamespace(name="level")]),
+        spread=np.ones(1),
+        records=(SimpleNamespace(outputs=WHITE),),
     ),
 )
 BASE = Judged(PLAIN, SEEN, SEEN, SEEN, 0.0)

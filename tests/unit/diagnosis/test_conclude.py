@@ -64,7 +64,11 @@ def judged(
         freedom=freedom,
         explanations=len(terms),
         distance=0.0,
-        problem=SimpleNamespace(model=MODEL, spread=np.ones(1)),
+        problem=SimpleNamespace(
+            model=MODEL,
+            spread=np.ones(1),
+            records=(SimpleNamespace(outputs=errors),),  # of a model that stands still
+        ),
     )
     return Judged(fit, *3 * [left_out * SEEN], words)
 
@@ -412,7 +416,7 @@ def test_a_cause_is_none_that_predicts_no_better_than_a_mean_or_leaves_most_of_w
     error: Array, moves: float, before: float, verdict: str
 ) -> None:
     """A mean leaves by how much an output moves there."""
-    fit = SimpleNamespace(problem=SimpleNamespace(model=MODEL, spread=np.ones(1)))
+    fit = SimpleNamespace(problem=SimpleNamespace(model=MODEL, spread=np.ones(1)), errors=())
     one = Judged(fit, error, error, error, 0.0)
     base = replace(one, measuring=np.full((40, 1), before))
     subject = SimpleNamespace(sizes=np.array([moves]))
@@ -426,7 +430,8 @@ def test_a_cause_is_none_that_predicts_no_better_than_a_mean_or_leaves_most_of_w
 def test_a_model_that_predicts_one_of_its_outputs_is_not_lost(second: float, lost: bool) -> None:
     """In shares of how much each moves; errors are slow."""
     outputs = [SimpleNamespace(name=name) for name in ("place", "heat")]
-    fitted = SimpleNamespace(problem=SimpleNamespace(model=SimpleNamespace(outputs=outputs)))
+    problem = SimpleNamespace(model=SimpleNamespace(outputs=outputs))
+    fitted = SimpleNamespace(problem=problem, errors=())
     one = SimpleNamespace(measuring=np.ones((40, 2)) * [0.9, second], fit=fitted)
     assert is_lost(one, SimpleNamespace(sizes=np.ones(2))) == lost
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from orchestration.diagnosis import (
     engine,
     subject_of,
 )
-from orchestration.diagnosis.observer import Linear, growth_of
+from orchestration.diagnosis.observer import Linear, growth_of, slowest_decay
 from orchestration.diagnosis.report import wording
 from orchestration.diagnosis.responses import Drives, respond
 from orchestration.diagnosis.runs import Setting
@@ -149,7 +150,19 @@ def test_without_disturbances_an_unstable_mode_is_mirrored():
     (gain,) = linear.gains(np.array([0.1]), np.array([[0.0]]))
     assert_allclose(1.2 * (1.0 - gain[-1, 0, 0]), 1.0 / 1.2, rtol=1e-9)
     assert_allclose(linear.memory(gain), 1.0 / np.log(1.2), rtol=1e-6)
-    assert_allclose(linear.growth, 299 * np.log(1.2))
+    assert_allclose(linear.growths, [299 * np.log(1.2)])
+
+
+@pytest.mark.parametrize(("rates", "expected"), [((0.0, -0.5), 2.0), ((0.0, 0.0), 0.0)])
+def test_the_slowest_decay_is_that_of_no_integrator(rates, expected):
+    """Over 100 s an integrator and a mode of a time constant of 2 s."""
+    linear = _linear(np.diag(np.exp(0.1 * np.array(rates))), np.ones((2, 1)), 1001)
+    place = SimpleNamespace(
+        records=[SimpleNamespace(time=np.linspace(0.0, 100.0, 1001))],
+        courses=list,
+        linear=lambda courses: [linear],
+    )
+    assert slowest_decay(place) == pytest.approx(expected)
 
 
 def test_without_disturbances_an_integrator_runs_freely_in_the_end():

@@ -152,13 +152,13 @@ def test_an_answer_that_was_held_against_another_record_asks_for_no_other(dry):
     ("correlation", "widths", "end"),
     [
         (0.9, 3.0, "slow (neighbouring samples correlate by 0.90): more than noise."),
-        (0.1, 3.0, "fast (neighbouring samples correlate by 0.10)."),
+        (0.02, 3.0, "fast (neighbouring samples correlate by 0.02)."),
         (0.9, 1.2, "slow (neighbouring samples correlate by 0.90)."),
     ],
 )
 def test_what_is_left_is_said_to_be_more_than_noise_if_it_is(correlation, widths, end):
     text = wording.remainder_sentence(
-        Remainder("position", 0.05, widths, {"correlation": correlation})
+        Remainder("position", 0.05, widths, {"correlation": correlation}, 400)
     )
     assert text == f"Left in position: 5 % of its standard deviation, {widths} noise widths, {end}"
 
@@ -180,8 +180,8 @@ def test_a_run_that_starts_elsewhere_is_to_be_started_there():
 
 
 def test_what_is_more_than_noise_is_said_before_what_is_larger(dry):
-    noise = Remainder("position", 0.3, 1.0, {"correlation": 0.0})
-    slow = Remainder("force", 0.1, 4.0, {"correlation": 0.9})
+    noise = Remainder("position", 0.3, 1.0, {"correlation": 0.0}, 400)
+    slow = Remainder("force", 0.1, 4.0, {"correlation": 0.9}, 400)
     one = replace(dry)
     one.__dict__.update(remainders=(noise, slow))
     assert "Left in force: 10 %" in wording.support(one)
