@@ -173,7 +173,6 @@ def test_names_of_nothing(folder, arguments, parts):
             lambda n, c: (n, c.replace(b'fmiVersion="2.0"', b'fmiVersion="1.0"')),
             ["FMI version 1.0", "knows FMI 2.0"],
         ),
-        (lambda n, c: (n, c.replace(b"CoSimulation", b"ModelExchange")), ["model exchange only"]),
         (
             lambda n, c: None if n == "modelDescription.xml" else (n, c),
             ["not an FMU", "modelDescription.xml"],
@@ -185,7 +184,6 @@ def test_names_of_nothing(folder, arguments, parts):
         "FMI 3 by name only",
         "FMI 4",
         "FMI 1",
-        "model exchange",
         "only a zip",
         "spoilt binary",
     ],

@@ -22,7 +22,14 @@ from orchestration.fmu.archive.bounded import (
     parse_xml,
 )
 from orchestration.fmu.archive.default_experiment import experiment_faults
-from orchestration.fmu.wrapping import DeclaredVariable, Translation, translate, wrap
+from orchestration.fmu.wrapping import (
+    DeclaredVariable,
+    Translation,
+    add_solver,
+    solved,
+    translate,
+    wrap,
+)
 
 _DESCRIPTION = "modelDescription.xml"
 _SYSTEM = "SystemStructure.ssd"
@@ -190,7 +197,7 @@ class Archive:
 
 
 def read_description(path: Path) -> Any:
-    """Read the model description of an FMU for co-simulation.
+    """Read the model description of an FMU, also of one for model exchange alone; see `solved`.
 
     Parameters
     ----------
@@ -203,20 +210,22 @@ def read_description(path: Path) -> Any:
     Raises
     ------
     UserError
-        If the file is missing, no zip archive, no FMU of FMI 2.0 or 3.0 for co-simulation, or an
-        element is missing.
+        If the file is missing, no zip archive, no FMU of FMI 2.0 or 3.0, or an element is missing.
     """
     import fmpy
 
     with Archive(path) as archive:  # without validation, which is the task of `ppy check`
         archive.check_interfaces()
         source = str(path) if archive.version == 2 else _packed(archive.as_fmi2)
+        interface = archive.description.find("CoSimulation")
     try:
         description = fmpy.read_model_description(source, validate=False)
     except Exception as error:
         raise UserError(f"{path}: {_DESCRIPTION} cannot be read ({first_line(error)})") from error
     if description.coSimulation is None:
-        raise UserError(f"{path}: an FMU for model exchange only; this program runs co-simulation")
+        description.coSimulation = solved(description.modelExchange)
+    if interface is not None:  # FMI 2.0 has no place for it
+        description.coSimulation.fixedInternalStepSize = interface.get("fixedInternalStepSize")
     return description
 
 
@@ -232,7 +241,8 @@ def _packed(description: Element) -> io.BytesIO:
 def unpack(path: Path) -> str:
     """Unzip an FMU, without sources and documentation, into a new folder of `scratch`.
 
-    The library of an FMU of FMI 3.0 is wrapped by one of FMI 2.0.
+    The library of an FMU of FMI 3.0 is wrapped by one of FMI 2.0, and one for model exchange alone
+    gets another with a solver.
 
     Returns
     -------
@@ -256,6 +266,8 @@ def unpack(path: Path) -> str:
         fmpy.extract(str(path), str(folder), include=lambda name: _is_needed(name, platform))
         if archive.version == 3:
             wrap(folder, archive.description, str(path))
+        if archive.as_fmi2.find("CoSimulation") is None:
+            add_solver(folder, archive.as_fmi2, str(path))
     except BaseException as error:
         scratch.remove(folder)
         if not isinstance(error, Exception) or isinstance(error, UserError):

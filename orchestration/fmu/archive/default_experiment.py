@@ -11,7 +11,7 @@ _LONGEST = 40  # characters of a value in a message
 
 
 def experiment_faults(description: Element) -> Iterator[str]:
-    """Yield a message for each attribute that is not finite, or negative unless a start time.
+    """Yield a message for each attribute that is not finite, or negative unless a time.
 
     A stop time or step of 0 is allowed, because some tools write it for an undefined one.
 
@@ -30,7 +30,7 @@ def experiment_faults(description: Element) -> Iterator[str]:
         return
     for name, text in experiment.items():
         value = _number(text)
-        may_be_negative = name == "startTime"
+        may_be_negative = name in ("startTime", "stopTime")
         if not math.isfinite(value) or (value < 0.0 and not may_be_negative):
             bound = "" if may_be_negative else " of 0 or more"
             yield f"{_ELEMENT}: {name} {text[:_LONGEST]!a} is not a finite number{bound}"

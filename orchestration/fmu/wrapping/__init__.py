@@ -1,6 +1,6 @@
-"""Wrapping of FMUs of FMI 3.0 as FMUs of FMI 2.0: translated description and wrapped library.
+"""Wrapping of FMUs as FMUs for co-simulation of FMI 2.0, so that all else needs one interface only.
 
-All other modules then need one interface only.
+FMI 3.0 gets a translated description and a wrapped library, model exchange alone a solver.
 """
 
 import lazy_loader

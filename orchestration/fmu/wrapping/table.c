@@ -1,72 +1,9 @@
 /* The table beside the wrapper's library, and the library of the FMU that it names. */
-#ifdef _WIN32
-#include <windows.h>
-#else
-#define _GNU_SOURCE /* for dladdr */
-#include <dlfcn.h>
-#endif
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
+#include "platform.c"
 
 #include "wrapper.h"
 
-enum { MOST_PATH = 4096, MOST_VARIABLES = 10000000 };
-
-#ifdef _WIN32
-
-static int own_path(char *path, size_t room) {
-    HMODULE module;
-    wchar_t wide[MOST_PATH];
-    DWORD flags = GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS | GET_MODULE_HANDLE_EX_FLAG_UNCHANGED_REFCOUNT;
-    if (!GetModuleHandleExW(flags, (LPCWSTR)(void *)own_path, &module)) return 0;
-    if (!GetModuleFileNameW(module, wide, MOST_PATH)) return 0;
-    return WideCharToMultiByte(CP_UTF8, 0, wide, -1, path, (int)room, NULL, NULL) > 0;
-}
-
-static FILE *open_text(const char *path) {
-    wchar_t wide[MOST_PATH];
-    return MultiByteToWideChar(CP_UTF8, 0, path, -1, wide, MOST_PATH) > 0 ? _wfopen(wide, L"rb") : NULL;
-}
-
-static void *open_library(const char *path, char *reason, size_t room) {
-    wchar_t wide[MOST_PATH];
-    void *library = NULL;
-    if (MultiByteToWideChar(CP_UTF8, 0, path, -1, wide, MOST_PATH) > 0)
-        library = (void *)LoadLibraryExW(wide, NULL, LOAD_WITH_ALTERED_SEARCH_PATH);
-    if (!library) snprintf(reason, room, "error %lu of Windows", GetLastError());
-    return library;
-}
-
-static void *find(void *library, const char *name) { return (void *)GetProcAddress((HMODULE)library, name); }
-
-static void close_library(void *library) { FreeLibrary((HMODULE)library); }
-
-#else
-
-static int own_path(char *path, size_t room) {
-    Dl_info info;
-    union {
-        int (*function)(char *, size_t);
-        void *address;
-    } here = {own_path};
-    if (!dladdr(here.address, &info) || !info.dli_fname) return 0;
-    return snprintf(path, room, "%s", info.dli_fname) < (int)room;
-}
-
-static FILE *open_text(const char *path) { return fopen(path, "rb"); }
-
-static void *open_library(const char *path, char *reason, size_t room) {
-    void *library = dlopen(path, RTLD_NOW | RTLD_LOCAL);
-    if (!library) snprintf(reason, room, "%s", dlerror());
-    return library;
-}
-
-static void *find(void *library, const char *name) { return dlsym(library, name); }
-
-static void close_library(void *library) { dlclose(library); }
-
-#endif
+enum { MOST_VARIABLES = 10000000 };
 
 static void bind_functions(component *c) {
     void *address;
@@ -75,15 +12,6 @@ static void bind_functions(component *c) {
     memcpy(&c->call.name, &address, sizeof address);
     FUNCTIONS(BIND)
 #undef BIND
-}
-
-/* Read a line; returns it in memory of its own, or NULL. */
-static char *read_line(FILE *table) {
-    char line[MOST_PATH];
-    if (!fgets(line, sizeof line, table)) return NULL;
-    line[strcspn(line, "\r\n")] = 0;
-    char *copy = malloc(strlen(line) + 1);
-    return copy ? strcpy(copy, line) : NULL;
 }
 
 static int read_variables(component *c, FILE *table) {
@@ -120,13 +48,8 @@ static int make_room(component *c) {
 }
 
 int load(component *c) {
-    char path[MOST_PATH], reason[MOST_PATH] = "";
-    if (!own_path(path, sizeof path - 8) || !strrchr(path, '.')) {
-        tell(c, fmi2Error, "the place of the wrapper is not known");
-        return 0;
-    }
-    strcpy(strrchr(path, '.'), ".table");
-    FILE *table = open_text(path);
+    char reason[MOST_PATH] = "";
+    FILE *table = open_table();
     char *library = table ? read_line(table) : NULL;
     c->resources = library ? read_line(table) : NULL;
     int complete = c->resources && read_variables(c, table) && make_room(c);

@@ -14,7 +14,7 @@ from fmus.kit.build import cached_library, toolchain
 from fmus.kit.storage import scratch
 from orchestration.fmu.wrapping.translation import Translation, translate
 
-_SOURCES = ("all.c", "table.c", "values.c", "wrapper.c", "wrapper.h")
+_SOURCES = ("all.c", "platform.c", "table.c", "values.c", "wrapper.c", "wrapper.h")
 _UNIT = "all.c"  # includes the other sources
 _LIBRARIES = {"linux64": ("dl",)}
 

@@ -35,7 +35,6 @@ from tests.support.fmi3_fmus import foreign
             lambda n, c: (n, c.replace(b'fmiVersion="2.0"', b'fmiVersion="1.0"')),
             "FMI version 1.0; this program knows",
         ),
-        (lambda n, c: (n, c.replace(b"CoSimulation", b"ModelExchange")), "for model exchange only"),
         (
             lambda n, c: (
                 n,
@@ -105,7 +104,6 @@ CLOCK = (
     [
         (b"CoSimulation", b"ScheduledExecution", "for scheduled execution only; this program runs"),
         (b"</ModelVariables>", CLOCK + b"</ModelVariables>", "with clocks, such as tick; this"),
-        (b"<CoSimulation", b"<Other", "for model exchange only"),
         (b'"3.0"', b'"3.0-beta.2"', r"FMI version 3\.0-beta\.2; this program knows FMI 2\.0 and 3"),
         (b'start="0.5"', b'start="0.5 1"', "tau: has 2 start values; expected 1$"),
         (b"<ModelVariables>", b"", r"modelDescription\.xml cannot be read: it is not well-formed"),
