@@ -117,9 +117,9 @@ def prepare(
     if experiment.system:
         defaults["master"] = experiment.master or Master()
     complete = experiment.model_copy(update=defaults)
-    time = points(complete, where)
+    time = points(complete, where, subject.start)
     settings = dict(subject.settings) | _resolve_settings(complete, subject, where)
-    inputs = _make_stimuli(complete, subject, time, where, note)
+    inputs = _make_stimuli(complete, subject, time - time[0], where, note)
     for name, signal in subject.open_inputs.items():
         if name not in settings:
             note(checking.describe_open_input(name, signal))
@@ -180,10 +180,11 @@ def _recorded_outputs(experiment: Experiment, subject: Subject, where: str) -> l
     return list(dict.fromkeys(outputs))
 
 
-def points(experiment: Experiment, where: str) -> Array:
+def points(experiment: Experiment, where: str, start: float = 0.0) -> Array:
     """Return the communication points (n,) in s; UserError if step and duration give none."""
+    end = start + (experiment.duration or 0.0)
     try:
-        return simulate.grid(0.0, experiment.duration or 0.0, experiment.step or 0.0)
+        return simulate.grid(start, end, experiment.step or 0.0)
     except UserError as error:
         raise UserError(f"{where}: {error}") from error
 
@@ -241,7 +242,7 @@ def stimulus_values(
     name, unit : str
         Name and unit of the input.
     time : ndarray, shape (n,)
-        Communication points in s.
+        Communication points in s since the first.
     where : str
         File or name of the experiment, for messages.
     note : callable

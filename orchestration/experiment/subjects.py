@@ -83,7 +83,7 @@ class Subject:
         Outputs that are recorded unless the experiment names others.
     settings : Mapping of str to float or str
         Parameters with values of the preset, or of the members of the system.
-    duration, step : float
+    start, duration, step : float
         Of the default experiment, s.
     guids : Mapping of str to str
         GUID of every FMU.
@@ -105,6 +105,7 @@ class Subject:
     outputs: Mapping[str, Signal]
     recorded_by_default: Sequence[str]
     settings: Mapping[str, Value]
+    start: float
     duration: float
     step: float
     guids: Mapping[str, str]
@@ -151,7 +152,8 @@ def _component_subject(experiment: Experiment, name: str) -> Subject:
         connections=(),
         inputs={driven: (Port(member, driven),) for driven in model.inputs},
         step=step or duration / 1000,
-        stop=duration,
+        start=start,
+        stop=start + duration,
     )
     return replace(subject_of(system, experiment.master, f"{member}."), notes=model.notes)
 
@@ -225,7 +227,8 @@ def subject_of(system: System, master_options: Master | None = None, prefix: str
         outputs=outputs,
         recorded_by_default=recorded_by_default,
         settings=settings,
-        duration=system.stop,
+        start=system.start,
+        duration=system.duration,
         step=system.step,
         guids=guids,
         couplings=mechanical(system) if options.couples_evenly else [],

@@ -189,7 +189,7 @@ class SystemSource:
     @property
     def default_experiment(self) -> tuple[float, float | None, float | None]:
         """Start time, stop time and step of the system, s."""
-        return 0.0, self.system.stop, self.system.step
+        return self.system.start, self.system.stop, self.system.step
 
     @property
     def nominal(self) -> dict[str, float]:
@@ -234,6 +234,7 @@ class RepeatedSystem:
     """
 
     def __init__(self, source: SystemSource):
+        self.remarks: set[str] = set()
         self._source = source
 
     def __enter__(self) -> RepeatedSystem:

@@ -80,10 +80,10 @@ def check(system: System) -> None:
 
 def _check(system: System) -> None:
     """Do the work of `check`, whose messages begin with the name of the system."""
-    times = (system.step, system.stop)
-    if not all(math.isfinite(time) and time > 0.0 for time in times):
+    if not (0.0 < system.step < math.inf and 0.0 < system.duration < math.inf):
         raise UserError(
-            f"step {system.step:g} s and stop time {system.stop:g} s must both be positive"
+            f"step {system.step:g} s must be positive, and stop time {system.stop:g} s after start"
+            f" time {system.start:g} s"
         )
     _check_names(system)
     models = {member.name: interface(member) for member in system.members}

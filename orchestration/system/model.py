@@ -112,8 +112,8 @@ class System:
         Inputs of the system by name, with the inputs of members that they feed.
     outputs : Mapping of str to Port
         Outputs of the system by name.
-    step, stop : float
-        Communication step and duration in seconds, for the default experiment.
+    step, stop, start : float
+        Communication step, stop time and start time in seconds, of the default experiment.
 
     Examples
     --------
@@ -134,6 +134,12 @@ class System:
     doc: str = ""
     step: float = 1e-3
     stop: float = 1.0
+    start: float = 0.0
+
+    @property
+    def duration(self) -> float:
+        """Duration of the default experiment in seconds."""
+        return self.stop - self.start
 
     def member(self, name: str) -> Member:
         """Return the member of a name.

@@ -49,7 +49,7 @@ def show(options: SystemArgument) -> None:
         out.print(system.doc)
         _show_members(system)
         _show_connections(system)
-        out.print(f"\nstep {system.step:g} s, duration {system.stop:g} s by default")
+        out.print(f"\nstep {system.step:g} s, duration {system.duration:g} s by default")
         _warn(system)
 
 

@@ -102,10 +102,9 @@ def _annotated_parts(top: Element) -> list[Element]:
 
 
 def _read_experiment(experiment: Element) -> dict[str, float]:
-    """Read duration and communication step as keyword arguments of a `System`."""
-    times = {}
-    if "stopTime" in experiment.attrib:
-        times["stop"] = number(experiment, "stopTime", "") - number(experiment, "startTime", "0")
+    """Read start, stop and communication step as keyword arguments of a `System`."""
+    times = {"start": number(experiment, "startTime", "0")}
+    times["stop"] = number(experiment, "stopTime", repr(times["start"] + 1.0))
     for annotation in experiment.findall("ssd:Annotations/ssc:Annotation", NAMESPACES):
         algorithm = annotation.find("osp:Algorithm/osp:FixedStepAlgorithm", NAMESPACES)
         if annotation.get("type") == STEP and algorithm is not None:

@@ -298,7 +298,9 @@ def _master_annotation(step: float) -> Element:
 def _experiment(system: System) -> Element:
     """Describe the default experiment, with libcosim's annotation of the communication step."""
     experiment = Element(
-        tag("ssd:DefaultExperiment"), startTime="0.0", stopTime=repr(float(system.stop))
+        tag("ssd:DefaultExperiment"),
+        startTime=repr(float(system.start)),
+        stopTime=repr(float(system.stop)),
     )
     annotations = SubElement(experiment, tag("ssd:Annotations"))
     annotation = SubElement(annotations, tag("ssc:Annotation"), type=STEP)

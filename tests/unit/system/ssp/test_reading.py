@@ -195,9 +195,10 @@ def test_a_system_without_defaults(archive, tmp_path):
     assert (found.step, found.stop) == (plain.step, plain.stop)
 
 
-def test_the_duration_counts_from_the_start(archive, tmp_path):
+def test_the_times_are_those_of_the_file(archive, tmp_path):
     other = repacked(
         archive,
         lambda text: text.replace('startTime="0.0" stopTime="0.001"', 'startTime="2" stopTime="5"'),
     )
-    assert ssp.read(other, tmp_path / "u").stop == 3.0
+    found = ssp.read(other, tmp_path / "u")
+    assert (found.start, found.stop, found.duration) == (2.0, 5.0, 3.0)
