@@ -160,7 +160,7 @@ def _followed(
     follow: Callable[..., None], fmu: Fmu, points: Array, inputs: dict[str, Array], output: str
 ) -> Array:
     result = np.empty((len(points), 1))
-    course = plan_course(fmu, points, inputs, (), 1)
+    course = plan_course(fmu, points, inputs)
     follow(fmu, course, [output], result, lambda done: None, max(1, len(points) // 200))
     return result[:, 0]
 

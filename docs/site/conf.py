@@ -83,6 +83,7 @@ navigation = {
         "docs/reference/diagnosis",
         "docs/reference/experiments",
         "docs/reference/master",
+        "docs/reference/calling-sequence",
         "docs/reference/fmu-contract",
         "docs/reference/calibration",
         "docs/reference/protocol",

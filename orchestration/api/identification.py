@@ -48,7 +48,7 @@ def compare(
     >>> bool(compared.after["voltage"].fit_percent > compared.before["voltage"].fit_percent)
     True
     """
-    declared = as_measured(model)
+    declared = as_measured(model).with_tolerance(options["tolerance"])
     given = values_of(declared, options["settings"])
     data = matching_record(record, declared, options)
     subject = built(declared)
@@ -96,7 +96,7 @@ def fit(
     >>> sorted(fitted.values)
     ['C', 'R1']
     """
-    declared = as_measured(model)
+    declared = as_measured(model).with_tolerance(options["tolerance"])
     given = values_of(declared, options["settings"])
     data = matching_record(record, declared, options)
     subject = built(declared)

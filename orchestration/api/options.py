@@ -335,6 +335,19 @@ class LawsKeywords(LawsOptions, ProgressOption, total=False):
 _TIMES = "such as 30s, 10ms or 2min, plain numbers in s; default the record's, else the FMU's own."
 
 
+class ToleranceOption(TypedDict, total=False):
+    """Accuracy of the integration inside of an FMU."""
+
+    tolerance: Annotated[
+        float | None,
+        Option(
+            "Relative tolerance that the FMU is told; default the one that it declares.",
+            "Relative tolerance that the FMU is told; by default the one that it declares.",
+            metavar="NUMBER",
+        ),
+    ]
+
+
 class GridOptions(TypedDict, total=False):
     """Points in time of a simulation by stop time and step."""
 
@@ -387,7 +400,9 @@ class IsolateKeyword(TypedDict, total=False):
     ]
 
 
-class SimulateKeywords(PointsOption, GridOptions, SettingsOption, IsolateKeyword, total=False):
+class SimulateKeywords(
+    PointsOption, GridOptions, SettingsOption, ToleranceOption, IsolateKeyword, total=False
+):
     """Keyword arguments of ``simulate``."""
 
 
@@ -467,7 +482,7 @@ class FittedOption(TypedDict, total=False):
     ]
 
 
-class FitKeywords(MappingOption, SettingsOption, WorkersOption, total=False):
+class FitKeywords(MappingOption, SettingsOption, ToleranceOption, WorkersOption, total=False):
     """Keyword arguments of ``fit``."""
 
 
@@ -915,7 +930,13 @@ class SweepFileKeywords(SweepEngineOptions, CountOption, total=False):
 
 
 class SweepKeywords(
-    PointsOption, GridOptions, SettingsOption, SweepDesignOptions, SweepFileKeywords, total=False
+    PointsOption,
+    GridOptions,
+    SettingsOption,
+    ToleranceOption,
+    SweepDesignOptions,
+    SweepFileKeywords,
+    total=False,
 ):
     """Keyword arguments of ``sweep``."""
 

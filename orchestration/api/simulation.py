@@ -27,7 +27,13 @@ from orchestration.experiment.system_model import (
 from orchestration.fmu import Model, Value
 from orchestration.fmu.isolation import isolation
 from orchestration.fmu.model import built, declared_model, declared_model_of
-from orchestration.fmu.simulation import EndedSimulation, draw_signals, grid, source_of
+from orchestration.fmu.simulation import (
+    EndedSimulation,
+    draw_signals,
+    grid,
+    points_before,
+    source_of,
+)
 from orchestration.fmu.simulation import simulate as run_fmu
 from orchestration.records import write_record
 from orchestration.reporting import Displayable, one_line, plain_table
@@ -156,7 +162,7 @@ def simulate(
     >>> round(float(step["charge"][-1]), 2)
     5.59
     """
-    subject = as_model(model)
+    subject = as_model(model).with_tolerance(options["tolerance"])
     points = points_of(subject, options["time"], options["stop"], options["step"])
     driven = inputs_over(subject, inputs or {}, points)
     try:
@@ -168,7 +174,8 @@ def simulate(
             isolation=isolation(options["isolate"]),
         )
     except EndedSimulation as ended:
-        computed = {name: values[: ended.time.size] for name, values in driven.items()}
+        reached = points_before(points, ended.time)
+        computed = {name: values[reached] for name, values in driven.items()}
         return Simulation(subject, ended.time, computed, ended.outputs)
     return Simulation(subject, points, driven, outputs)
 
@@ -180,7 +187,9 @@ def points_of(
     if time is not None:
         return np.asarray(time, dtype=float)
     first, own_stop, own_step = source_of(model).default_experiment
-    last = seconds(stop if stop is not None else own_stop or first + 10.0)
+    if stop is None:
+        stop = first + 10.0 if own_stop is None else own_stop
+    last = seconds(stop)
     even = seconds(step if step is not None else own_step or (last - first) / 1000)
     return grid(first, last, even)
 

@@ -68,7 +68,7 @@ def sweep(
     >>> found["voltage_last"].units
     'V'
     """
-    subject = as_model(model)
+    subject = as_model(model).with_tolerance(options["tolerance"])
     _refuse_unfit(subject, options)
     kind = options["kind"]
     ranges = ranges_over(over, subject)

@@ -36,7 +36,8 @@ def open_measured(options: MeasuredOptions, runtime: str | None = None) -> Measu
     from orchestration.identify import read_for
     from orchestration.reporting.console import tell_repairs
 
-    declared = as_measured(options["model"], options["laid_over"], runtime)
+    found = as_measured(options["model"], options["laid_over"], runtime)
+    declared = found.with_tolerance(options["tolerance"])
     parameters = values_of(declared, options["settings"], options["preset"])
     record = read_for(declared, source_of(options["record"], options), options["mapping"])
     tell_repairs(record.repairs)
@@ -71,13 +72,13 @@ def open_model(name: str, runtime: str | None = None, effects: Sequence[str] = (
 def build_model(declared: Model, runtime: str | None = None) -> Model:
     """Build the FMU of a model that is declared, if it has none, and print notes on it."""
     from orchestration.fmu.model import built
-    from orchestration.fmu.simulation import source_of
+    from orchestration.fmu.simulation import source_of, steps_of_its_own
 
     with progress() as tell:
         if declared.cls is not None and not declared.foreign:
             tell(f"building {declared.title} ({runtime or 'native'}) unless it is there")
         model = built(declared, runtime)
-    for text in model.notes:
+    for text in (*model.notes, *steps_of_its_own(model)):
         note(text)
     detail(f"{model.title}: {', '.join(map(str, source_of(model).files))}")
     return model

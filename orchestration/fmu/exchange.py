@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import ctypes
-import os
 from collections.abc import Sequence
+from typing import Any
 
 import fmpy.fmi2 as fmi2
 import numpy as np
@@ -27,18 +27,13 @@ class ExchangeFmu(Fmu):
 
     samples = False
 
-    def _instantiate(self) -> None:
-        try:
-            self._slave = fmi2.FMU2Model(
-                guid=self.description.guid,
-                unzipDirectory=self._folder,
-                instanceName=self.name,
-                modelIdentifier=self.description.modelExchange.modelIdentifier,
-            )
-        finally:
-            os.chdir(self._working_folder)  # fmpy changes it, also if loading fails
-        self._slave.instantiate(callbacks=self._log.callbacks)
-        self._setters = {}
+    def _load(self) -> Any:
+        return fmi2.FMU2Model(
+            guid=self.description.guid,
+            unzipDirectory=self._folder,
+            instanceName=self.name,
+            modelIdentifier=self.description.modelExchange.modelIdentifier,
+        )
 
     @property
     def states(self) -> list[str]:

@@ -9,8 +9,10 @@ from __future__ import annotations
 import ctypes
 import os
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple, Self
 
 import fmpy.fmi2 as fmi2
@@ -29,7 +31,17 @@ _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 
 
 class EndRequested(UserError):
-    """Raised when an FMU discards a step because it asks to end the simulation."""
+    """Raised when an FMU discards a step because it asks to end the simulation.
+
+    Attributes
+    ----------
+    reached : float or None
+        Time in s at which its values are; None if the FMU does not say.
+    """
+
+    def __init__(self, message: str, reached: float | None):
+        super().__init__(message)
+        self.reached = reached
 
 
 class ValueTransfer(NamedTuple):
@@ -122,6 +134,8 @@ class Fmu:
     folder : str, optional
         Folder of the unzipped FMU, shared by several instances and not removed; default a new
         folder.
+    tolerance : float, optional
+        Relative tolerance of its integration; default the declared one.
 
     Raises
     ------
@@ -148,6 +162,7 @@ class Fmu:
         parameters: Mapping[str, Value] | None = None,
         name: str | None = None,
         folder: str | None = None,
+        tolerance: float | None = None,
     ):
         self.path = path
         self.parameters = dict(parameters or {})
@@ -160,6 +175,9 @@ class Fmu:
         self._shared_folder = folder
         self._folder = folder
         self._slave: Any = None
+        declared = float(getattr(self.description.defaultExperiment, "tolerance", None) or 0.0)
+        self._tolerance = tolerance or declared or None
+        self._is_initialized = False
         self.warnings = 0
         self.corrupted = False
 
@@ -201,25 +219,33 @@ class Fmu:
 
     def _instantiate(self) -> None:
         try:
-            self._slave = fmi2.FMU2Slave(
-                guid=self.description.guid,
-                unzipDirectory=self._folder,
-                instanceName=self.name,
-                modelIdentifier=self.description.coSimulation.modelIdentifier,
-            )
+            self._slave = self._load()
         finally:
             # fmpy changes it, also if loading fails
             os.chdir(self._working_folder)
         self._slave.instantiate(callbacks=self._log.callbacks)
-        # by parameter; making a setter takes ten times as long as calling it
-        self._setters: dict[str, Callable[[Array], None]] = {}
+        # by names; making a setter takes ten times as long as calling it
+        self._setters: dict[tuple[str, ...], Callable[[Array], None]] = {}
+        self._plain_calls: dict[str, Callable[[], int]] = {}
+
+    def _load(self) -> Any:
+        """Return the library as fmpy binds it for the interface of this class."""
+        slave = fmi2.FMU2Slave(
+            guid=self.description.guid,
+            unzipDirectory=self._folder,
+            instanceName=self.name,
+            modelIdentifier=self.description.coSimulation.modelIdentifier,
+        )
         step = bind_function(
-            self._slave.dll, "fmi2DoStep", ctypes.c_double, ctypes.c_double, ctypes.c_int
+            slave.dll, "fmi2DoStep", ctypes.c_double, ctypes.c_double, ctypes.c_int
         )
         self._do_step = noting(step, self.label, "step")
+        return slave
 
     def close(self) -> None:
-        """Free the instance, unless it is corrupted, and remove the unzipped folder."""
+        """Terminate and free the instance, unless it is corrupted; remove the unzipped folder."""
+        with suppress(UserError):  # who wants to know of a refusal has terminated it before
+            self.terminate()
         if self.corrupted:
             self._slave = None  # freeing it, or unloading its library, may crash the process
         if self._slave is not None:
@@ -237,13 +263,20 @@ class Fmu:
 
     # --- initialization
 
-    def start(self, time: float = 0.0, stop: float | None = None) -> None:
-        """Set the parameters and initialize.
+    def start(
+        self,
+        time: float = 0.0,
+        stop: float | None = None,
+        inputs: Mapping[str, float] = MappingProxyType({}),
+    ) -> None:
+        """Set the parameters and the first values of inputs, and initialize.
 
         Parameters
         ----------
         time, stop : float
             Start time, and stop time if there is one, in seconds.
+        inputs : Mapping of str to float
+            Values at the start time, from which an FMU may compute its start state.
 
         Raises
         ------
@@ -251,33 +284,101 @@ class Fmu:
             With the FMU's own message if it refuses.
         """
         self.enter_initialization(time, stop)
+        if inputs:
+            self._setter(tuple(inputs))(np.array([*inputs.values()], dtype=float))
         self.exit_initialization()
 
     def enter_initialization(self, time: float = 0.0, stop: float | None = None) -> None:
-        """Set the parameters and enter initialization mode, in which values can be exchanged."""
-        self._checked("setup", self._slave.setupExperiment, None, time, stop)
-        for name, value in self.parameters.items():
-            self._set_start_value(name, value)
-        self._checked("initialization", self._slave.enterInitializationMode)
+        """Set the parameters and enter initialization mode, in which values can be exchanged.
 
-    def _set_start_value(self, name: str, value: Value) -> None:
-        """Set a parameter or input; UserError for another causality or a value of another type."""
-        variable = self.variable(name)
-        where = f"{self.path.name}: {name}"
-        causality = variable.causality or "local"
+        Inputs are set in that mode, and not before (FMI 2.0.4, table of 4.2.4).
+        """
+        self._checked("setup", self._slave.setupExperiment, self._tolerance, time, stop)
+        inputs = [name for name in self.parameters if self._causality(name) == "input"]
+        for name in self.parameters:
+            if name not in inputs:
+                self._set_start_value(name)
+        self._changed_mode("fmi2EnterInitializationMode")
+        for name in inputs:
+            self._set_start_value(name)
+
+    def _causality(self, name: str) -> str:
+        """Return the causality of a variable that is to be set; UserError if it cannot be."""
+        causality = str(self.variable(name).causality or "local")
         if causality not in ("parameter", "input"):
+            where = f"{self.path.name}: {name}"
             raise UserError(f"{where} is {causality}, only parameters and inputs can be set")
+        return causality
+
+    def _set_start_value(self, name: str) -> None:
+        """Set a parameter or input to its start value; UserError if it is of another type."""
+        variable = self.variable(name)
+        value = self.parameters[name]
+        where = f"{self.path.name}: {name}"
         if is_text(type_of(variable), value, where):
             references = [variable.valueReference]
             self._checked(f"setting {name}", self._slave.setString, references, [value])
             return
-        if name not in self._setters:
-            self._setters[name] = self.writer([name])
-        self._setters[name](np.array([value]))
+        self._setter((name,))(np.array([value]))
+
+    def _setter(self, names: tuple[str, ...]) -> Callable[[Array], None]:
+        """Return the function that sets variables, which is kept."""
+        if names not in self._setters:
+            self._setters[names] = self.writer(names)
+        return self._setters[names]
 
     def exit_initialization(self) -> None:
         """Exit initialization mode."""
-        self._checked("initialization", self._slave.exitInitializationMode)
+        self._changed_mode("fmi2ExitInitializationMode")
+        self._is_initialized = True
+
+    def _changed_mode(self, function: str) -> None:
+        """Enter or exit initialization mode; UserError with the FMU's message if it refuses."""
+        status = self._plain(function)()
+        if status > fmi2.fmi2Warning:
+            self._note_failure(status)
+            reason = self._log.last(otherwise=f"{function} failed with status {status}")
+            raise UserError(f"{self.path.name}: initialization failed: {reason}")
+        self.warnings += status
+
+    def _plain(self, function: str) -> Callable[[], int]:
+        """Return a function without arguments, which is bound once: many runs call it."""
+        if function not in self._plain_calls:
+            self._plain_calls[function] = self.bound(function)
+        return self._plain_calls[function]
+
+    # --- end of a run
+
+    def terminate(self) -> None:
+        """End the run of an initialized instance, which may write its last results then.
+
+        After an error FMI allows only a reset and the freeing (FMI 2.0.4, table of 4.2.4), and
+        nothing is called.
+
+        Raises
+        ------
+        UserError
+            If the FMU refuses.
+        """
+        if not self._is_initialized:
+            return
+        self._is_initialized = False
+        status = self._plain("fmi2Terminate")()
+        if status > fmi2.fmi2Warning:
+            raise self.failed("termination", status)
+        self.warnings += status
+
+    def reset(self) -> bool:
+        """Terminate a run and reset the instance; return whether the FMU has accepted that."""
+        with suppress(UserError):
+            self.terminate()
+        if self.corrupted:
+            return False
+        status = self._plain("fmi2Reset")()
+        if status > fmi2.fmi2Warning:
+            self.failed("reset", status)
+            return False
+        return True
 
     # --- steps and states
 
@@ -305,8 +406,17 @@ class Fmu:
             return self.failed(f"step from {time:g} s", status)
         return EndRequested(
             f"{self.path.name}: asks to end the simulation in place of a step from {time:g} s:"
-            f" {self._log.last('no message')}"
+            f" {self._log.last('no message')}",
+            self.last_time(),
         )
+
+    def last_time(self) -> float | None:
+        """Return the time in s that the FMU says it has reached; None if it does not say."""
+        reached = ctypes.c_double()
+        get_time = self.bound(
+            "fmi2GetRealStatus", ctypes.c_int(fmi2.fmi2LastSuccessfulTime), ctypes.byref(reached)
+        )
+        return reached.value if get_time() <= fmi2.fmi2Warning else None
 
     def asks_to_end(self) -> bool:
         """Return whether the FMU discarded the last step to end the simulation."""
@@ -431,45 +541,6 @@ class Fmu:
         ]
         return np.array(columns, dtype=float).reshape(len(knowns), len(rows)).T
 
-    def slope_writer(self, names: Sequence[str]) -> Callable[[Array], None]:
-        """Return a function that sets the time derivatives of real inputs for the next step.
-
-        Parameters
-        ----------
-        names : sequence of str
-
-        Returns
-        -------
-        callable
-            Takes an array of shape (n,) in the FMU's units per second; UserError if the FMU
-            refuses.
-        """
-        count = len(names)
-        reference_array = ctypes.c_uint * count
-        order_array = ctypes.c_int * count
-        slope_array = ctypes.c_double * count
-        references = reference_array(*(self.variable(name).valueReference for name in names))
-        orders = order_array(*[1] * count)
-        slopes = slope_array()
-        function = bind_function(
-            self._slave.dll,
-            "fmi2SetRealInputDerivatives",
-            reference_array,
-            ctypes.c_size_t,
-            order_array,
-            slope_array,
-        )
-        call = noting(function, self.label, "setting slopes")
-
-        def write(row: Array) -> None:
-            slopes[:] = row.tolist()
-            status = call(self._slave.component, references, count, orders, slopes)
-            if status > fmi2.fmi2Warning:
-                raise self.failed(f"setting the slopes of {', '.join(names)}", status)
-            self.warnings += status
-
-        return write
-
     def _transfers(self, verb: str, names: Sequence[str]) -> list[ValueTransfer]:
         """Return calls that set or get variables and are noted in the progress of the process."""
         variables = {name: self.variable(name) for name in names}
@@ -520,7 +591,7 @@ class Fmu:
             self.warnings += result == fmi2.fmi2Warning
             return result
         except Exception as error:
-            self.corrupted |= getattr(error, "status", None) == fmi2.fmi2Fatal
+            self._note_failure(getattr(error, "status", fmi2.fmi2Discard))
             reason = self._log.last(otherwise=first_line(error))
             raise UserError(f"{self.path.name}: {request} failed: {reason}") from error
 
@@ -540,9 +611,14 @@ class Fmu:
         -------
         UserError
         """
-        self.corrupted |= status == fmi2.fmi2Fatal
+        self._note_failure(status)
         returned = dict(enumerate(_STATUS)).get(status, f"status {status}")
         return UserError(
             f"{self.path.name}: {request} failed ({returned}{remark}):"
             f" {self._log.last('no message')}"
         )
+
+    def _note_failure(self, status: int) -> None:
+        """Note what may be called after a failure: all after a discard, nothing after a fatal."""
+        self.corrupted |= status == fmi2.fmi2Fatal
+        self._is_initialized &= status == fmi2.fmi2Discard

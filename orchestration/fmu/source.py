@@ -29,6 +29,10 @@ class RepeatedRuns(Protocol):
     def inputs(self) -> list[str]:
         """Names of the inputs."""
 
+    @property
+    def remarks(self) -> set[str]:
+        """What users have to know of runs that did not fail."""
+
     def run(
         self,
         time: Array,

@@ -6,138 +6,125 @@ instead of Python.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Indices
 from orchestration.fmu.instance import Fmu
 from orchestration.fmu.isolation import tracked_run
+from orchestration.fmu.signal import type_of
 
-
-class StepPart(NamedTuple):
-    """One part of the step to each communication point; no step leads to the first point.
-
-    Attributes
-    ----------
-    begins, ends : ndarray, shape (n,)
-        Start and end times in seconds.
-    rows : ndarray, shape (n, inputs), or None
-        Values to which inputs are set before the part; None keeps those of the point before.
-    slopes : ndarray, shape (n, linear inputs), or None
-        Time derivatives of the inputs that the FMU interpolates, in its units per second.
-    """
-
-    begins: Array
-    ends: Array
-    rows: Array | None = None
-    slopes: Array | None = None
+_ROUNDING = 1e-9  # of a step, by which two times may differ and be the same
 
 
 class Course(NamedTuple):
-    """Communication points, inputs at them, and the parts of the steps in between.
+    """Communication points, the inputs that are set at them, and when outputs are wanted.
 
     Attributes
     ----------
-    time : ndarray, shape (n,)
-        In seconds.
+    time : ndarray, shape (m,)
+        Communication points in seconds.
     inputs : list of str
-    table : ndarray, shape (n, inputs)
-        Values of the inputs at the points.
-    linear : list of str
-        Inputs whose time derivatives are set.
-    parts : list of StepPart
+    table : ndarray, shape (m, inputs)
+        Values of the inputs, which are held until the next point.
+    wanted : ndarray, shape (n,)
+        Times of the outputs in seconds; those of the points unless the FMU has a step of its own.
     """
 
     time: Array
     inputs: list[str]
     table: Array
-    linear: list[str]
-    parts: list[StepPart]
+    wanted: Array
+
+    def at_wanted(self, result: Array, continuous: Sequence[bool]) -> Array:
+        """Return outputs at the times at which they are wanted.
+
+        Parameters
+        ----------
+        result : ndarray, shape (m, outputs)
+            At the communication points.
+        continuous : sequence of bool
+            Outputs that are interpolated linearly between the points; others are held.
+
+        Returns
+        -------
+        ndarray, shape (n, outputs)
+        """
+        if self.wanted is self.time:
+            return result
+        taken = result[_last_before(self.time, self.wanted)]
+        for k in np.flatnonzero(continuous):
+            taken[:, k] = np.interp(self.wanted, self.time, result[:, k])
+        return taken
 
 
-def plan_course(
-    fmu: Fmu, time: Array, inputs: Mapping[str, Array], linear: Collection[str], parts: int
-) -> Course:
+def own_step(description: Any) -> float | None:
+    """Return the step in s of an FMU that cannot vary it and declares one; else None.
+
+    Parameters
+    ----------
+    description : fmpy.model_description.ModelDescription
+    """
+    interface = description.coSimulation
+    if interface.canHandleVariableCommunicationStepSize:
+        return None
+    declared = getattr(description.defaultExperiment, "stepSize", None)
+    return float(interface.fixedInternalStepSize or declared or 0.0) or None
+
+
+def communication_points(description: Any, time: Array) -> Array:
+    """Return the points between which an FMU steps in a run with outputs at given times.
+
+    Parameters
+    ----------
+    description : fmpy.model_description.ModelDescription
+    time : ndarray, shape (n,)
+        Times of inputs and outputs in seconds.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        `time` itself, unless the FMU has only steps of one size and `time` has others: then
+        equidistant points that cover it, at the step that the FMU declares, or else the median one.
+    """
+    if description.coSimulation.canHandleVariableCommunicationStepSize or time.size < 2:
+        return time
+    spans = np.diff(time)
+    step = own_step(description) or float(np.median(spans))
+    if np.abs(spans - step).max() <= _ROUNDING * step:
+        return time
+    count = int(np.ceil((time[-1] - time[0]) / step - _ROUNDING))
+    points: Array = time[0] + step * np.arange(count + 1)
+    return points
+
+
+def plan_course(fmu: Fmu, time: Array, inputs: Mapping[str, Array]) -> Course:
     """Return the times and inputs of all steps of an instance.
 
     Parameters
     ----------
     fmu : Fmu
     time : ndarray, shape (n,)
-        Communication points in s.
+        Times in s at which inputs are given and outputs are wanted.
     inputs : Mapping of str to ndarray, shape (n,)
         In the FMU's units.
-    linear : collection of str
-        Inputs that are interpolated linearly between points; the others are constant.
-    parts : int
-        Number of equal parts into which each step is divided.
-
-    Returns
-    -------
-    Course
-        With time derivatives of the linear inputs if the FMU can interpolate; else with their
-        values at the middle of each part.
     """
-    # the instance starts at the first point: the step to it has no length
-    starts_and_end = np.concatenate([time[:1], time]).astype(float, copy=False)
-    starts = starts_and_end[:-1]
-    points = starts_and_end[1:]
-    names = list(inputs)
-    table = np.empty((len(points), len(names)))
+    wanted = np.ascontiguousarray(time, dtype=float)
+    points = communication_points(fmu.description, wanted)
+    table = np.empty((len(points), len(inputs)))
     for k, values in enumerate(inputs.values()):
-        table[:, k] = values
-    is_linear = np.array([name in linear for name in names], dtype=bool)
-    if not is_linear.any():
-        constant_parts = [StepPart(begins, ends) for begins, ends in _divide(starts, points, parts)]
-        return Course(points, names, table, [], constant_parts)
-    interpolates = fmu.description.coSimulation.canInterpolateInputs
-    with_slopes = [name for name in names if name in linear] if interpolates else []
-    linear_parts = _divide_linear(starts, points, parts, table, is_linear, interpolates)
-    return Course(points, names, table, with_slopes, linear_parts)
+        table[:, k] = values if points is wanted else values[_last_before(wanted, points)]
+    return Course(points, list(inputs), table, wanted)
 
 
-def _divide(starts: Array, points: Array, parts: int) -> list[tuple[Array, Array]]:
-    """Return start and end times of the equal parts of the steps from `starts` to `points`."""
-    intervals = []
-    begins = starts
-    for part in range(1, parts + 1):
-        ends = points if part == parts else starts + (points - starts) * part / parts
-        intervals.append((begins, ends))
-        begins = ends
-    return intervals
-
-
-def _divide_linear(
-    starts: Array, points: Array, parts: int, table: Array, is_linear: Array, interpolates: bool
-) -> list[StepPart]:
-    """Return the equal parts of steps, with the inputs to set before each.
-
-    Parameters
-    ----------
-    starts, points : ndarray, shape (n,)
-        Start and end times of the steps in seconds.
-    parts : int
-    table : ndarray, shape (n, inputs)
-        Values of the inputs at the points.
-    is_linear : ndarray of bool, shape (inputs,)
-    interpolates : bool
-        Whether inputs are set to their value at the start of a part, with their time derivative;
-        else to their value at its middle.
-    """
-    before = np.concatenate([table[:1], table[:-1]])
-    spans = points - starts
-    spans[0] = 1.0  # no step leads to the first point
-    slopes = np.where(is_linear, table - before, 0.0) / spans[:, np.newaxis]
-    step_parts = []
-    for begins, ends in _divide(starts, points, parts):
-        times = begins if interpolates else 0.5 * (begins + ends)
-        rows = before + slopes * (times - starts)[:, np.newaxis]
-        set_slopes = np.ascontiguousarray(slopes[:, is_linear]) if interpolates else None
-        step_parts.append(StepPart(begins, ends, rows, set_slopes))
-    return step_parts
+def _last_before(time: Array, instants: Array) -> Indices:
+    """Return the index of the last of `time` that is not after each of `instants`."""
+    rounding = _ROUNDING * float(np.median(np.diff(time)))
+    index: Indices = np.searchsorted(time, instants + rounding, side="right") - 1
+    return index
 
 
 class StepFailed(UserError):
@@ -152,6 +139,11 @@ class StepFailed(UserError):
     def __init__(self, message: str, point: int):
         super().__init__(message)
         self.point = point
+
+
+def is_continuous(fmu: Fmu, names: Sequence[str]) -> list[bool]:
+    """Return whether each of some variables is a real number."""
+    return [type_of(fmu.variable(name)) == "real" for name in names]
 
 
 def follow_course(
@@ -170,7 +162,7 @@ def follow_course(
     course : Course
     outputs : sequence of str
         Variables to read at every point, after its inputs are set.
-    result : ndarray, shape (n, outputs)
+    result : ndarray, shape (m, outputs)
         Array to fill with the outputs.
     progress : callable
         Function that is called with the index of a point.
@@ -184,32 +176,19 @@ def follow_course(
     """
     write = fmu.writer(course.inputs)
     read = fmu.reader(outputs)
-    set_slopes = fmu.slope_writer(course.linear) if course.linear else None
-    parts = [
-        (part.begins.tolist(), part.ends.tolist(), part.rows, part.slopes) for part in course.parts
-    ]
-
-    def step_to(k: int) -> None:
-        """Make the parts of the step to a point."""
-        for begins, ends, rows, slopes in parts:
-            if rows is not None:
-                write(rows[k])
-            if set_slopes is not None and slopes is not None:
-                set_slopes(slopes[k])
-            fmu.step(begins[k], ends[k] - begins[k])
-
+    time = course.time.tolist()
     with tracked_run() as run:
-        for k, now in enumerate(course.time.tolist()):
+        for k, now in enumerate(time):
             run.point = k
             try:
                 if k > 0:
-                    step_to(k)
+                    fmu.step(time[k - 1], now - time[k - 1])
                 _exchange(write, read, course.table[k], result[k], now)
             except UserError as error:
                 raise StepFailed(str(error), k) from error
             if k % every == 0:
                 progress(k)
-        run.point = len(course.time)
+        run.point = len(time)
 
 
 def _exchange(

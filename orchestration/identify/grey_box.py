@@ -346,7 +346,7 @@ def fit_grey_box(
         estimates=estimates,
         evaluations=problem.evaluations,
         warnings=[
-            *_search_warnings(fitted),
+            *_search_warnings(problem, fitted),
             *_weak_warnings(problem, fitted, spread),
             *_slow_warnings(problem, fitted),
             *_limit_warnings(problem, fitted),
@@ -433,11 +433,14 @@ def _effective_samples(residual: Array) -> float:
     return len(residual) * (1.0 - lag_one) / (1.0 + lag_one)
 
 
-def _search_warnings(fitted: FitResult) -> list[str]:
-    """Return a warning if the search did not converge."""
-    if fitted.converged:
-        return []
-    return ["the search stopped before it converged; the values are the best found"]
+def _search_warnings(problem: Problem, fitted: FitResult) -> list[str]:
+    """Return warnings if the search did not converge, or has not left its start."""
+    warnings = []
+    if not fitted.converged:
+        warnings.append("the search stopped before it converged; the values are the best found")
+    if np.array_equal(fitted.q, problem.position(problem.start)):
+        warnings.append("the search has not left its start: no other value nearby fits better")
+    return warnings
 
 
 def _limit_warnings(problem: Problem, fitted: FitResult) -> list[str]:

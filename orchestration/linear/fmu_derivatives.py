@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -39,6 +40,9 @@ _MOST_ORDER = 20
 # largest error of a realisation, relative to the largest singular value, and largest change of a
 # response that begins a step later
 _FAITHFUL = 1e-4
+
+
+_Kind = TypeVar("_Kind", bound=Fmu)
 
 
 @dataclass(frozen=True)
@@ -68,6 +72,14 @@ class FmuRequest:
     def path(self) -> Path:
         """Path of the FMU."""
         return self.model.path
+
+    def opened(self, kind: type[_Kind]) -> _Kind:
+        """Return an instance with the settings, to be entered."""
+        return kind(self.path, self.settings, tolerance=self.model.tolerance)
+
+    def start(self, fmu: Fmu) -> None:
+        """Initialize an instance; it knows of the end of the longest response."""
+        fmu.start(0.0, self.time + _RESPONSE * self.step)
 
 
 def linearise_fmu(request: FmuRequest, sampled: bool = False) -> LinearModel:
@@ -99,7 +111,7 @@ def linearise_fmu(request: FmuRequest, sampled: bool = False) -> LinearModel:
                 f"{request.model.name}: has no real {role}; a linear model goes from inputs to"
                 " outputs"
             )
-    with Fmu(request.path, request.settings) as probe:
+    with request.opened(Fmu) as probe:
         exchange = probe.description.modelExchange
         has_states = exchange is not None and bool(probe.description.derivatives)
     if has_states and not sampled:
@@ -124,9 +136,9 @@ def _check_names(
 
 def _by_laws(request: FmuRequest, directional: bool) -> LinearModel | None:
     """Linearise the rates and outputs of model exchange; return None if the FMU samples within."""
-    with ExchangeFmu(request.path, request.settings) as fmu:
+    with request.opened(ExchangeFmu) as fmu:
         simulated = _states_at(request, fmu.states)
-        fmu.start()
+        request.start(fmu)
         fmu.enter_continuous_time(
             request.time, fmu.get_states() if simulated is None else simulated
         )
@@ -161,8 +173,8 @@ def _states_at(request: FmuRequest, states: Sequence[str]) -> list[float] | None
     if request.time == 0.0:
         return None
     values = np.empty(len(states))
-    with Fmu(request.path, request.settings) as fmu:
-        fmu.start()
+    with request.opened(Fmu) as fmu:
+        request.start(fmu)
         _advance(fmu, request)
         fmu.reader(states)(values)
     return values.tolist()
@@ -290,10 +302,10 @@ def _response(
     """
     names = list(levels)
     responses = np.empty((_RESPONSE, len(request.outputs)))
-    with Fmu(request.path, request.settings) as fmu:
+    with request.opened(Fmu) as fmu:
         write = fmu.writer(names)
         read = fmu.reader(request.outputs)
-        fmu.start()
+        request.start(fmu)
         _advance(fmu, request)
         for k, row in enumerate(responses):
             now = pulse if k == at else levels

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from fmpy.fmi2 import (
     fmi2Discard,
     fmi2DoStepStatus,
-    fmi2LastSuccessfulTime,
     fmi2Pending,
     fmi2Warning,
 )
@@ -154,26 +153,12 @@ class Instance:
     def _discard_remark(self) -> str:
         """Return how far a discarded step got, and whether the FMU asks to end the simulation."""
         remark = ""
-        reached = self.last_time()
+        reached = self.fmu.last_time()
         if reached is not None:
             remark = f", it reached {reached:.10g} s"
         if self.fmu.asks_to_end():
             remark += ", it asks to end the simulation"
         return remark
-
-    def last_time(self) -> float | None:
-        """Return the time in s that the FMU says it has reached; None if it does not say."""
-        reached = ctypes.c_double()
-        get_time = self.fmu.bound(
-            "fmi2GetRealStatus", ctypes.c_int(fmi2LastSuccessfulTime), ctypes.byref(reached)
-        )
-        return reached.value if get_time() <= fmi2Warning else None
-
-    def terminate(self, step: CommunicationStep) -> None:
-        """Terminate the simulation; UserError if the FMU refuses."""
-        status = self.fmu.bound("fmi2Terminate")()
-        if status:
-            self.check_status(status, "termination", step)
 
 
 class SavedState:

@@ -301,7 +301,7 @@ def enter_initialization(members: Sequence[Instance], start: float, stop: float)
         If a member refuses.
     """
     for member in members:
-        _named(member, lambda fmu: fmu.enter_initialization(start, stop))
+        named(member, lambda fmu: fmu.enter_initialization(start, stop))
 
 
 def initialize(executor: Executor) -> list[str]:
@@ -356,10 +356,10 @@ def _propagate(executor: Executor) -> None:
 def _exit_initialization(executor: Executor) -> None:
     """Exit the initialization mode of all members; UserError if one refuses."""
     for member in executor.members:
-        _named(member, lambda fmu: fmu.exit_initialization())
+        named(member, lambda fmu: fmu.exit_initialization())
 
 
-def _named(member: Instance, act: Callable[[Fmu], None]) -> None:
+def named(member: Instance, act: Callable[[Fmu], None]) -> None:
     """Call a function with the FMU of a member; the message of a UserError begins with its name."""
     try:
         act(member.fmu)

@@ -33,6 +33,7 @@ from orchestration.master.setup import (
     external_values,
     initialize,
     make_structure,
+    named,
     open_members,
 )
 from orchestration.master.step_control import StepDoubling
@@ -451,7 +452,7 @@ class _Runner:
         """
         last = self._points[-1]
         for member in self._executor.members:
-            reached = member.last_time()
+            reached = member.fmu.last_time()
             if reached is not None and not abs(reached - last) <= 1e-9 * max(1.0, abs(last)):
                 raise UserError(
                     f"{member.name}: says that it is at {reached:.10g} s at the end, {last:.10g} s"
@@ -459,7 +460,7 @@ class _Runner:
         for saved in self._executor.saved_states:
             saved.free()
         for member in self._executor.members:
-            member.terminate(self._executor.present_step)
+            named(member, lambda fmu: fmu.terminate())
         self._progress(len(self._points))
 
     def _result(self, message: str) -> Run:

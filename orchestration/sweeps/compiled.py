@@ -70,7 +70,7 @@ def choose_equations(model: Model, engine: str) -> Equations | None:
     """
     if engine not in ENGINES:
         raise UserError(f"{option('engine', engine)}: it is one of {', '.join(ENGINES)}")
-    if engine == "fmu":
+    if engine == "fmu" or (engine == "auto" and model.tolerance is not None):
         return None
     try:
         return _compile(model)

@@ -79,14 +79,17 @@ def run_sweep(
         done = count - len(open_cases)
         progress(done, count)
         repeats = _group_repeats(design, open_cases)
+        remarks: set[str] = set()
         for rows, outcomes in _run_cases(task, design.cases, [*repeats], workers, scheduler):
             done += _write_repeats(journal, rows, outcomes, repeats)
+            remarks.update(outcomes.remarks)
             progress(done, count)
         result = dataset(model, task, design, journal)
         if folder is None:
             result.load()
         del journal  # closes its files, without which Windows does not remove the folder
-    return result.assign_attrs(model=model.name, guid=guid, engine=task.engine)
+    told = {"remarks": "\n".join(sorted(remarks))} if remarks else {}
+    return result.assign_attrs(model=model.name, guid=guid, engine=task.engine, **told)
 
 
 def _write_repeats(

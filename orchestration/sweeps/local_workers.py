@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from math import inf
 
 from fmus.kit.arrays import Array
-from orchestration.fmu.isolation import Ended, Limits, Pool
+from orchestration.fmu.isolation import Ended, Limits, Pool, keep
 from orchestration.sweeps.chunking import QUEUED, Chunks
 from orchestration.sweeps.task import CaseRunner, Outcomes, Task, failed_case
 
@@ -109,8 +109,7 @@ def _run_in_parallel(
 def _open_runner(task: Task) -> None:
     """Open the runner of a worker process for its lifetime."""
     global _runner
-    _runner = CaseRunner(task)
-    _runner.__enter__()
+    _runner = keep(CaseRunner(task))
 
 
 def _run_in_worker(cases: Array) -> Outcomes:

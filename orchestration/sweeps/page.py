@@ -218,7 +218,7 @@ def _certainty(data: xarray.Dataset) -> list[str]:
     reductions = {str(name).rpartition("_")[2] for name in data} & set(REDUCTIONS)
     if reductions:
         lines.append(f"Of every trace the {', '.join(sorted(reductions))} was kept.")
-    return lines
+    return [*lines, *str(data.attrs.get("remarks", "")).splitlines()]
 
 
 def _ranges(data: xarray.Dataset) -> Iterator[list[str]]:

@@ -13,6 +13,7 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.fmu import Source, Value
 from orchestration.fmu.isolation import Limits
+from orchestration.fmu.simulation import EndedSimulation
 from orchestration.sweeps.compiled import CompiledCases, Equations
 from orchestration.sweeps.reductions import TRACE, reduce_traces
 
@@ -80,6 +81,8 @@ class Outcomes:
         Indices of cases that only the FMU can run.
     seconds : float
         Duration of all cases.
+    remarks : tuple of str
+        What users have to know of cases that did not fail.
     """
 
     numbers: Array
@@ -87,12 +90,14 @@ class Outcomes:
     failures: dict[int, str]
     undecided: tuple[int, ...] = ()
     seconds: float = 0.0
+    remarks: tuple[str, ...] = ()
 
     def select(self, indices: Sequence[int]) -> Outcomes:
         """Return the outcomes at indices, which may be repeated."""
         failures = {k: self.failures[i] for k, i in enumerate(indices) if i in self.failures}
         numbers = self.numbers[[*indices]]
-        return Outcomes(numbers, self.traces[[*indices]], failures, (), self.seconds)
+        traces = self.traces[[*indices]]
+        return Outcomes(numbers, traces, failures, (), self.seconds, self.remarks)
 
 
 def failed_case(task: Task, reason: str) -> Outcomes:
@@ -165,6 +170,7 @@ class CaseRunner:
         fmu = self._fmu
         assert fmu is not None
         failures = {}
+        ended: dict[int, EndedSimulation] = {}
         traces = np.empty((len(cases), len(task.time), len(task.outputs)))
         parameters = {*task.names} - {*fmu.inputs}
         for k, values in enumerate(cases.tolist()):
@@ -179,5 +185,24 @@ class CaseRunner:
                 traces[k] = fmu.run(task.time, inputs, settings, task.outputs)
             except UserError as error:
                 traces[k] = np.nan
-                failures[k] = str(error)
-        return _reduce(task, traces, failures)
+                # an end before the first step leaves nothing but the start
+                if isinstance(error, EndedSimulation) and error.time.size > 1:
+                    ended[k] = error
+                else:
+                    failures[k] = str(error)
+        outcomes = _reduce(task, traces, failures)
+        for k, end in ended.items():
+            _keep_until_end(task, outcomes, traces, k, end)
+        early = f"{task.source.name}: asks to end some cases early; their numbers are those so far"
+        remarks = fmu.remarks | ({early} if ended else set())
+        return replace(outcomes, remarks=tuple(sorted(remarks)))
+
+
+def _keep_until_end(
+    task: Task, outcomes: Outcomes, traces: Array, k: int, end: EndedSimulation
+) -> None:
+    """Set the numbers and the trace of a case to those until its FMU asked to end."""
+    rows = np.column_stack([end.outputs[name] for name in task.outputs])
+    outcomes.numbers[k] = reduce_traces(rows[np.newaxis], task.keep)[0]
+    count = np.searchsorted(task.time, end.time[-1], side="right")
+    traces[k, :count] = rows[:count]

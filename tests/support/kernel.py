@@ -104,7 +104,7 @@ def one_foreign_fmu(path: str) -> list[dict[str, list[float]]]:
     def go() -> dict[str, list[float]]:
         with Fmu(Path(path)) as fmu:
             fmu.start()
-            found = simulate_instance(fmu, time, {"u": np.sin(time)}, ["x"], linear=["u"], parts=2)
+            found = simulate_instance(fmu, time, {"u": np.sin(time)}, ["x"])
         return {name: values.tolist() for name, values in found.items()}
 
     assert library.load_stepper() is not None
@@ -117,13 +117,13 @@ TIME = np.concatenate([[0.0], np.cumsum(np.random.default_rng(1).uniform(1e-3, 0
 CURRENT, FORCE = 0.9 * np.sin(TIME), np.where(TIME % 3.0 < 1.0, 2.0, 0.0)
 
 
-def simulated(path, time, inputs, outputs=None, parameters=None, **options):
+def simulated(path, time, inputs, outputs=None, parameters=None):
     """Results, or in what words it failed; how many warnings; progress."""
     told: list[int] = []
     with Fmu(path, parameters) as instance:
         instance.start(float(time[0]))
         try:
-            found = simulate_instance(instance, time, inputs, outputs, told.append, **options)
+            found = simulate_instance(instance, time, inputs, outputs, told.append)
         except UserError as error:
             return str(error), instance.warnings, instance.corrupted, told
         return (
@@ -134,10 +134,10 @@ def simulated(path, time, inputs, outputs=None, parameters=None, **options):
         )
 
 
-def both_ways(*arguments, **options):
+def both_ways(*arguments, parameters=None):
     """The same with the kernel and without."""
     assert library.load_stepper() is not None, "no kernel was compiled"
-    found = simulated(*arguments, **options)
+    found = simulated(*arguments, parameters=parameters)
     with without_compiler():
         assert library.load_stepper() is None
-        return found, simulated(*arguments, **options)
+        return found, simulated(*arguments, parameters=parameters)

@@ -27,6 +27,7 @@ from orchestration.api.options import (
     StudyOptions,
     SweepDesignOptions,
     SweepEngineOptions,
+    ToleranceOption,
     WorkersOption,
 )
 from orchestration.cli.options import (
@@ -202,6 +203,7 @@ class SimulateCommand(
     PresetOption,
     MappingOption,
     GridOptions,
+    ToleranceOption,
     SignalsOption,
     PlotOption,
     RuntimeOption,
@@ -312,6 +314,7 @@ class SweepCommand(
     SettingsOption,
     PresetOption,
     GridOptions,
+    ToleranceOption,
     SweepEngineOptions,
     DatasetOption,
     PlotOption,
@@ -398,6 +401,7 @@ class MeasuredOptions(
     MappingOption,
     SettingsOption,
     PresetOption,
+    ToleranceOption,
     total=False,
 ):
     """A model, and the record that it is compared with."""

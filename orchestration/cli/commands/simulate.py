@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from fmus.kit import UserError
 from orchestration.api.declaration import stated_of
@@ -42,6 +42,8 @@ def simulate(options: SimulateCommand) -> None:
     ).check()
     name = options["model"]
     if Path(name).suffix.lower() in _SYSTEMS or (name in NAMES and name not in registry.models()):
+        if options["tolerance"] is not None:
+            raise UserError("--tolerance is for one FMU; those of a system have what they declare")
         _simulate_system(options)
     else:
         _simulate_model(options)
@@ -68,13 +70,14 @@ def _simulate_model(options: SimulateCommand) -> None:
 
     out = options["out"]
     plot = options["plot"]
-    declared = declared_model(options["model"], options["laid_over"])
+    found = declared_model(options["model"], options["laid_over"])
+    declared = found.with_tolerance(options["tolerance"])
     parameters = values_of(declared, options["settings"], options["preset"])
     recorded = _read_inputs(declared, parameters, options)
     model = build_model(declared, options["runtime"])
-    points, stimulus = _stimulus(model, recorded, parameters, options)
+    stimulus = _stimulus(model, recorded, parameters, options)
     try:
-        time, outputs = _run(model, points, stimulus, parameters, options)
+        time, outputs = _run(model, stimulus, parameters, options)
     except UnfinishedSimulation as stopped:
         if out is None:
             raise
@@ -82,7 +85,7 @@ def _simulate_model(options: SimulateCommand) -> None:
         raise UserError(
             f"{stopped}; what was computed until {stopped.time[-1]:g} s is in {part}"
         ) from stopped
-    inputs = _until(time, stimulus)
+    inputs = stimulus.at(time)
     limit_outputs = LimitOutputs.among(model.outputs, model.parameters)
     for line in limit_outputs.remarks(time, outputs, parameters):
         note(line)
@@ -95,12 +98,42 @@ def _simulate_model(options: SimulateCommand) -> None:
         wrote(plot)
 
 
+class _Stimulus(NamedTuple):
+    """The inputs of a simulation.
+
+    Attributes
+    ----------
+    time : ndarray, shape (m,)
+        Communication points in s, at which inputs may change.
+    inputs : dict of str to ndarray, shape (m,)
+        Held from each point to the next.
+    wanted : ndarray, shape (n,)
+        The points whose outputs are shown.
+    """
+
+    time: Array
+    inputs: dict[str, Array]
+    wanted: Array
+
+    def at(self, time: Array) -> dict[str, Array]:
+        """Return the inputs at points in time, for instance those that were reached."""
+        from orchestration.fmu.simulation import points_before
+
+        index = points_before(self.time, time)
+        return {name: values[index] for name, values in self.inputs.items()}
+
+    def shown(self, outputs: Mapping[str, Array]) -> dict[str, Array]:
+        """Return outputs at the wanted points, from those at all."""
+        from orchestration.fmu.simulation import points_before
+
+        if self.wanted is self.time:
+            return dict(outputs)
+        index = points_before(self.time, self.wanted)
+        return {name: values[index] for name, values in outputs.items()}
+
+
 def _run(
-    model: Model,
-    time: Array,
-    inputs: Mapping[str, Array],
-    parameters: Mapping[str, Value],
-    options: SimulateCommand,
+    model: Model, stimulus: _Stimulus, parameters: Mapping[str, Value], options: SimulateCommand
 ) -> tuple[Array, dict[str, Array]]:
     """Run a model; return the points in time, fewer if it requests an end, and its outputs."""
     from orchestration.fmu.simulation import EndedSimulation, simulate
@@ -112,17 +145,17 @@ def _run(
             tell(f"simulating {model.title}")
             outputs = simulate(
                 model,
-                time,
-                inputs,
+                stimulus.time,
+                stimulus.inputs,
                 parameters,
-                progress=lambda done: tell.done(done, time.size),
+                progress=lambda done: tell.done(done, stimulus.time.size),
                 note=note,
                 isolation=isolation,
             )
     except EndedSimulation as ended:
         note(f"{ended}; the results end at {ended.time[-1]:g} s")
         return ended.time, ended.outputs
-    return time, outputs
+    return stimulus.wanted, stimulus.shown(outputs)
 
 
 def _read_inputs(
@@ -151,10 +184,10 @@ def _stimulus(
     record: Record | None,
     parameters: Mapping[str, Value],
     options: SimulateCommand,
-) -> tuple[Array, dict[str, Array]]:
-    """Return communication points (n,) in s, and inputs over them.
+) -> _Stimulus:
+    """Return the inputs: those of a record or, without one, constant at the values that were set.
 
-    Inputs are those of a record or, without one, constant at the values that were set.
+    Steps end where a recorded input changes, too.
     """
     import numpy as np
 
@@ -163,17 +196,18 @@ def _stimulus(
 
     recorded: dict[str, Array] = {}
     if record is None:
-        time = points_of(model, None, options["stop"], options["step"])
+        time = wanted = points_of(model, None, options["stop"], options["step"])
     else:
         stop, step = (forms.optional_seconds(options[name]) for name in ("stop", "step"))
-        time = work.points(record.time, stop, step)
+        wanted = work.points(record.time, stop, step)
+        time = work.with_changes(record, wanted)
         recorded = {signal: work.held(record, signal, time) for signal in record.signals}
     constant = {
         name: np.full(time.size, value)
         for name, value in parameters.items()
         if name in model.inputs
     }
-    return time, constant | recorded
+    return _Stimulus(time, constant | recorded, wanted)
 
 
 def _show(model: Model, time: Array, outputs: Mapping[str, Array]) -> None:
@@ -194,18 +228,13 @@ def _write_part(
     out: Path,
     model: Model,
     time: Array,
-    inputs: Mapping[str, Array],
+    stimulus: _Stimulus,
     outputs: Mapping[str, Array],
 ) -> Path:
     """Write the part of a result that a run computed before it ended early."""
     part = out.with_name(f"{out.stem}.part{out.suffix}")
-    _write(part, model, time, _until(time, inputs), outputs)
+    _write(part, model, time, stimulus.at(time), outputs)
     return part
-
-
-def _until(time: Array, inputs: Mapping[str, Array]) -> dict[str, Array]:
-    """Return inputs at the points that were reached."""
-    return {name: values[: time.size] for name, values in inputs.items()}
 
 
 def _write(

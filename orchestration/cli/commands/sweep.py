@@ -16,6 +16,7 @@ from orchestration.api.options import (
     SweepEngineOptions,
     SweepFileKeywords,
     SweepKeywords,
+    ToleranceOption,
 )
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import DatasetOption, ReportOption, SweepCommand
@@ -157,7 +158,11 @@ def _sweep_of_options(options: SweepCommand) -> Work:
 
     model = open_model(options["model"], options["runtime"], options["laid_over"])
     fit = None if options["fitted"] is None else read_fitted(options["fitted"], model)
-    cases: SweepKeywords = {**only(GridOptions, options), **only(SweepDesignOptions, options)}
+    cases: SweepKeywords = {
+        **only(GridOptions, options),
+        **only(ToleranceOption, options),
+        **only(SweepDesignOptions, options),
+    }
     over = ranges_of(options["over"]) if fit is None else _draw_cases(fit, options["over"], cases)
     settings = _settings(model, over, options)
     if fit is not None:
@@ -274,3 +279,5 @@ def _show(data: xarray.Dataset) -> None:
         reasons = data["failure"].values.ravel()
         failed = reasons[reasons != ""]
         note(f"{len(failed)} cases failed; the first: {failed[0]}")
+    for line in data.attrs.get("remarks", "").splitlines():
+        note(line)

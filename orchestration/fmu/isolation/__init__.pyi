@@ -1,5 +1,6 @@
 from . import limits as limits
 from . import shared_progress as shared_progress
+from .child import keep as keep
 from .limits import DEFAULT as DEFAULT
 from .limits import STEP_TIMEOUT as STEP_TIMEOUT
 from .limits import Limits as Limits

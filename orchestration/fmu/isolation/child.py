@@ -8,16 +8,28 @@ import signal
 import sys
 import tempfile
 import threading
-from contextlib import suppress
+from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar
 
 from fmus.kit import UserError
 from orchestration.fmu.isolation import shared_progress
 from orchestration.fmu.isolation.messages import receive, send
 
 _GRACE = 5.0  # s that a call may go on after the parent process has gone
+_kept = ExitStack()  # contexts that stay open from call to call
+Context = TypeVar("Context")
+
+
+def keep(context: AbstractContextManager[Context]) -> Context:
+    """Enter a context of this process, such as an open FMU, until `release`."""
+    return _kept.enter_context(context)
+
+
+def release() -> None:
+    """Exit the contexts that were kept."""
+    _kept.close()
 
 
 def main() -> None:

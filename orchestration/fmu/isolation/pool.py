@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import Any
 
 from fmus.kit import UserError
+from orchestration.fmu.isolation.child import release
 from orchestration.fmu.isolation.limits import Limits
 from orchestration.fmu.isolation.process import Ended, Process
 
@@ -43,13 +45,18 @@ class Pool:
     def __exit__(self, kind: type[BaseException] | None, *error: Any) -> None:
         if kind is not None:  # results of calls in progress are not needed
             for process in [*self._started]:
-                process.kill()
+                if process.busy:
+                    process.kill()
         self._threads.shutdown(cancel_futures=True)
         while True:
             try:
-                self._idle.get_nowait().__exit__(kind, *error)
+                process = self._idle.get_nowait()
             except Empty:
                 return
+            # all results are there: a failure of the end takes nothing from them
+            with suppress(Ended, UserError):
+                process.call(release)
+            process.__exit__(kind, *error)
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Call a function in one of the processes, when one is free.

@@ -27,8 +27,6 @@ typedef int set_real(void *component, const unsigned *references, size_t count, 
 typedef int get_real(void *component, const unsigned *references, size_t count, double *values);
 typedef int set_whole(void *component, const unsigned *references, size_t count, const int *values);
 typedef int get_whole(void *component, const unsigned *references, size_t count, int *values);
-typedef int set_slopes(void *component, const unsigned *references, size_t count, const int *orders,
-                       const double *slopes);
 
 enum { FMI_OK, FMI_WARNING };
 
@@ -39,7 +37,6 @@ typedef enum {
     SET_INTEGER,
     SET_BOOLEAN,
     GET_WHOLE, /* integers, booleans */
-    SET_SLOPES,
     PASS,  /* from an output to an input, unless it is no number */
     SCALE, /* the same with factor and offset */
     DRIVE, /* an input gets a value from outside */
@@ -66,7 +63,7 @@ typedef struct {
     double *values; /* at point k: values + k * stride */
     size_t stride;
     const double *ends;
-    int *integers;        /* room for whole numbers; orders of slopes; of a step whether no state will be set again */
+    int *integers;        /* room for whole numbers; of a step whether no state will be set again */
     const size_t *places; /* of whole numbers among the values */
     const link *links;
 } operation;
@@ -153,9 +150,6 @@ static int carry_out(run *r, const operation *o) {
     case SET_BOOLEAN:
     case GET_WHOLE:
         if ((reason = move_whole(r, o, values, &status)) != DONE) return reason;
-        break;
-    case SET_SLOPES:
-        status = ((set_slopes *)o->function)(o->component, o->references, o->count, o->integers, values);
         break;
     case PASS:
     case SCALE:

@@ -19,7 +19,6 @@ from fmus.kit.build import cached_library, load_library, toolchain
     SET_INTEGER,
     SET_BOOLEAN,
     GET_WHOLE,
-    SET_SLOPES,
     PASS,
     SCALE,
     DRIVE,
@@ -28,7 +27,7 @@ from fmus.kit.build import cached_library, load_library, toolchain
     CALL,
     BEGIN,
     SPENT,
-) = range(15)
+) = range(14)
 # Reasons for which the kernel returns, as in `kernel.c`.
 DONE, PAUSED, FAILED, NO_NUMBER, NOT_OF_TYPE, CALLING = range(6)
 _SOURCE = "kernel.c"

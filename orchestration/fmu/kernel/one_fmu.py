@@ -22,7 +22,7 @@ from orchestration.fmu.kernel.program import (
     Values,
 )
 from orchestration.fmu.signal import type_of
-from orchestration.fmu.stepping import Course, StepFailed, StepPart
+from orchestration.fmu.stepping import Course, StepFailed
 
 
 class PreparedRun:
@@ -52,13 +52,12 @@ class PreparedRun:
         self._time = course.time
         self._result = result
         program = Program(owners=[fmu.label])
-        for part in course.parts:
-            _add_part(program, fmu, course, part)
+        _add_step(program, fmu, course.time)
         before_first_point = len(program.operations)  # no step leads to the first point
-        failures = _TransferFailures(fmu, course.time, course.inputs, course.table, at_point=True)
+        failures = _TransferFailures(fmu, course)
         _add_setting(program, fmu, course.inputs, course.table, failures.setting)
         _add_transfers(program, fmu, "Get", outputs, result, failures.reading(outputs))
-        program.hold(course)  # the program points to the times of its parts
+        program.hold(course)  # the program points to its times
         columns = _reals_first(fmu, outputs)
         # `columns` are the outputs in the order of the result; argsort inverts the permutation
         self._order = None if columns == sorted(columns) else np.argsort(columns)
@@ -137,27 +136,14 @@ def _reals_first(fmu: Fmu, names: Sequence[str]) -> list[int]:
     return sorted(range(len(names)), key=lambda k: type_of(fmu.variable(names[k])) != "real")
 
 
-def _add_part(program: Program, fmu: Fmu, course: Course, part: StepPart) -> None:
-    """Add operations that set the inputs for a part of a step and make it."""
-    if part.rows is not None:
-        failures = _TransferFailures(fmu, part.begins, course.inputs, part.rows, at_point=False)
-        _add_setting(program, fmu, course.inputs, part.rows, failures.setting)
-    if part.slopes is not None:
-
-        def slopes_failed(returned: KernelReturn) -> NoReturn:
-            raise fmu.failed(f"setting the slopes of {', '.join(course.linear)}", returned.status)
-
-        references = [fmu.variable(name).valueReference for name in course.linear]
-        call = fmu.bound("fmi2SetRealInputDerivatives")
-        slopes = Values.in_rows(part.slopes)
-        program.add_slopes(call, references, slopes, slopes_failed)
+def _add_step(program: Program, fmu: Fmu, time: Array) -> None:
+    """Add the operation of a step to each communication point from the one before."""
 
     def step_failed(returned: KernelReturn) -> NoReturn:
-        raise fmu.step_failed(part.begins[returned.point], returned.status)
+        raise fmu.step_failed(time[returned.point - 1], returned.status)
 
-    begins = Values.in_rows(part.begins)
-    ends = Values.in_rows(part.ends)
-    program.add_step(fmu.bound("fmi2DoStep"), begins, ends, step_failed)
+    ends = Values.in_rows(time)
+    program.add_step(fmu.bound("fmi2DoStep"), ends.shifted(-1), ends, step_failed)
 
 
 def _add_setting(
@@ -191,36 +177,22 @@ def _add_transfers(
 
 
 class _TransferFailures:
-    """Handlers that raise the error of setting inputs or reading outputs.
+    """Handlers that raise the error of setting inputs or reading outputs along a course."""
 
-    Parameters
-    ----------
-    fmu : Fmu
-    time : ndarray, shape (n,)
-        Times of the rows of the table in s.
-    inputs : sequence of str
-    table : ndarray, shape (n, inputs)
-        Values of the inputs.
-    at_point : bool
-        Whether the message contains the time.
-    """
-
-    def __init__(self, fmu: Fmu, time: Array, inputs: Sequence[str], table: Array, at_point: bool):
+    def __init__(self, fmu: Fmu, course: Course):
         self._fmu = fmu
-        self._time = time
-        self._inputs = inputs
-        self._table = table
-        self._at_point = at_point
+        self._course = course
 
     def setting(self, returned: KernelReturn) -> None:
         """Raise the error of setting inputs.
 
         Values that are not of their type are set again in Python, whose error names the variable.
         """
+        inputs = self._course.inputs
         try:
             if returned.reason == library.NOT_OF_TYPE:
-                self._fmu.writer(self._inputs)(self._table[returned.point])
-            raise self._fmu.failed(f"setting {', '.join(self._inputs)}", returned.status)
+                self._fmu.writer(inputs)(self._course.table[returned.point])
+            raise self._fmu.failed(f"setting {', '.join(inputs)}", returned.status)
         except UserError as error:
             self._raise(error, returned)
 
@@ -234,6 +206,4 @@ class _TransferFailures:
         return raise_error
 
     def _raise(self, error: UserError, returned: KernelReturn) -> NoReturn:
-        if not self._at_point:
-            raise error
-        raise UserError(f"{error} (at {self._time[returned.point]:g} s)") from error
+        raise UserError(f"{error} (at {self._course.time[returned.point]:g} s)") from error

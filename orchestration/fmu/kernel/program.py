@@ -34,7 +34,6 @@ _REQUESTS = {
     library.SET_REAL: "setting",
     library.SET_INTEGER: "setting",
     library.SET_BOOLEAN: "setting",
-    library.SET_SLOPES: "setting",
 }
 
 
@@ -140,25 +139,6 @@ class Program:
             ends=ends.address,
             integers=self._address(ctypes.c_int(final)),
         )
-
-    def add_slopes(
-        self, call: partial[int], references: Sequence[int], slopes: Values, handler: Handler
-    ) -> None:
-        """Add an operation that sets the first time derivatives of inputs.
-
-        Parameters
-        ----------
-        call : functools.partial
-            The bound function ``fmi2SetRealInputDerivatives``.
-        references : sequence of int
-            Value references, shape (n,).
-        slopes : Values
-            Contiguous, in the FMU's units per second.
-        handler : callable
-            Raises the error of a failure.
-        """
-        orders = self._address((ctypes.c_int * len(references))(*[1] * len(references)))
-        self._add_values(library.SET_SLOPES, call, references, slopes, handler, integers=orders)
 
     def add_transfer(
         self,

@@ -61,6 +61,8 @@ class Model(Displayable):
         Whether a system contains a foreign FMU.
     left_out : dict of str to str
         Reasons why other variables can be neither set nor read, by name.
+    tolerance : float, optional
+        Relative tolerance of the FMU's integration; default the one that it declares.
     """
 
     name: str
@@ -75,6 +77,7 @@ class Model(Displayable):
     kept: tuple[str, ...] = ()
     of_others: bool = False
     left_out: Mapping[str, str] = field(default_factory=dict)
+    tolerance: float | None = None
 
     def __repr__(self) -> str:
         inputs = ", ".join(self.inputs) or "no inputs"
@@ -110,6 +113,23 @@ class Model(Displayable):
         if self.notes and not self.system:
             return self.notes[0]
         return f"{self.name} is an FMU without equations"
+
+    def with_tolerance(self, tolerance: float | None) -> Model:
+        """Return the model with a relative tolerance that its FMU is told, if one is given.
+
+        Raises
+        ------
+        UserError
+            If it is not between 0 and 1, or the model is a system.
+        """
+        if tolerance is None:
+            return self
+        given = option("tolerance", tolerance)
+        if not 0.0 < tolerance < 1.0:
+            raise UserError(f"{given}: a relative tolerance is between 0 and 1")
+        if self.system is not None:
+            raise UserError(f"{given}: {self.name} is a system; its FMUs have those they declare")
+        return replace(self, tolerance=tolerance)
 
     def settings(self, texts: Sequence[str], preset: str | None = None) -> dict[str, Value]:
         """Read ``name=value[unit]`` settings, which override those of a preset.
@@ -316,7 +336,13 @@ def built(model: Model, runtime: str | None = None) -> Model:
         refuse_runtime(runtime, model.name)
         return model
     component_model = model_of(model.cls, runtime or "native")
-    return replace(component_model, name=model.name, effects=model.effects, notes=model.notes)
+    return replace(
+        component_model,
+        name=model.name,
+        effects=model.effects,
+        notes=model.notes,
+        tolerance=model.tolerance,
+    )
 
 
 def refuse_runtime(runtime: str | None, file: str) -> None:

@@ -2,11 +2,14 @@ from .margins import LimitOutputs as LimitOutputs
 from .repeated import FmuSource as FmuSource
 from .repeated import RepeatedFmu as RepeatedFmu
 from .repeated import source_of as source_of
+from .repeated import steps_of_its_own as steps_of_its_own
 from .simulation import EndedSimulation as EndedSimulation
 from .simulation import UnfinishedSimulation as UnfinishedSimulation
 from .simulation import draw_signals as draw_signals
 from .simulation import grid as grid
 from .simulation import held as held
 from .simulation import points as points
+from .simulation import points_before as points_before
 from .simulation import simulate as simulate
 from .simulation import simulate_instance as simulate_instance
+from .simulation import with_changes as with_changes

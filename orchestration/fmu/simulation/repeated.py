@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fmpy.fmi2 import fmi2Warning
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
@@ -17,9 +16,18 @@ from orchestration.fmu.instance import Fmu
 from orchestration.fmu.kernel import PreparedRun, Pulse, library
 from orchestration.fmu.model import Model
 from orchestration.fmu.signal import Value
-from orchestration.fmu.simulation.simulation import check_inputs, simulate_instance
+from orchestration.fmu.simulation.simulation import begin_run, simulate_instance, unfinished
 from orchestration.fmu.source import Source
-from orchestration.fmu.stepping import StepFailed, plan_course
+from orchestration.fmu.stepping import (
+    StepFailed,
+    communication_points,
+    is_continuous,
+    own_step,
+    plan_course,
+)
+
+# times, inputs, settings, outputs and largest duration of a run
+_Job = tuple[Array, Mapping[str, Array], Mapping[str, Value], Sequence[str], float]
 
 
 class RepeatedFmu:
@@ -29,17 +37,27 @@ class RepeatedFmu:
     ----------
     path : Path
         The FMU file.
+    tolerance : float, optional
+        Relative tolerance of its integration; default the declared one.
 
     Raises
     ------
     UserError
         If the FMU cannot be opened.
+
+    Attributes
+    ----------
+    remarks : set of str
+        What users have to know of runs that did not fail.
     """
 
-    def __init__(self, path: Path):
-        self._fmu = Fmu(path)
+    def __init__(self, path: Path, tolerance: float | None = None):
+        self.remarks: set[str] = set()
+        self._tolerance = tolerance
+        self._fmu = Fmu(path, tolerance=tolerance)
         self._is_new = True
-        self._can_reset = True
+        self._first: tuple[_Job, Array] | None = None  # run of a new instance, and its outputs
+        self._resets: bool | None = None  # whether a run after a reset is as that of a new instance
         self._pulse: Pulse | None = None
         self._prepared: PreparedRun | None = None  # for the current instance
         self._prepared_for: list[object] = []  # arrays and names
@@ -97,18 +115,72 @@ class RepeatedFmu:
             If the FMU refuses, fails or takes too long. After a fatal error the next run uses a new
             instance.
         """
-        self._reset()
+        job = (time, inputs, settings, outputs, longest)
+        if self._first is None:
+            self._renew()
+            result = self._run(*job)
+            self._first = (job, result)
+            return result
+        if self._resets is None:
+            return self._run_beside_first(job)
+        self._begin_anew()
+        return self._run(*job)
+
+    def _run_beside_first(self, job: _Job) -> Array:
+        """Run once after a reset, which is judged by the first run: it must give the same again.
+
+        Not every FMU that accepts a reset is as new after it. One that is not gets a new instance
+        for each run.
+        """
+        assert self._first is not None
+        first, expected = self._first
+        outcomes: list[Array | UserError] = []
+        for one in (job, first):
+            self._begin_anew()
+            try:
+                outcomes.append(self._run(*one))
+            except UserError as error:
+                outcomes.append(error)
+        mine, again = outcomes
+        self._resets = isinstance(again, np.ndarray) and again.tobytes() == expected.tobytes()
+        if not self._resets:
+            self.remarks.add(
+                f"{self._fmu.path.name}: after fmi2Reset its first run gives other results, so each"
+                " run has an instance of its own"
+            )
+            self._renew()
+            return self._run(*job)
+        if isinstance(mine, UserError):
+            raise mine
+        return mine
+
+    def _run(
+        self,
+        time: Array,
+        inputs: Mapping[str, Array],
+        settings: Mapping[str, Value],
+        outputs: Sequence[str],
+        longest: float,
+    ) -> Array:
+        """Run an instance that is as new; see `run`."""
         self._is_new = False
         self._fmu.parameters = dict(settings)
-        self._fmu.start(float(time[0]))
-        if self._pulse is not None:
+        begin_run(self._fmu, time, inputs)
+        if self._pulse is None:
+            simulated = simulate_instance(self._fmu, time, inputs, outputs)
+            result = np.column_stack([simulated[name] for name in outputs])
+        else:
             try:
                 self._prepare(time, inputs, outputs).run(longest=longest)
             except StepFailed as failure:
-                raise UserError(str(failure)) from failure
-            return self._result.copy()
-        simulated = simulate_instance(self._fmu, time, inputs, outputs)
-        return np.column_stack([simulated[name] for name in outputs])
+                points = self._course.time
+                raise unfinished(failure, self._fmu, points, outputs, self._result) from failure
+            result = self._course.at_wanted(self._result, self._continuous).copy()
+        try:
+            self._fmu.terminate()
+        except UserError as error:
+            self.remarks.add(str(error))  # the run was complete before
+        return result
 
     def _prepare(
         self, time: Array, inputs: Mapping[str, Array], outputs: Sequence[str]
@@ -120,27 +192,29 @@ class RepeatedFmu:
         # it is kept, so that no new object can have the identity of one of these
         key = [time, *inputs, *inputs.values(), *outputs]
         if self._prepared is None or [*map(id, key)] != [*map(id, self._prepared_for)]:
-            check_inputs(self._fmu, inputs)
-            course = plan_course(self._fmu, time, inputs, (), 1)
-            self._result = np.empty((len(time), len(outputs)))
-            self._prepared = PreparedRun(self._fmu, course, outputs, self._result, self._pulse)
+            self._course = plan_course(self._fmu, time, inputs)
+            self._continuous = is_continuous(self._fmu, outputs)
+            self._result = np.empty((len(self._course.time), len(outputs)))
+            self._prepared = PreparedRun(
+                self._fmu, self._course, outputs, self._result, self._pulse
+            )
             self._prepared_for = key
         return self._prepared
 
-    def _reset(self) -> None:
+    def _begin_anew(self) -> None:
         """Reset the instance, or replace it by a new one if that is not possible."""
+        if self._resets is False or self._fmu.corrupted or not self._fmu.reset():
+            self._renew()
+
+    def _renew(self) -> None:
+        """Replace the instance by a new one, unless it has not been run."""
         if self._is_new:
             return
-        if not self._fmu.corrupted and self._can_reset:
-            status = self._fmu.bound("fmi2Reset")()
-            if status <= fmi2Warning:
-                return
-            self._fmu.failed("reset", status)  # marks the instance as corrupted after a fatal error
-            self._can_reset = False
         self._prepared = None  # the program calls the old instance
         self._fmu.close()
-        self._fmu = Fmu(self._fmu.path)
+        self._fmu = Fmu(self._fmu.path, tolerance=self._tolerance)
         self._fmu.__enter__()
+        self._is_new = True
 
 
 @dataclass(frozen=True)
@@ -150,9 +224,12 @@ class FmuSource:
     Attributes
     ----------
     path : Path
+    tolerance : float, optional
+        Relative tolerance of its integration; default the declared one.
     """
 
     path: Path
+    tolerance: float | None = None
 
     @property
     def name(self) -> str:
@@ -169,10 +246,14 @@ class FmuSource:
         """Declared start time, stop time and step in s; None for one that is not declared."""
         declared = read_description(self.path).defaultExperiment
         start, stop, step = (
-            float(getattr(declared, name, None) or 0.0)
-            for name in ("startTime", "stopTime", "stepSize")
+            None if value is None else float(value)
+            for value in (
+                getattr(declared, name, None) for name in ("startTime", "stopTime", "stepSize")
+            )
         )
-        return start, stop or None, step or None
+        first = start or 0.0
+        # some tools write a stop time or a step of 0 for an undefined one
+        return first, stop if stop is not None and stop > first else None, step or None
 
     @property
     def nominal(self) -> dict[str, float]:
@@ -192,17 +273,29 @@ class FmuSource:
     def with_files(self, files: Sequence[Path]) -> FmuSource:
         """Return the source with another path of its file."""
         (path,) = files
-        return FmuSource(path)
+        return replace(self, path=path)
 
     def points(self, time: Array) -> Array:
-        """Return `time`, which has the communication points (n,) of a single FMU."""
-        return time
+        """Return the communication points (m,) of a run with outputs at `time` (n,), s."""
+        return communication_points(read_description(self.path), time)
 
     def open(self) -> RepeatedFmu:
         """Return the FMU for many runs."""
-        return RepeatedFmu(self.path)
+        return RepeatedFmu(self.path, self.tolerance)
 
 
 def source_of(model: Model) -> Source:
     """Return the source of a model: its system, or its FMU."""
-    return model.system or FmuSource(model.path)
+    return model.system or FmuSource(model.path, model.tolerance)
+
+
+def steps_of_its_own(model: Model) -> Iterator[str]:
+    """Yield a remark on a model whose FMU has only steps of one size, which it declares."""
+    if model.system is not None:
+        return
+    step = own_step(read_description(model.path))
+    if step is not None:
+        yield (
+            f"{model.path.name} has only steps of {step:g} s: inputs are held from step to step,"
+            " and outputs between two are interpolated"
+        )

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fmus.kit import UserError, units
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Indices
 from orchestration.fmu import stepping
+from orchestration.fmu.archive import read_description
 from orchestration.fmu.instance import EndRequested, Fmu
 from orchestration.fmu.isolation import Ended, Limits, Process, allocate_rows
 from orchestration.fmu.kernel import library, one_fmu
@@ -118,6 +119,39 @@ def held(record: Record, name: str, time: Array) -> Array:
     return record.signals[name][np.clip(index, 0, None)]
 
 
+def with_changes(record: Record, time: Array) -> Array:
+    """Return points in time, with those between them at which a recorded signal changes.
+
+    Parameters
+    ----------
+    record : Record
+    time : ndarray, shape (n,)
+        Communication points in seconds.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        `time` itself if the record changes at its points only.
+    """
+    changes = np.zeros(record.time.size, dtype=bool)
+    for values in record.signals.values():
+        changes[1:] |= values[1:] != values[:-1]
+    within = (record.time > time[0]) & (record.time < time[-1])
+    instants = record.time[changes & within]
+    # a change at a point, but for rounding, is none between two
+    rounding = _ROUNDING * float(np.median(np.diff(time)))
+    after = np.searchsorted(time, instants)
+    apart = np.minimum(time[after] - instants, instants - time[after - 1])
+    between = instants[apart > rounding]
+    return np.union1d(time, between) if between.size else time
+
+
+def points_before(time: Array, instants: Array) -> Indices:
+    """Return the index of the last of `time` (n,) that is not after each of `instants` (m,)."""
+    index: Indices = np.searchsorted(time, instants, side="right") - 1
+    return index
+
+
 def simulate(
     model: Model,
     time: Array,
@@ -162,7 +196,7 @@ def simulate(
     run = (outputs, time, dict(inputs), dict(parameters))
     if model.system is not None:
         return _simulate_system(model.system, *run, isolation)
-    arguments = (model.path.resolve(), *run)
+    arguments = (model.path.resolve(), *run, model.tolerance)
     if isolation is None:
         return _simulate(*arguments, progress=progress, note=note)
     with Process(isolation) as process:
@@ -175,8 +209,9 @@ def simulate(
                 raise KeyboardInterrupt from end
             rows = process.progress.read_rows(end.state.point)
             names = process.progress.rows_description() or outputs
-            message = f"{end.state.describe(time, model.path.name)}: {end.reason}"
-            raise _unfinished(message, time, names, rows) from end
+            points = stepping.communication_points(read_description(model.path), time)
+            message = f"{end.state.describe(points, model.path.name)}: {end.reason}"
+            raise _unfinished(message, points, names, rows) from end
         return results
 
 
@@ -186,17 +221,44 @@ def _simulate(
     time: Array,
     inputs: Mapping[str, Array],
     parameters: Mapping[str, Value],
+    tolerance: float | None,
     *,
     progress: Callable[[int], None],
     note: Callable[[str], None],
 ) -> dict[str, Array]:
     """Simulate an FMU in this process; see `simulate`."""
-    with Fmu(path, parameters) as fmu:
-        fmu.start(float(time[0]))
+    with Fmu(path, parameters, tolerance=tolerance) as fmu:
+        begin_run(fmu, time, inputs)
         results = simulate_instance(fmu, time, inputs, outputs, progress)
+        try:
+            fmu.terminate()
+        except UserError as error:
+            note(str(error))
         if fmu.complaints:
             note(fmu.complaints)
         return results
+
+
+def begin_run(fmu: Fmu, time: Array, inputs: Mapping[str, Array]) -> None:
+    """Initialize an instance for a run, with the first inputs.
+
+    Parameters
+    ----------
+    fmu : Fmu
+    time : ndarray, shape (n,)
+        Seconds; the stop time is the last one, or the end of the step of an FMU's own size there.
+    inputs : Mapping of str to ndarray, shape (n,)
+        In the FMU's units.
+
+    Raises
+    ------
+    UserError
+        If a name is no input, or the FMU refuses.
+    """
+    check_inputs(fmu, inputs)
+    first = {name: float(values[0]) for name, values in inputs.items()}
+    last = stepping.communication_points(fmu.description, time)[-1]
+    fmu.start(float(time[0]), float(last), first)
 
 
 def _simulate_system(
@@ -256,7 +318,39 @@ class UnfinishedSimulation(UserError):
 
 
 class EndedSimulation(UnfinishedSimulation):
-    """Raised when an FMU ends its simulation before the last point, at its own request."""
+    """Raised when an FMU ends its simulation before the last point, at its own request.
+
+    The last point is the time that it has reached.
+    """
+
+
+def unfinished(
+    failure: stepping.StepFailed, fmu: Fmu, time: Array, names: Sequence[str], result: Array
+) -> UserError:
+    """Return the error of a run whose step failed, with its results until then.
+
+    An FMU that asks to end within a step has values at the time that it has reached (FMI 2.0.4,
+    4.2.4): they are the last ones.
+
+    Parameters
+    ----------
+    failure : StepFailed
+    fmu : Fmu
+    time : ndarray, shape (n,)
+    names : sequence of str
+        Outputs in the columns of `result`.
+    result : ndarray, shape (n, outputs)
+        Filled at the completed points; gets another row for the time that was reached.
+    """
+    end = failure.__cause__
+    done = failure.point
+    if not isinstance(end, EndRequested):
+        return _unfinished(str(failure), time, names, result[:done])
+    if end.reached is not None and done and time[done - 1] < end.reached < time[done]:
+        fmu.reader(names)(result[done])
+        time = np.append(time[:done], end.reached)
+        done += 1
+    return _unfinished(str(failure), time, names, result[:done], EndedSimulation)
 
 
 def _unfinished(
@@ -290,14 +384,12 @@ def simulate_instance(
     inputs: Mapping[str, Array],
     outputs: Sequence[str] | None = None,
     progress: Callable[[int], None] = lambda done: None,
-    *,
-    linear: Collection[str] = (),
-    parts: int = 1,
 ) -> dict[str, Array]:
     """Step a started instance over given communication points.
 
-    Inputs are set at every point, and are constant until the next or change linearly; outputs are
-    read at every point *after* its inputs are set, so that they include a direct feedthrough.
+    Inputs are set at every point, and are constant until the next; outputs are read at every point
+    *after* its inputs are set, so that they include a direct feedthrough. An FMU that has only
+    steps of one size makes these, as `orchestration.fmu.stepping.communication_points` says.
 
     Parameters
     ----------
@@ -310,12 +402,6 @@ def simulate_instance(
         Variables to read; default every output.
     progress : callable
         Called with the number of points done, some 200 times.
-    linear : collection of str
-        Real inputs that change linearly from point to point. Their time derivatives are set if the
-        FMU can interpolate; else each has its value at the middle of every part, with an error of
-        second order in the states.
-    parts : int
-        Number of steps from point to point.
 
     Returns
     -------
@@ -329,18 +415,22 @@ def simulate_instance(
     """
     names = list(fmu.outputs if outputs is None else outputs)
     check_inputs(fmu, inputs)
-    course = stepping.plan_course(fmu, time, inputs, linear, parts)
+    course = stepping.plan_course(fmu, time, inputs)
     has_kernel = library.load_stepper() is not None
     follow_course = one_fmu.follow_course if has_kernel else stepping.follow_course
-    result = allocate_rows((len(time), len(names)))
+    points = len(course.time)
+    result = allocate_rows((points, len(names)))
+
+    def point_done(k: int) -> None:
+        progress(k * len(time) // points)
+
     try:
-        follow_course(fmu, course, names, result, progress, max(1, len(time) // 200))
+        follow_course(fmu, course, names, result, point_done, max(1, points // 200))
     except stepping.StepFailed as failure:
-        is_end_requested = isinstance(failure.__cause__, EndRequested)
-        kind = EndedSimulation if is_end_requested else UnfinishedSimulation
-        raise _unfinished(str(failure), time, names, result[: failure.point], kind) from failure
+        raise unfinished(failure, fmu, course.time, names, result) from failure
     progress(len(time))
-    return {name: result[:, i] for i, name in enumerate(names)}
+    table = course.at_wanted(result, stepping.is_continuous(fmu, names))
+    return {name: table[:, i] for i, name in enumerate(names)}
 
 
 def check_inputs(fmu: Fmu, names: Iterable[str]) -> None:

@@ -25,7 +25,7 @@ from fmus.kit.arrays import Array
 from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.record import Trajectory
 from orchestration.fmu import Model, RepeatedRuns, Signal, Source, Value
-from orchestration.fmu.isolation import Ended, Limits, Pool, limits_of
+from orchestration.fmu.isolation import Ended, Limits, Pool, keep, limits_of
 from orchestration.fmu.simulation import source_of
 from orchestration.identify.fitting.simulation_input import SimulationInput
 
@@ -253,8 +253,7 @@ def _difference_quotient(*runs: tuple[float, Array | UserError]) -> Array:
 def _open_in_worker(source: Source) -> None:
     """Open the FMU of a worker process."""
     global _repeated
-    _repeated = source.open()
-    _repeated.__enter__()
+    _repeated = keep(source.open())
 
 
 def _run_in_worker(job: Any) -> Array | UserError:

@@ -35,12 +35,9 @@ def member(tmp_path_factory):
     return build_member(tmp_path_factory.mktemp("member"))
 
 
-@pytest.mark.parametrize(
-    "options", [{}, {"parts": 3}, {"linear": ["current"]}, {"linear": ["force"], "parts": 2}]
-)
-def test_the_bits_are_those_of_the_loop_in_python(fmu, runtime, options):
+def test_the_bits_are_those_of_the_loop_in_python(fmu, runtime):
     inputs = {"force": FORCE, "current": CURRENT}
-    with_kernel, without = both_ways(fmu("ppy_actuator", runtime), TIME, inputs, **options)
+    with_kernel, without = both_ways(fmu("ppy_actuator", runtime), TIME, inputs)
     assert isinstance(with_kernel[0], dict)
     assert with_kernel == without
 
@@ -63,16 +60,13 @@ def test_the_kernel_is_what_steps(fmu, monkeypatch):
     assert isinstance(simulated(fmu("ppy_actuator", "native"), TIME, {"current": CURRENT})[0], dict)
 
 
-@pytest.mark.parametrize("options", [{}, {"linear": ["level"], "parts": 2}])
-def test_integers_and_booleans_are_moved_too(tmp_path, runtime, options):
+def test_integers_and_booleans_are_moved_too(tmp_path, runtime):
     """Wherever they stand among the reals."""
     path = tmp_path / "adder.fmu"
     path.write_bytes(build(Adder, runtime, [host_platform()]))
     k = np.arange(TIME.size)
     inputs = {"on": (k % 7 < 3) * 1.0, "level": CURRENT, "count": k % 5 - 2.0, "more": k % 3 + 1.0}
-    with_kernel, without = both_ways(
-        path, TIME, inputs, ["excess", "off", "total", "lacking"], **options
-    )
+    with_kernel, without = both_ways(path, TIME, inputs, ["excess", "off", "total", "lacking"])
     assert with_kernel == without
     assert np.frombuffer(with_kernel[0]["lacking"]).tolist() == (3.0 - inputs["count"]).tolist()
     excess = inputs["count"] - 5.0 * inputs["more"]
@@ -86,22 +80,21 @@ def test_integers_and_booleans_are_moved_too(tmp_path, runtime, options):
         ("count", -np.inf, "-inf is not a whole number"),
     ):
         bad = inputs | {name: np.where(k == 20, value, inputs[name])}
-        with_kernel, without = both_ways(path, TIME, bad, **options)
+        with_kernel, without = both_ways(path, TIME, bad)
         assert f"{name}: {told}" in with_kernel[0]
         assert with_kernel == without
 
 
-@pytest.mark.parametrize("options", [{}, {"linear": ["u"], "parts": 2}])
 @pytest.mark.parametrize("status", [WARNING, DISCARD, ERROR, FATAL, PENDING])
-def test_a_step_that_fails_is_named_as_in_python(member, status, options):
+def test_a_step_that_fails_is_named_as_in_python(member, status):
     time = 0.1 * np.arange(51)
     bad = {"status": float(status), "when": 3.0}
-    with_kernel, without = both_ways(member, time, {"u": np.ones(51)}, parameters=bad, **options)
+    with_kernel, without = both_ways(member, time, {"u": np.ones(51)}, parameters=bad)
     assert with_kernel == without
     result, warnings, corrupted, _ = with_kernel
     assert corrupted == (status == FATAL)
     if status == WARNING:
-        assert warnings == 20 * options.get("parts", 1)
+        assert warnings == 20
     else:
         ends = "asks to end the simulation in place of a step from 3 s: "
         told = ends if status == DISCARD else "step from 3 s failed ("

@@ -4,8 +4,6 @@ point.
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
@@ -38,32 +36,6 @@ def test_outputs_are_read_after_the_inputs_of_the_same_point(fmu, runtime):
             instance, np.array([0.0, 1e-6, 2e-6]), {"current": current}, ["voltage"]
         )
     assert result["voltage"] == pytest.approx(current * 0.43 * 2.35 / 2.78, abs=1e-5)
-
-
-def test_linear_inputs_go_from_point_to_point(fmu, runtime):
-    """Charge of a ramp of current on paper: exact where the FMU interpolates, else of second order
-    in the parts.
-    """
-    time, constant = np.linspace(0.0, 12.0, 5), (0.43 + 2.35) * 2.7
-    charge = 2.35 * 2.7 * 0.1 * (time - constant * (1.0 - np.exp(-time / constant)))
-    errors = []
-    for parts in (1, 2, 4):
-        with Fmu(fmu("ppy_actuator", runtime)) as instance:
-            instance.start()
-            current = {"current": 0.1 * time, "force": np.zeros(time.size)}
-            found = simulate_instance(
-                instance, time, current, ["charge", "voltage"], linear=["current"], parts=parts
-            )
-        errors.append(np.abs(found["charge"] - charge).max())
-        assert found["voltage"][-1] == pytest.approx(
-            2.35 / 2.78 * (found["charge"][-1] / 2.7 + 0.43 * 0.1 * time[-1]), rel=1e-9
-        )
-    if runtime == "native":
-        assert max(errors) < 1e-7
-    else:
-        assert [one / other for one, other in pairwise(errors)] == pytest.approx(
-            [4.0, 4.0], rel=0.05
-        )
 
 
 def test_progress_reaches_the_end(fmu):
