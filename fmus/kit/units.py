@@ -295,7 +295,13 @@ def convert(value: Any, unit: str, to: str, what: str = "value") -> Any:
     target = parse(to)
     if source == target:
         return value
-    return registry().Quantity(value, source).to(target).magnitude
+    try:
+        return registry().Quantity(value, source).to(target).magnitude
+    except TypeError as error:  # pint's, if one of two temperatures is a difference
+        difference, other = (unit, to) if "delta_" in unit else (to, unit)
+        raise UserError(
+            f"{what}: {difference} measures a difference, {other} a temperature"
+        ) from error
 
 
 def check(unit: str) -> None:

@@ -230,14 +230,31 @@ def main() -> None:
     except (KeyboardInterrupt, typer.Abort) as ended:
         _end_aborted(ended.__cause__)
     except BrokenPipeError:  # the reader of our output left, as `head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
     except Exception as error:
+        if isinstance(error, OSError) and error.filename is None and _output_fails():
+            _drop_output()
+            _fail(f"standard output: {error.strerror}")
         if isinstance(error.__cause__, KeyboardInterrupt):  # in a class that Python 3.11 makes
             end_interrupted()
         if os.environ.get("PPY_DEBUG") and not _is_expected(error):
             raise
         _fail(_message(error), 1 if isinstance(error, IncompleteRecord) else 2)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _output_fails() -> bool:
+    """Return whether standard output takes no line, as of a full device."""
+    try:
+        os.write(sys.stdout.fileno(), b"\n")
+    except OSError:
+        return True
+    return False
+
+
+def _drop_output() -> None:
+    """Send what is still to be printed nowhere, or Python would fail on it at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @contextmanager

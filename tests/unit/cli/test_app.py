@@ -217,3 +217,19 @@ def test_ctrl_c_while_a_class_is_made_is_no_other_error(tmp_path):
         [sys.executable, "-c", WITHIN_A_CLASS], cwd=tmp_path, capture_output=True, text=True
     )
     assert (done.returncode, done.stderr) == (130, "interrupted\n")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is full")
+def test_a_full_standard_output_is_one_line(tmp_path):
+    (tmp_path / "r.csv").write_text("time [s],I [A]\n0,1\n1,2\n")
+    with open("/dev/full", "w") as full:
+        ended = subprocess.run(
+            [sys.executable, "-m", "orchestration.cli", "info", "r.csv"],
+            cwd=tmp_path,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=os.environ | {"PYTHONPATH": str(Path(app.__file__).parents[2])},
+        )
+    assert ended.returncode == 2
+    assert ended.stderr == "error: standard output: No space left on device\n"

@@ -364,3 +364,9 @@ def test_a_value_with_a_prefix_reads_back_to_its_digits(value, unit):
     number, _, shown = units.format_prefixed(value, Parameter(0.0, unit)).partition(" ")
     read = units.registry().Quantity(float(number), shown.replace("·", "*")).to(unit).magnitude
     assert read == pytest.approx(value, rel=0.5e-2)
+
+
+@pytest.mark.parametrize(("unit", "to"), [("delta_degC", "degC"), ("degC", "delta_degC")])
+def test_a_difference_of_temperatures_is_no_temperature(unit, to):
+    with pytest.raises(UserError, match=r"T: delta_degC measures a difference, degC a temperature"):
+        units.convert(5.0, unit, to, "T")
