@@ -17,7 +17,7 @@ from orchestration.records.reading import time_in_seconds
 from orchestration.records.sampling import Samples, evenly_sampled, keep_span, repair_clock
 from orchestration.records.selection import open_table
 from orchestration.records.source import Reading, Source
-from orchestration.records.tables import Column, Table, is_unit, numbers, plain_unit
+from orchestration.records.tables import Column, Table, numbers, unit_in_name
 from orchestration.records.times import (
     TIME,
     complementary_column,
@@ -26,8 +26,6 @@ from orchestration.records.times import (
     holds_instants,
     merge_date_and_time,
 )
-
-_SHORTEST_WORD = 3  # letters of a name that is read as a unit, such as Amps
 
 
 @dataclass(frozen=True)
@@ -204,7 +202,7 @@ def _column_overview(table: Table, column: Column) -> ColumnOverview:
     return ColumnOverview(
         name=table.map_name(column),
         unit=column.unit or "",
-        guess="" if column.unit else _guessed_unit(column.name),
+        guess="" if column.unit else unit_in_name(column.name),
         content=content,
         smallest=float(known.min()) if known.size else float("nan"),
         largest=float(known.max()) if known.size else float("nan"),
@@ -230,11 +228,3 @@ def _count_missing(column: Column, values: Array, content: str) -> int:
     if content == "numbers":
         return int((~np.isfinite(values)).sum())
     return sum(not str(cell).strip() for cell in column.cells)
-
-
-def _guessed_unit(name: str) -> str:
-    """Return the unit that a name is (``Amps``) or ends in (``I_mA``); else an empty text."""
-    if len(name) >= _SHORTEST_WORD and is_unit(name):
-        return plain_unit(name) or ""
-    stem, _, last = name.rpartition("_")
-    return (plain_unit(last) or "") if stem and is_unit(last) else ""

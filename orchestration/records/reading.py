@@ -22,7 +22,7 @@ from orchestration.records.sampling import (
 )
 from orchestration.records.selection import open_table
 from orchestration.records.source import Readable, Reading, Source
-from orchestration.records.tables import Table, numbers
+from orchestration.records.tables import Table, numbers, unit_in_name
 from orchestration.records.times import (
     FORMS,
     holds_instants,
@@ -231,6 +231,7 @@ def _column_in_unit(table: Table, match: Match, unit: str) -> np.ndarray:
     column = match.column
     stated = match.unit or column.unit
     if stated is None:
+        _refuse_other_unit_in_name(table, match, unit)
         stated = unit
         message = (
             f"column '{column.name}' states no unit: taken as {unit}, the unit of {match.signal}"
@@ -243,6 +244,22 @@ def _column_in_unit(table: Table, match: Match, unit: str) -> np.ndarray:
         )
         table.repairs.append(Repair("unit replaced", message))
     return _convert(table.path, column.name, numbers(table, column), stated, unit, match.signal)
+
+
+def _refuse_other_unit_in_name(table: Table, match: Match, unit: str) -> None:
+    """Raise if a name without a unit ends in another unit of the same quantity, such as I_mA."""
+    name = match.column.name
+    guess = unit_in_name(name)
+    try:
+        is_other = bool(guess) and units.convert(1.0, guess, unit) != 1.0
+    except UserError:
+        return
+    if is_other:
+        likely, plain = (option("mapping", {name: f"{match.signal}[{u}]"}) for u in (guess, unit))
+        raise refuse(
+            table.path,
+            f"column '{name}' states no unit, and its name ends in {guess}: {likely} or {plain}",
+        )
 
 
 def _convert(

@@ -2,6 +2,7 @@ from .header import are_units as are_units
 from .header import is_unit as is_unit
 from .header import plain_unit as plain_unit
 from .header import read_header_cell as read_header_cell
+from .header import unit_in_name as unit_in_name
 from .table import INDEX as INDEX
 from .table import MISSING_CELLS as MISSING_CELLS
 from .table import Column as Column

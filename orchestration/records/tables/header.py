@@ -66,6 +66,7 @@ _SPELLED = {
     "u/min": "rpm",
     "nm": "N*m",
 }
+_SHORTEST_WORD = 3  # letters of a name that is read as a unit, such as Amps
 _KEPT = {"nm": "nm"}  # a nanometre, where Nm is none
 
 
@@ -93,6 +94,14 @@ def is_unit(text: str) -> bool:
     """Return whether a text is a usual unit of measured files."""
     unit = plain_unit(text)
     return unit is not None and _UNIT.fullmatch(unit) is not None
+
+
+def unit_in_name(name: str) -> str:
+    """Return the unit that a name is (``Amps``) or ends in (``I_mA``); else an empty text."""
+    if len(name) >= _SHORTEST_WORD and is_unit(name):
+        return plain_unit(name) or ""
+    stem, _, last = name.rpartition("_")
+    return (plain_unit(last) or "") if stem and is_unit(last) else ""
 
 
 def are_units(cells: Sequence[str]) -> bool:

@@ -119,6 +119,16 @@ def test_a_frequency_is_not_taken_for_an_angular_speed(tmp_path):
     )
 
 
+def test_a_unit_in_a_name_is_asked_for_and_either_answer_works(tmp_path):
+    path = write(tmp_path, "time [s],I_mA,phase_A\n0,1,1\n1,2,2\n")
+    with pytest.raises(UserError, match=r"name ends in mA: .*current\[mA\].* or .*current\[A\]"):
+        read_record(path, {"current": "A"}, mapping={"I_mA": "current"})
+    for unit, factor in (("mA", 1e-3), ("A", 1.0)):
+        record = read_record(path, {"current": "A"}, mapping={"I_mA": f"current[{unit}]"})
+        np.testing.assert_allclose(record.signals["current"], factor * np.array([1.0, 2.0]))
+    assert read_record(path, {"current": "A"}, mapping={"phase_A": "current"}).time.size == 2
+
+
 @pytest.mark.parametrize("vendor", vendors.VENDORS, ids=lambda make: make.__name__)
 def test_a_file_of_a_vendor_is_read_as_it_is(tmp_path, vendor):
     file = vendor()
