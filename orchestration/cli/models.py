@@ -37,7 +37,7 @@ def open_measured(options: MeasuredOptions, runtime: str | None = None) -> Measu
     from orchestration.reporting.console import tell_repairs
 
     found = as_measured(options["model"], options["laid_over"], runtime)
-    declared = found.with_tolerance(options["tolerance"])
+    declared = found.with_tolerance(options.get("tolerance"))  # frequency has none
     parameters = values_of(declared, options["settings"], options["preset"])
     record = read_for(declared, source_of(options["record"], options), options["mapping"])
     tell_repairs(record.repairs)
