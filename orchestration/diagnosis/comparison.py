@@ -74,9 +74,9 @@ class Weights:
     no_better : float
         Error on what is left out, over the RMS of the outputs there about their means, from which
         on nothing is predicted.
-    larger_part : float
-        Share of the error of the model, of which a large slow one that a cause leaves is the larger
-        part of what is missing.
+    explained : float
+        Share of what neighbouring errors of the model have in common, by the mean square, that a
+        cause explains at least.
     sure, group : float
         Probability from which a cause is named, and which a group reaches.
     most : int
@@ -120,7 +120,7 @@ class Weights:
     )
     fed: float = 2.0
     no_better: float = 0.7
-    larger_part: float = 0.5
+    explained: float = 2.0 / 3.0
     sure: float = 0.9
     group: float = 0.9
     most: int = 3

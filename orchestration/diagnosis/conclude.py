@@ -12,7 +12,7 @@ from orchestration.diagnosis.comparison import WEIGHTS, Common, Judged, are_same
 from orchestration.diagnosis.courses import Courses, are_interchangeable
 from orchestration.diagnosis.features import confidence, features_of
 from orchestration.diagnosis.readings import Reading
-from orchestration.diagnosis.remainder import drifts, remainders, undersampled
+from orchestration.diagnosis.remainder import drifts, remainders, structure_of, undersampled
 from orchestration.diagnosis.search import Found, Ranked
 from orchestration.diagnosis.signals import are_alike, remembered_by
 from orchestration.diagnosis.subject import Subject, words_of
@@ -66,7 +66,7 @@ def conclude(found: Found, inseparable: Pairs = ()) -> Conclusion:
     ranked = [entry for entry in found.compared() if not entry.comparison.is_worse]
     near = _near_the_likeliest(ranked, found)
     top = _best_sets(near)
-    *shares, nothing = _shares(top, found)
+    *shares, none = _shares(top, found)
     causes = _causes(top, shares, found, inseparable)
     group = _group(_calibrated(causes, found))
     if not _is_enough(group):
@@ -74,6 +74,7 @@ def conclude(found: Found, inseparable: Pairs = ()) -> Conclusion:
         causes += _others(_causes(behind, [0.0] * len(behind), found, inseparable), causes, found)
         group = _group(_calibrated(causes, found))
     leading = tuple(causes[: WEIGHTS.most])
+    nothing = 0.0 if drifts(found.base) else none
     return Conclusion(_verdict(group, found), group, nothing, found.base, leading)
 
 
@@ -114,13 +115,14 @@ def _minimal(sets: Sequence[tuple[frozenset[object], Ranked]]) -> list[Ranked]:
 
 
 def _shares(top: Sequence[Ranked], found: Found) -> list[float]:
-    """Return the share of each set, and that of no term at all, by their scores.
+    """Return the share of each set, and that of none of them, by their scores.
 
     Where the best leaves white noise scores are nats of a likelihood; where it leaves more than
     that, no set is exact, and they are worth less. Where no term leaves a large slow error,
-    something is missing.
+    something is missing; and if the best leaves one, too, it may be something that was not tried.
     """
-    no_term = -np.inf if top and drifts(found.base) else 0.0
+    is_known = bool(top) and drifts(found.base) and not drifts(top[0].judged)
+    no_term = -np.inf if is_known else 0.0
     scores = np.array([*(entry.score for entry in top), no_term]) / found.temper
     shares = np.exp(scores - scores.max())
     return [float(share) for share in shares / shares.sum()]
@@ -285,8 +287,8 @@ def _verdict(group: Sequence[Cause], found: Found) -> str:
     if not gains or not _is_enough(group) or rises(group[0].judged, found.base):
         return "unexplained"
     first = group[0].judged
-    leaves_most = first.left_out > WEIGHTS.larger_part * found.base.left_out
-    if (leaves_most and drifts(first)) or is_lost(first, found.subject_of(first.reading)):
+    leaves_much = structure_of(first) > (1.0 - WEIGHTS.explained) * structure_of(found.base)
+    if leaves_much or is_lost(first, found.subject_of(first.reading)):
         return "unexplained"
     return "cause" if group[0].probability >= WEIGHTS.sure else "ambiguous"
 

@@ -111,6 +111,14 @@ def drifts(judged: Judged) -> bool:
     return any(one.share > _LARGE and one.structure > _COMMON for one in left)
 
 
+def structure_of(judged: Judged) -> float:
+    """Return the mean square, in spreads, of what neighbouring samples have in common.
+
+    Of errors where nothing was fitted, all outputs together.
+    """
+    return sum(one.structure**2 for one in remainders(judged))
+
+
 def leaves_more(judged: Judged) -> bool:
     """Return whether a model leaves more than noise of an output where nothing was chosen by."""
     return any(one.is_more_than_noise for one in remainders(judged))

@@ -525,6 +525,6 @@ def test_a_record_is_refused_before_anything_is_built(tmp_path, monkeypatch, arg
         raise AssertionError("built")
 
     monkeypatch.setattr("fmus.kit.build.build_cached", build)
-    text = "time [s],current [A],voltage [V]\n0,1,0\n1,OVERLOAD,1\n2,3,2\n"
+    text = "time [s],current [A],voltage [V]\n0,1,0\n1,jammed,1\n2,3,2\n"
     (tmp_path / "r.csv").write_text(text)
-    refused(tmp_path, *arguments, parts=["r.csv", "row 3, column 'current': 'OVERLOAD'"])
+    refused(tmp_path, *arguments, parts=["r.csv", "row 3, column 'current': 'jammed'"])
