@@ -37,7 +37,7 @@ _PANELS = {
         "band",
     ),
     "Operating point": ("at", "trim", "fix", "free", "drift"),
-    "Time": ("stop", "step", "rate", "max_age"),
+    "Time": ("stop", "step", "tolerance", "rate", "max_age"),
     "Signals": ("output", "inputs", "outputs", "cut", "of"),
     "Fit and search": (
         "fit",
