@@ -607,7 +607,7 @@ class _Search:
         factors = np.concatenate([slopes, terms, problem.starts[r].deviation])
         rows = course.slopes * ((root / problem.spread[measured])[:, np.newaxis] * factors)
         present = np.isfinite(error[:, measured])
-        return rows.reshape(-1, len(factors)) if present.all() else rows[present]
+        return rows.reshape(present.size, len(factors)) if present.all() else rows[present]
 
     def _left(self, error: Array, r: int) -> Array:
         """Return weighed errors of a record, without gaps."""

@@ -282,7 +282,7 @@ def _columns(problem: Problem, point: Point, runs: Sequence[Course]) -> tuple[Ar
         of_measured[:, :, p + r * nx : p + (r + 1) * nx] = starts
         block = np.zeros((*outputs.shape, of_measured.shape[2]))
         block[:, measured] = of_measured
-        blocks.append((block * root[:, None]).reshape(-1, block.shape[2]))
+        blocks.append((block * root[:, None]).reshape(outputs.size, block.shape[2]))
         targets.append(((problem.records[r].outputs - outputs) * root).ravel())
     return np.concatenate(targets), np.concatenate(blocks)
 

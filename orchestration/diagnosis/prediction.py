@@ -16,6 +16,8 @@ from orchestration.diagnosis.fitting import (
 )
 from orchestration.diagnosis.runs import Course, Record
 
+_LEAST = 1e-12  # mean square of errors, in squared spreads
+
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
@@ -155,7 +157,8 @@ def predict(
         rows = (slopes[:count] * np.sqrt(weights)[:, np.newaxis])[np.isfinite(errors[:count])]
         covariance = _of_new_start(inverse[np.ix_(own, own)], rows, states)
     # where more than noise is left a model errs by more than its parameters
-    noise = 1.0 / weights / np.sqrt(mean_squares(np.concatenate(fitted.errors)))
+    squares = np.maximum(mean_squares(np.concatenate(fitted.errors)), _LEAST)
+    noise = 1.0 / weights / np.sqrt(squares)
     return Prediction(errors, slopes @ _root(covariance), noise)
 
 

@@ -416,7 +416,8 @@ def _scaled_actions(model: LawModel, parts: Sequence[Linearisation]) -> Array:
     for same in zip(*(part.actions for part in parts), strict=True):
         action = np.nan_to_num(np.concatenate(same)[:, :, targets], posinf=0.0, neginf=0.0)
         largest = np.abs(action).max(axis=(0, 2), keepdims=True, initial=0.0)
-        rows.append((action / np.where(largest > 0.0, largest, 1.0)).reshape(-1, len(targets)))
+        action = action / np.where(largest > 0.0, largest, 1.0)
+        rows.append(action.reshape(action.shape[0] * action.shape[1], len(targets)))
     return np.concatenate(rows)
 
 

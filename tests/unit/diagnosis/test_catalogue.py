@@ -30,7 +30,7 @@ from tests.support.diagnosed_tank import START, drawn, tank
 
 SPREAD = np.array([0.5, 0.3])
 RNG = np.random.default_rng(3)
-WHITE, SEEN = RNG.standard_normal((300, 1)), RNG.standard_normal((200, 1))
+WHITE, SEEN = RNG.standard_normal((300, 2)), RNG.standard_normal((200, 2))
 
 
 def proposed() -> list:
@@ -157,7 +157,7 @@ def judged(errors: Array, *terms: Term) -> Judged:
         distance=0.0,
         freedom=len(terms),
         explanations=len(terms),
-        problem=SimpleNamespace(model=tank()),
+        problem=SimpleNamespace(model=tank(), spread=np.ones(2)),
     )
     return Judged(fit, errors, errors, errors, 0.0)
 
@@ -175,8 +175,8 @@ PLAIN = SimpleNamespace(
     freedom=0,
     explanations=0,
     problem=SimpleNamespace(
-        model=SimpleNamespace(outputs=[SimpleNamespace(name="level")]),
-        spread=np.ones(1),
+        model=SimpleNamespace(outputs=tank().outputs),
+        spread=np.ones(2),
         records=(SimpleNamespace(outputs=WHITE),),
     ),
 )

@@ -126,6 +126,25 @@ def test_a_large_slow_error_is_no_consistent_model(
     assert conclusion.nothing > 0.5 if has_share else conclusion.nothing == 0.0
 
 
+@pytest.mark.parametrize(("left", "has_all"), [(0.1, True), (0.2, False)])
+def test_where_the_best_leaves_a_large_slow_error_too_it_may_be_something_else(
+    left: float, has_all: bool
+) -> None:
+    """Something is missing; what was not tried has the share of no term."""
+    wave = np.sqrt(2.0) * np.sin(np.linspace(0.0, 20.0, 200))[:, np.newaxis]
+    base = replace(judged(1.0, 1.0), measuring=0.6 * wave)
+    best = replace(judged(0.95, 0.97, DRY), measuring=left * wave)
+    (first,) = conclude(Found(SUBJECT, base, (best,))).leading
+    assert (first.probability == 1.0) == has_all
+
+
+def test_beside_white_noise_what_is_plainer_may_be_behind_by_its_words() -> None:
+    """By six nats, of which five are its words, and the rest no matter of causes."""
+    plain, other = judged(0.5, 0.515, DRY), judged(0.5, 0.5, SPRING, words=5.0)
+    shares = {c.name: c.probability for c in conclude(found(plain, other)).leading}
+    assert shares["friction(v)"] > 0.0
+
+
 def test_the_best_of_many_fits_gains_on_what_is_fitted_by_chance() -> None:
     """Some 5 nats beyond its cost are evidence of one fit, and none of the best of 200."""
     one = judged(0.955, 1.5, DRY)

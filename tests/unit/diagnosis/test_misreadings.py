@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
+from fmus.kit import Component, Input, Output
 from orchestration.diagnosis import Diagnosis, LawModel, Shape, Term, subject_of
 from orchestration.diagnosis import Record as KernelRecord
 from orchestration.diagnosis.conclude import conclude
@@ -253,3 +254,29 @@ def test_a_reading_is_fitted_that_gains_more_than_its_words_cost(
     monkeypatch.setattr(MISREADINGS, "_implausibility", lambda t: implausibility[t.problem])
     assert MISREADINGS._is_hopeful(trial, as_read) == is_hopeful
     assert MISREADINGS._is_hopeful(trial, None), "where the file as it was read leaves all bounds"
+
+
+class Wire(Component):
+    """What is measured is what comes in: nothing is fitted."""
+
+    name = "wire"
+    sent = Input("V")
+
+    @Output("V")
+    def received(self) -> float:
+        """As sent."""
+        return self.sent
+
+
+def test_of_a_model_without_parameters_files_are_read_otherwise_too() -> None:
+    """Twenty samples, of the other sign."""
+    random = np.random.default_rng(8)
+    sent = random.standard_normal((20, 1))
+    received = -sent + 0.01 * random.standard_normal((20, 1))
+    record = KernelRecord(np.arange(20.0), sent, received, (False,))
+    subject = subject_of(LawModel(Wire), [record])
+    assert subject is not None
+    base = subject.judge(subject.base)
+    assert base is not None
+    read = misreadings(subject, base)
+    assert ReadingKind.SIGN in {one.reading.kind for one in read if one.reading}
