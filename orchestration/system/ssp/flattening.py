@@ -48,7 +48,8 @@ def flatten(system: Element) -> Aliases:
     for inner in system.findall("ssd:Elements/ssd:System", NAMESPACES):
         name = attribute(inner, "name")
         own = flatten(inner)
-        aliases |= {f"{name}.{one}": [f"{name}.{p}" for p in all_] for one, all_ in own.items()}
+        for connector, parameters in own.items():
+            aliases[f"{name}.{connector}"] = [f"{name}.{parameter}" for parameter in parameters]
         _dissolve(inner, name, system)
     return aliases | _parameter_aliases(system, aliases)
 
@@ -127,18 +128,18 @@ def _end(wire: Element, side: str, named: str) -> dict[str, str]:
 
 def _parameter_aliases(system: Element, known: Aliases) -> Aliases:
     """Remove the parameter connectors of a system with their wires; return what they set."""
-    connectors = system.find("ssd:Connectors", NAMESPACES)
+    connectors = _group(system, "ssd:Connectors")
+    connections = _group(system, "ssd:Connections")
     aliases: Aliases = {}
-    for connector in list(connectors) if connectors is not None else []:
-        if connectors is not None and connector.get("kind") == _PARAMETER:
+    for connector in list(connectors):
+        if connector.get("kind") == _PARAMETER:
             connectors.remove(connector)
             aliases[attribute(connector, "name")] = []
-    connections = system.find("ssd:Connections", NAMESPACES)
-    for wire in list(connections) if connections is not None else []:
+    for wire in list(connections):
         for side in _ends_at(wire, None):
             targets = aliases.get(attribute(wire, f"{side}Connector"))
             owner = wire.get(f"{_OTHER[side]}Element")
-            if targets is not None and owner is not None and connections is not None:
+            if targets is not None and owner is not None:
                 connections.remove(wire)
                 name = f"{owner}.{attribute(wire, f'{_OTHER[side]}Connector')}"
                 targets += known.get(name, [name])
