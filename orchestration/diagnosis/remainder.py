@@ -130,14 +130,11 @@ def undersampled(judged: Judged) -> list[str]:
     What is left of them is large and white, and from sample to sample the model moves by as much,
     so that what it lacks would be white as well.
     """
-    problem, pairs = (
-        judged.fit.problem,
-        zip(judged.fit.errors, judged.fit.problem.records, strict=True),
-    )
+    problem = judged.fit.problem
+    pairs = zip(judged.fit.errors, problem.records, strict=True)
     simulated = with_gaps([record.outputs / problem.spread - e for e, record in pairs])
-    moves = dict(
-        zip((o.name for o in problem.model.outputs), map(noise_of, simulated.T), strict=True)
-    )
+    names = [output.name for output in problem.model.outputs]
+    moves = dict(zip(names, map(noise_of, simulated.T), strict=True))
     return [
         one.output
         for one in remainders(judged)
