@@ -1,4 +1,4 @@
-"""What a model leaves of the outputs on samples that it was not fitted to."""
+"""Errors that a model leaves of the outputs on samples that it was not fitted to."""
 
 from __future__ import annotations
 
@@ -49,12 +49,12 @@ class Remainder:
 
     @property
     def is_slow(self) -> bool:
-        """Whether most of its square is common to neighbouring samples."""
+        """True if most of its square is common to neighbouring samples."""
         return self.correlation > _SLOW and not self.is_white
 
     @property
     def is_white(self) -> bool:
-        """Whether neighbouring samples correlate no more than those of white noise by chance.
+        """True if neighbouring samples correlate no more than those of white noise by chance.
 
         Their correlation has a standard error of ``1 / sqrt(n)`` (Bartlett: On the theoretical
         specification and sampling properties of autocorrelated time-series, 1946).
@@ -71,7 +71,7 @@ class Remainder:
 
     @property
     def is_more_than_noise(self) -> bool:
-        """Whether it is not white, and clearly larger than what is independent in each sample."""
+        """True if it is not white, and clearly larger than what is independent in each sample."""
         return not self.is_white and (self.noise_widths is None or self.noise_widths > _WIDTHS)
 
 
