@@ -54,7 +54,7 @@ class _Place:
 
     @cached_property
     def function(self) -> Array:
-        """What the term adds to its law (n,), in its size."""
+        """Part of its law (n,) that the term is, in its size."""
         own, term = self.along.fitted.values_of(self.term), self.term
         width = float(np.exp(own[-1])) if term.shape.has_width else term.width
         shapes = self.along.model.shape_values(replace(term, width=width), self.seen)
