@@ -31,7 +31,7 @@ class RepeatedRuns(Protocol):
 
     @property
     def remarks(self) -> set[str]:
-        """What users have to know of runs that did not fail."""
+        """Remarks for users on runs that did not fail."""
 
     def run(
         self,

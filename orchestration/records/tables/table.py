@@ -51,7 +51,7 @@ _NO_VALUE_CELLS = frozenset(
         *("nan(ind)", "-nan(ind)", "1.#io", "-1.#io", "#n/v", "undef", "undefined", "unknown"),
     }
 )
-"""What instruments and spreadsheets write where there is no value."""
+"""Texts of instruments and spreadsheets where there is no value."""
 _NO_NUMBERS = (9.9e37, 9.91e37, 9.96920997e36)
 """Numbers for overrange and no number of SCPI 1999 (7.2.1.4), and of a missing value in NetCDF."""
 _MARKS = tuple(
