@@ -126,7 +126,13 @@ def _without(
     return stack(component, *others) if others else component
 
 
-def base_value(self: Any, name: str, effects: tuple[type[Effect], ...] = (), known: int = 0) -> Any:
+def base_value(
+    self: Any,
+    name: str,
+    effects: tuple[type[Effect], ...] = (),
+    known: int = 0,
+    arguments: tuple[Any, ...] = (),
+) -> Any:
     """Return an input, a state, the time, or a law without terms and without some effects.
 
     Parameters
@@ -139,6 +145,8 @@ def base_value(self: Any, name: str, effects: tuple[type[Effect], ...] = (), kno
         other.
     known : int
         Number of effects whose terms the law has.
+    arguments : tuple
+        Of a law that takes some.
     """
     value = getattr(self, name)
     if not callable(value):
@@ -147,7 +155,7 @@ def base_value(self: Any, name: str, effects: tuple[type[Effect], ...] = (), kno
     plain: Any = object.__new__(_without(stacked, effects, known))
     vars(plain).update(vars(self))
     plain._kept = None
-    return getattr(plain, name)()
+    return getattr(plain, name)(*arguments)
 
 
 def law_term_effect(component: type[Component], law: str, term: LawTerm) -> type[Effect]:
@@ -176,7 +184,8 @@ def law_term_effect(component: type[Component], law: str, term: LawTerm) -> type
         base = getattr(super(effect, self), law)(*arguments)
         addition = _shape_value(self, term, memory.value(self))
         if term.factor:
-            addition = addition * base_value(self, term.factor, known=term.known)
+            own = arguments if term.factor == law else ()
+            addition = addition * base_value(self, term.factor, known=term.known, arguments=own)
         return base + addition
 
     members = _shape_parameters(term) | memory.members

@@ -6,7 +6,7 @@ import keyword
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from inspect import isfunction
+from inspect import isfunction, signature
 from math import inf
 from typing import Any, NamedTuple
 
@@ -146,6 +146,12 @@ def law_of(owner: type, name: str) -> Callable[..., Any] | None:
     """
     member = _member(owner, name)
     return member if callable(member) else None
+
+
+def takes_arguments(owner: type, name: str) -> bool:
+    """Return whether a method of a class takes more than its instance."""
+    method = law_of(owner, name)
+    return method is not None and len(signature(method).parameters) > 1
 
 
 def _member(owner: type, name: str) -> Any:

@@ -21,6 +21,7 @@ from fmus.kit.build import cached_library, load_library
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.declare import InputDeclaration
 from fmus.kit.interrupt import uninterrupted
+from fmus.kit.layout import takes_arguments
 from fmus.kit.record import Rhythm
 from fmus.kit.symbolic import PerturbedLaws
 from orchestration.diagnosis.delays import (
@@ -378,11 +379,13 @@ class LawModel:
         """Signals that a term may be a function of.
 
         Neither the law of an output nor the rate of a state, which follows from the others, nor a
-        law that is a function of one of them. A state that is an output is still a state.
+        law that is a function of one of them, or has arguments, which only its callers know. A
+        state that is an output is still a state.
         """
         states = {s.name for s in self.states}
         left_out = {o.name for o in self.cls.layout.outputs} | set(self.followed)
         left_out |= {law for law in self.laws if len(self.perturbed.computed_from(law)) < 2}
+        left_out |= {law for law in self.laws if takes_arguments(self.cls, law)}
         return frozenset(self.signals) - (left_out - states)
 
     @cached_property

@@ -9,6 +9,7 @@ import numpy as np
 
 from fmus.kit.arrays import Array
 from orchestration.diagnosis.comparison import Judged
+from orchestration.records.quality import resolution_of
 
 _SLOW = 0.5  # correlation of neighbouring samples from which on most of a remainder is slow
 _CHANCE = 3.0  # standard errors of a correlation, up to which noise is white
@@ -96,7 +97,8 @@ def remainders(judged: Judged, sizes: Array | None = None) -> tuple[Remainder, .
         if np.isfinite(error).sum() < 4:
             continue
         size = float(np.sqrt(np.nanmean(error**2)))
-        noise = noise_of(every[:, j])
+        rounding = _rounding([record.outputs[:, j] for record in problem.records])
+        noise = max(noise_of(every[:, j]), rounding / float(problem.spread[j]))
         widths = size / noise if noise > 1e-6 * size else None
         share = size / float(sizes[j])
         tests = {name: test(error) for name, test in TESTS.items()}
@@ -154,6 +156,15 @@ def noise_of(error: Array) -> float:
     if not bends.size:
         return 0.0
     return float(_TO_DEVIATION * np.median(np.abs(bends)) / np.sqrt(6.0))
+
+
+def _rounding(pieces: Sequence[Array]) -> float:
+    """Return the standard deviation of what a converter rounds off, of the finest record (n,).
+
+    Of steps of a slow signal second differences tell nothing: most are zero. It is the step over
+    the root of 12 (Widrow: Statistical analysis of amplitude-quantized sampled-data systems, 1961).
+    """
+    return min((resolution_of(piece) for piece in pieces), default=0.0) / np.sqrt(12.0)
 
 
 def _neighbours(error: Array) -> float:

@@ -588,14 +588,23 @@ class _Rounds:
         self._fit_all(asked, _FEWER_STEPS)
 
     def owners(self) -> None:
-        """Fit the best sets with each of their terms in every other law."""
+        """Fit the best sets with each of their terms in every other law, or as a known effect."""
         asked = [
             _replaced(one.fit, term, other)
             for one in self.found.best(_SHAPES)
             for term in filter(_is_function, one.terms)
-            for other in self._in_other_laws(term)
+            for other in (*self._in_other_laws(term), *self._effects_like(term))
         ]
         self._fit_all(asked, _FEWER_STEPS)
+
+    def _effects_like(self, term: Term) -> Iterator[NamedTerm]:
+        """Yield the effects of the catalogue in the law of a term, of its signal.
+
+        They are plainer, and in a screen a term that can do more may stand before them.
+        """
+        for other in dict.fromkeys(self._terms):
+            if isinstance(other, NamedTerm) and (other.law, other.signal) == (term.law, term.signal):
+                yield other
 
     def _in_other_laws(self, term: Term) -> Iterable[Term]:
         """Return a term of a signal in each of the other laws that a screen had it in."""

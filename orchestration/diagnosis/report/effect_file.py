@@ -6,14 +6,13 @@ parameters with fitted values, and memories begin where those of the first recor
 
 from __future__ import annotations
 
-import inspect
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from fmus.kit import Component, UserError
 from fmus.kit.declare import ParameterDeclaration
-from fmus.kit.layout import law_of
+from fmus.kit.layout import takes_arguments
 from fmus.kit.titles import capitalised
 from orchestration.diagnosis.extension import extended_component, law_term
 from orchestration.diagnosis.fitting import Fit
@@ -203,8 +202,7 @@ class _Class:
     def _law_lines(self) -> Iterator[str]:
         """Yield the law with what is added to it."""
         term = self._term
-        law: Any = law_of(self._model.cls, term.law)
-        arguments = "*arguments" if len(inspect.signature(law).parameters) > 1 else ""
+        arguments = "*arguments" if self._takes_arguments else ""
         yield f"    def {term.law}(self{', ' if arguments else ''}{arguments}):"
         yield f"        below = super().{term.law}({arguments})"
         if term.signal:
@@ -227,6 +225,10 @@ class _Class:
             yield f"        return below + {self._value(term.factor)} * {change}"
         else:
             yield f"        return below + {change}"
+
+    @property
+    def _takes_arguments(self) -> bool:
+        return takes_arguments(self._model.cls, self._term.law)
 
     def _argument(self) -> str:
         """Return the signal or the memory of it, from its origin on."""
@@ -251,7 +253,9 @@ class _Class:
         """Return the value of a signal outside of the law."""
         if signal in self._changed:
             known = f", {self._given.known}" if self._given.known else ""
-            return f"base_value(self, {signal!a}, {_ADDED}{known})"
+            has_own = signal == self._term.law and self._takes_arguments
+            own = ", arguments=arguments" if has_own else ""
+            return f"base_value(self, {signal!a}, {_ADDED}{known}{own})"
         if signal == self._term.law:
             return f"super().{signal}()"
         return f"self.{signal}()" if signal in self._model.laws else f"self.{signal}"

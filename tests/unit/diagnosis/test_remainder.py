@@ -29,6 +29,16 @@ def test_what_is_left_is_the_noise_that_was_added():
     assert not left.is_slow
 
 
+def test_what_a_converter_rounds_off_is_noise():
+    """Of a slow output most second differences are zero; a step of q has a deviation of q / sqrt 12."""
+    record = oscillator_record(1, noise=0.0)
+    position = record.signals["position"]
+    step = 0.1 * np.ptp(position)
+    rounded = record.signals | {"position": step * np.round(position / step)}
+    (left,) = diagnosis_with(replace(record, signals=rounded)).remainders
+    assert left.noise_widths == pytest.approx(1.0, abs=0.3)
+
+
 def test_noise_is_told_from_a_slow_error():
     time = np.linspace(0.0, 20.0, 4000)
     noise = np.random.default_rng(3).normal(0.0, 0.2, time.size)

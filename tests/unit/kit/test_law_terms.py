@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from fmus.kit import UserError, stack
+from fmus.kit import Component, Input, Output, Parameter, UserError, stack
 from fmus.kit.law_terms import LawTerm, check_term, law_term_effect
 from tests.support.oscillator_model import Oscillator
 
@@ -97,3 +97,28 @@ def test_a_term_of_a_file_that_the_model_cannot_have_is_refused(wrong):
     check_term(replace(DRY, shape="curve", places=(-0.1, 0.0, 0.1)), laws, laws | {"velocity"})
     with pytest.raises(UserError, match=repr(wrong.get("stem", DRY.stem))):
         check_term(replace(DRY, **wrong), laws, laws | {"velocity"})
+
+
+class Actuator(Component):
+    """Strain of a charge, by a law that takes the charge."""
+
+    name = "actuator"
+    experiment = (1.0, 0.1)
+    alpha = Parameter(2.0, "m/C", doc="strain over charge")
+    charge = Input("C", doc="of the film")
+
+    def strain(self, charge):
+        """Of so much charge."""
+        return self.alpha * charge
+
+    @Output("m")
+    def displacement(self):
+        """Of the tip."""
+        return self.strain(self.charge)
+
+
+def test_a_law_with_arguments_grows_by_itself():
+    growth = LawTerm("strain", "charge", "linear", "none", "growth", "1/C", "C", factor="strain")
+    one = stack(Actuator, law_term_effect(Actuator, "strain", growth))(growth=0.5)
+    one.charge = 3.0
+    assert one.displacement() == pytest.approx(2.0 * 3.0 * (1.0 + 0.5 * 3.0))
