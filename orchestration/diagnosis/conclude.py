@@ -12,7 +12,7 @@ from orchestration.diagnosis.comparison import WEIGHTS, Common, Judged, are_same
 from orchestration.diagnosis.courses import Courses, are_interchangeable
 from orchestration.diagnosis.features import confidence, features_of
 from orchestration.diagnosis.readings import Reading
-from orchestration.diagnosis.remainder import drifts, remainders, structure_of, undersampled
+from orchestration.diagnosis.remainder import drifts, remainders, structures, undersampled
 from orchestration.diagnosis.search import Found, Ranked
 from orchestration.diagnosis.signals import are_alike, remembered_by
 from orchestration.diagnosis.subject import Subject, words_of
@@ -287,10 +287,18 @@ def _verdict(group: Sequence[Cause], found: Found) -> str:
     if not gains or not _is_enough(group) or rises(group[0].judged, found.base):
         return "unexplained"
     first = group[0].judged
-    leaves_much = structure_of(first) > (1.0 - WEIGHTS.explained) * structure_of(found.base)
-    if leaves_much or is_lost(first, found.subject_of(first.reading)):
+    if _leaves_much(first, found.base) or is_lost(first, found.subject_of(first.reading)):
         return "unexplained"
     return "cause" if group[0].probability >= WEIGHTS.sure else "ambiguous"
+
+
+def _leaves_much(first: Judged, base: Judged) -> bool:
+    """Return whether a cause leaves much of what is missing where it was fitted and beyond.
+
+    A record of another day or range may have a cause of its own, which the others do not show.
+    """
+    left = zip(structures(first), structures(base), strict=True)
+    return all(ours > (1.0 - WEIGHTS.explained) * theirs for ours, theirs in left)
 
 
 def is_lost(judged: Judged, subject: Subject) -> bool:

@@ -55,12 +55,8 @@ class Remainder:
 
     @property
     def is_white(self) -> bool:
-        """True if neighbouring samples correlate no more than those of white noise by chance.
-
-        Their correlation has a standard error of ``1 / sqrt(n)`` (Bartlett: On the theoretical
-        specification and sampling properties of autocorrelated time-series, 1946).
-        """
-        return self.correlation <= _CHANCE / np.sqrt(max(self.pairs, 1))
+        """True if neighbouring samples correlate no more than those of white noise by chance."""
+        return _is_white(self.correlation, self.pairs)
 
     @property
     def structure(self) -> float:
@@ -113,12 +109,31 @@ def drifts(judged: Judged) -> bool:
     return any(one.share > _LARGE and one.structure > _COMMON for one in left)
 
 
-def structure_of(judged: Judged) -> float:
+def structures(judged: Judged) -> tuple[float, float]:
     """Return the mean square, in spreads, of what neighbouring samples have in common.
 
-    Of errors where nothing was fitted, all outputs together.
+    Of all outputs, where a model was fitted and where nothing was.
     """
-    return sum(one.structure**2 for one in remainders(judged))
+    every = with_gaps(judged.fit.errors), judged.measuring
+    fitted, measured = (sum(map(_structure, errors.T)) for errors in every)
+    return fitted, measured
+
+
+def _structure(error: Array) -> float:
+    """Return the mean product of neighbours in an error (n,); zero if it may be white noise."""
+    products = error[:-1] * error[1:]
+    pairs = int(np.isfinite(products).sum())
+    correlation = _neighbours(error)
+    return 0.0 if _is_white(correlation, pairs) else correlation * float(np.nanmean(error**2))
+
+
+def _is_white(correlation: float, pairs: int) -> bool:
+    """Return whether neighbours correlate no more than those of white noise by chance.
+
+    Their correlation has a standard error of ``1 / sqrt(n)`` (Bartlett: On the theoretical
+    specification and sampling properties of autocorrelated time-series, 1946).
+    """
+    return correlation <= _CHANCE / np.sqrt(max(pairs, 1))
 
 
 def leaves_more(judged: Judged) -> bool:

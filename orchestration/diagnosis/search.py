@@ -603,7 +603,10 @@ class _Rounds:
         They are plainer, and in a screen a term that can do more may stand before them.
         """
         for other in dict.fromkeys(self._terms):
-            if isinstance(other, NamedTerm) and (other.law, other.signal) == (term.law, term.signal):
+            if isinstance(other, NamedTerm) and (other.law, other.signal) == (
+                term.law,
+                term.signal,
+            ):
                 yield other
 
     def _in_other_laws(self, term: Term) -> Iterable[Term]:

@@ -29,6 +29,7 @@ from tests.support.dry_mass import dry, nothing, outside, small_search
 from tests.support.oscillator_model import Oscillator
 
 RNG = np.random.default_rng(8)
+REST = SimpleNamespace(outputs=np.zeros((40, 2)))  # a record of outputs that stand still
 WHITE, SEEN = RNG.standard_normal((300, 1)), RNG.standard_normal((200, 1))
 SLOW = lfilter([1.0], [1.0, -0.5], RNG.standard_normal((1500, 1)), axis=0)
 DRY = Term("friction", "v", Shape.DRY)
@@ -415,6 +416,23 @@ def test_a_signal_that_a_memory_of_another_keeps_is_one_with_it(
     assert _is_one_with(*causes, SimpleNamespace(along=along)) == is_one
 
 
+def judged_by(fitted: Array, measuring: float | Array) -> Judged:
+    """Return what is judged of errors where it was fitted, and where nothing was."""
+    problem = SimpleNamespace(model=MODEL, spread=np.ones(1), records=(REST,))
+    errors = np.broadcast_to(measuring, fitted.shape)
+    fit = SimpleNamespace(problem=problem, errors=(fitted,))
+    return Judged(fit, errors, errors, errors, 0.0)
+
+
+def verdict_of(one: Judged, base: Judged, moves: float) -> str:
+    """Return the verdict of a sure cause that leaves errors, of an output that moves by so much."""
+    comparison = SimpleNamespace(evidence=50.0)
+    cause = SimpleNamespace(score=50.0, comparison=comparison, probability=0.95, judged=one)
+    subject = SimpleNamespace(sizes=np.array([moves]))
+    found = SimpleNamespace(base=base, subject_of=lambda reading: subject)
+    return _verdict([cause], found)
+
+
 @pytest.mark.parametrize(
     ("error", "moves", "before", "verdict"),
     [
@@ -435,21 +453,29 @@ def test_a_cause_is_none_that_predicts_no_better_than_a_mean_or_leaves_much_of_w
     error: Array, moves: float, before: float, verdict: str
 ) -> None:
     """A mean leaves by how much an output moves there."""
-    fit = SimpleNamespace(problem=SimpleNamespace(model=MODEL, spread=np.ones(1)), errors=())
-    one = Judged(fit, error, error, error, 0.0)
-    base = replace(one, measuring=np.full((40, 1), before))
-    subject = SimpleNamespace(sizes=np.array([moves]))
-    comparison = SimpleNamespace(evidence=50.0)
-    cause = SimpleNamespace(score=50.0, comparison=comparison, probability=0.95, judged=one)
-    found = SimpleNamespace(base=base, subject_of=lambda reading: subject)
-    assert _verdict([cause], found) == verdict
+    one, base = (judged_by(e, e) for e in (error, np.full((40, 1), before)))
+    assert verdict_of(one, base, moves) == verdict
+
+
+@pytest.mark.parametrize(
+    ("fitted", "verdict"),
+    [(0.1, "cause"), (0.9, "unexplained")],
+    ids=("explained", "not explained"),
+)
+def test_a_cause_that_explains_what_was_fitted_may_leave_much_of_another_record(
+    fitted: float, verdict: str
+) -> None:
+    """Friction of a motor that turned both ways, and a record of another day."""
+    one, base = judged_by(np.full((40, 1), fitted), 0.7), judged_by(np.ones((40, 1)), 0.9)
+    assert verdict_of(one, base, 1.0) == verdict
 
 
 @pytest.mark.parametrize(("second", "lost"), [(0.1, False), (0.9, True)])
 def test_a_model_that_predicts_one_of_its_outputs_is_not_lost(second: float, lost: bool) -> None:
     """In shares of how much each moves; errors are slow."""
     outputs = [SimpleNamespace(name=name) for name in ("place", "heat")]
-    problem = SimpleNamespace(model=SimpleNamespace(outputs=outputs))
+    model = SimpleNamespace(outputs=outputs)
+    problem = SimpleNamespace(model=model, spread=np.ones(2), records=(REST,))
     fitted = SimpleNamespace(problem=problem, errors=())
     one = SimpleNamespace(measuring=np.ones((40, 2)) * [0.9, second], fit=fitted)
     assert is_lost(one, SimpleNamespace(sizes=np.ones(2))) == lost
