@@ -15,7 +15,7 @@ from .component import Component
 from .curves import EffectNames, additive_effect, coefficient, per, size_at, variable
 from .declare import Parameter, State
 from .effects import Effect, Size, Term, effect_maker
-from .errors import UserError, suggestion
+from .errors import find
 from .titles import generic_title, law_title
 
 
@@ -94,9 +94,7 @@ def lag_effect(
     UserError
         If the component has no such law or signal, or there is no such kind.
     """
-    if kind not in ARMS:
-        raise UserError(f"no arm named {kind!r}{suggestion(kind, ARMS)}")
-    arm = ARMS[kind]
+    arm = find(kind, ARMS, "no arm")
     argument = variable(component, signal)
     size = scale or argument.nominal
     given = names or EffectNames()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
+Signals = Mapping[str, Array]
+"""Values by name, over time or over samples: of shape (n,) each."""
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 

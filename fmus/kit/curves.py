@@ -17,7 +17,7 @@ from typing import Any
 from .component import Component
 from .declare import Constant, Declaration, Parameter
 from .effects import Effect, Size, Term, effect_maker, make_effect
-from .errors import UserError, suggestion
+from .errors import UserError, find
 from .functions import absolute, clip, exp, maximum, minimum, sqrt, tanh, where
 from .layout import law_of
 from .titles import generic_title, law_title
@@ -218,9 +218,7 @@ def curve(
     UserError
         If the component has no such law or signal, or there is no such shape.
     """
-    if shape not in SHAPES:
-        raise UserError(f"no shape named {shape!r}{suggestion(shape, SHAPES)}")
-    definition = SHAPES[shape]
+    definition = find(shape, SHAPES, "no shape")
     argument = variable(component, signal)
     size = scale or argument.nominal
     defaults = (f"{law}_{shape}", f"{law}_{shape}_width")
@@ -297,11 +295,7 @@ def variable(component: type[Component], name: str) -> Declaration:
     """Return the input or state of a name; raise a UserError if the component has none."""
     layout = component.layout
     known = {v.name: v for v in (*layout.inputs, *layout.states, *layout.discretes)}
-    if name not in known:
-        raise UserError(
-            f"{_label(component)}: no input or state named {name!r}{suggestion(name, known)}"
-        )
-    return known[name]
+    return find(name, known, f"{_label(component)}: no input or state")
 
 
 def coefficient(unit: str, nominal: float, doc: str, least: float = -ANY) -> Any:

@@ -12,7 +12,7 @@ from zlib import crc32
 
 from .component import Component
 from .declare import Declaration, OutputDeclaration, name_declaration
-from .errors import UserError, suggestion
+from .errors import UserError, find
 from .layout import APART
 
 _Call = ParamSpec("_Call")
@@ -274,12 +274,11 @@ def _with_new_defaults(
     for part in parts:
         for state in (*part.layout.states, *part.layout.discretes):
             holders[part.layout.start_of[state.name]] = state
-    for name in defaults:
-        if name not in holders:
-            raise UserError(f"{prefix}: no parameter named {name!r}{suggestion(name, holders)}")
-    return {
-        holders[name].name: replace(holders[name], start=value) for name, value in defaults.items()
-    }
+    replaced = {}
+    for name, value in defaults.items():
+        holder = find(name, holders, f"{prefix}: no parameter")
+        replaced[holder.name] = replace(holder, start=value)
+    return replaced
 
 
 def _check_effects(prefix: str, base: type[Component], effects: tuple[type[Effect], ...]) -> None:

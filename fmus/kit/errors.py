@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from typing import TypeVar
+
+Value = TypeVar("Value")
 
 
 class UserError(ValueError):
@@ -29,6 +33,35 @@ class DeclarationError(UserError):
         super().__init__(text)
         self.owner = owner
         self.variable = variable
+
+
+@contextmanager
+def error_context(where: str) -> Iterator[None]:
+    """Begin the message of a UserError that is raised in this context with a place or a name."""
+    try:
+        yield
+    except UserError as error:
+        raise UserError(f"{where}: {error}") from error
+
+
+def find(name: str, known: Mapping[str, Value], missing: str) -> Value:
+    """Return the value of a name.
+
+    Parameters
+    ----------
+    name : str
+    known : Mapping of str to object
+    missing : str
+        Beginning of the message if there is none, such as ``pump: no input``.
+
+    Raises
+    ------
+    UserError
+        With a similar name, if there is one.
+    """
+    if name not in known:
+        raise UserError(f"{missing} named {name!r}{suggestion(name, known)}")
+    return known[name]
 
 
 def suggestion(name: str, known: Collection[str], few: int = 20) -> str:

@@ -11,14 +11,13 @@ effects of one input are applied in order: the first to the command, the last be
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 from .component import Component
 from .curves import per
 from .declare import Declaration, InputDeclaration, Parameter, State
 from .effects import Effect, Size, Term, effect_maker, make_effect
-from .errors import UserError, suggestion
+from .errors import find
 from .functions import clip, outside, sqrt
 from .sampling import Sampling
 from .titles import generic_title, in_words
@@ -63,34 +62,18 @@ class _ArrivingInput:
         instance.__dict__[self.name] = value
 
 
-@dataclass(frozen=True)
-class _Change:
-    """The change that an effect makes to an input.
-
-    Attributes
-    ----------
-    text : str
-        Formula, for people.
-    arrives : callable
-        Returns the arriving value, from the component instance and the value before the effect.
-    declared : dict of str to Declaration
-        Variables of the effect; the first parameter switches it.
-    sizes : tuple of Size
-    rates : Mapping of str to callable
-        Rates of its states, from the component instance and the value before the effect.
-    family : str
-        Name shared by effects that are one cause in several shapes, with a place for the input.
-    """
-
-    text: str
-    arrives: Callable[[Any, Any], Any]
-    declared: dict[str, Any]
-    sizes: tuple[Size, ...]
-    rates: Mapping[str, Callable[[Any, Any], Any]] = field(default_factory=dict)
-    family: str = "{} as it arrives"
-
-
-def _input_effect(id: str, name: str, doc: str, change: _Change) -> type[Effect]:
+def _input_effect(
+    id: str,
+    name: str,
+    doc: str,
+    text: str,
+    *,
+    arrives: Callable[[Any, Any], Any],
+    declared: dict[str, Any],
+    sizes: tuple[Size, ...],
+    rates: Mapping[str, Callable[[Any, Any], Any]] | None = None,
+    family: str = "{} as it arrives",
+) -> type[Effect]:
     """Make the effect that makes a change to an input.
 
     Parameters
@@ -101,29 +84,39 @@ def _input_effect(id: str, name: str, doc: str, change: _Change) -> type[Effect]
         Name of the input.
     doc : str
         Docstring of the effect.
-    change : _Change
+    text : str
+        Formula, for people.
+    arrives : callable
+        Returns the arriving value, from the component instance and the value before the effect.
+    declared : dict of str to Declaration
+        Variables of the effect; the first parameter switches it.
+    sizes : tuple of Size
+    rates : Mapping of str to callable, optional
+        Rates of its states, from the component instance and the value before the effect.
+    family : str
+        Name shared by effects that are one cause in several shapes, with a place for the input.
     """
-    arriving = _ArrivingInput(name, change.arrives)
+    arriving = _ArrivingInput(name, arrives)
 
     def rate_law(rate: Callable[[Any, Any], Any]) -> Callable[[Any], Any]:
         return lambda self: rate(self, arriving.before_effect(self))
 
-    switch = next(n for n, value in change.declared.items() if isinstance(value, Declaration))
+    switch = next(n for n, value in declared.items() if isinstance(value, Declaration))
     effect = make_effect(
         f"{id}_of_{name}".title().replace("_", ""),
         {
             "__doc__": doc,
             "__module__": __name__,
             name: arriving,
-            **change.declared,
-            **{law: rate_law(rate) for law, rate in change.rates.items()},
+            **declared,
+            **{law: rate_law(rate) for law, rate in (rates or {}).items()},
         },
         id=id,
         title=generic_title(id, in_words(name)),
-        term=Term("", name, change.text, change.family.format(name), name),
+        term=Term("", name, text, family.format(name), name),
         assumption=f"{name} arrives as it is commanded",
         neutral=switch,
-        sizes=change.sizes,
+        sizes=sizes,
     )
     arriving.effect = effect  # before the first access, which is after the effect is stacked
     return effect
@@ -134,10 +127,8 @@ def _find_input(
 ) -> tuple[InputDeclaration, float]:
     """Return a real input and its typical magnitude: `scale`, or its nominal value."""
     known = {v.name: v for v in component.layout.inputs if v.type == "real"}
-    if name not in known:
-        label = component.name or component.__name__
-        raise UserError(f"{label}: no real input named {name!r}{suggestion(name, known)}")
-    return known[name], scale or known[name].nominal
+    input = find(name, known, f"{component.name or component.__name__}: no real input")
+    return input, scale or input.nominal
 
 
 def _switch_parameter(variable: InputDeclaration, size: float, doc: str, least: float = 0.0) -> Any:
@@ -183,10 +174,15 @@ def dead_zone(component: type[Component], input: str, scale: float | None = None
 
     switch = _switch_parameter(variable, size, f"{input} below which nothing arrives (d)")
     doc = "Dead zone of an input: within ``d`` of zero nothing arrives, beyond it what is more."
-    change = _Change(
-        "x - clip(x, -d, d)", arrives, {width: switch}, (Size("dead below {}", (width,)),)
+    return _input_effect(
+        "dead_zone",
+        input,
+        doc,
+        "x - clip(x, -d, d)",
+        arrives=arrives,
+        declared={width: switch},
+        sizes=(Size("dead below {}", (width,)),),
     )
-    return _input_effect("dead_zone", input, doc, change)
 
 
 @effect_maker
@@ -234,8 +230,15 @@ def asymmetric_dead_zone(
         Size("dead up to {}", (end,)),
         Size("and down to {}", (end, ratio), variable.unit, lambda d, r: -r * d),
     )
-    change = _Change("x - clip(x, -r d, d)", arrives, declared, sizes)
-    return _input_effect("asymmetric_dead_zone", input, doc, change)
+    return _input_effect(
+        "asymmetric_dead_zone",
+        input,
+        doc,
+        "x - clip(x, -r d, d)",
+        arrives=arrives,
+        declared=declared,
+        sizes=sizes,
+    )
 
 
 @effect_maker
@@ -269,8 +272,15 @@ def input_offset(
         variable, size, f"{input} that arrives where none is commanded", least=-_ANY
     )
     doc = "Offset of an input: something arrives where nothing is commanded."
-    change = _Change("x + a", arrives, {offset: switch}, (Size("{}", (offset,)),))
-    return _input_effect("input_offset", input, doc, change)
+    return _input_effect(
+        "input_offset",
+        input,
+        doc,
+        "x + a",
+        arrives=arrives,
+        declared={offset: switch},
+        sizes=(Size("{}", (offset,)),),
+    )
 
 
 @effect_maker
@@ -315,8 +325,15 @@ def input_saturation(
         " ``1 / sqrt(c)``."
     )
     sizes = (Size("never passes {}", (level,), variable.unit, lambda c: c**-0.5),)
-    change = _Change("x / sqrt(1 + c x^2)", arrives, {level: switch}, sizes)
-    return _input_effect("input_saturation", input, doc, change)
+    return _input_effect(
+        "input_saturation",
+        input,
+        doc,
+        "x / sqrt(1 + c x^2)",
+        arrives=arrives,
+        declared={level: switch},
+        sizes=sizes,
+    )
 
 
 @effect_maker
@@ -373,11 +390,17 @@ def backlash(
         "Play in what passes an input on: it is taken along only after ``d``, and stays where it is"
         " on the way back."
     )
-    text = "x - clip(x - z, -d, d)"
-    sizes = (Size("a gap of {}", (gap,), variable.unit, lambda d: 2.0 * d),)
-    rates = {f"{place}_rate": rate}
-    change = _Change(text, arrives, declared, sizes, rates, "loop of {} on its way")
-    return _input_effect("backlash", input, doc, change)
+    return _input_effect(
+        "backlash",
+        input,
+        doc,
+        "x - clip(x - z, -d, d)",
+        arrives=arrives,
+        declared=declared,
+        sizes=(Size("a gap of {}", (gap,), variable.unit, lambda d: 2.0 * d),),
+        rates={f"{place}_rate": rate},
+        family="loop of {} on its way",
+    )
 
 
 @effect_maker
@@ -445,14 +468,21 @@ def input_lag(
         ),
     }
     doc = "Input that arrives late: the share ``p`` of it lags by ``T`` behind the command."
-    text = "x + p (s - x) with T ds/dt = x - s"
     sizes = (
         Size("{} of it late", (share,), "%", lambda p: 100.0 * p),
         Size("with a time constant of {}", (time,)),
     )
-    rates = {f"{lagged}_rate": rate}
-    change = _Change(text, arrives, declared, sizes, rates, "{} arriving late")
-    return _input_effect("input_lag", input, doc, change)
+    return _input_effect(
+        "input_lag",
+        input,
+        doc,
+        "x + p (s - x) with T ds/dt = x - s",
+        arrives=arrives,
+        declared=declared,
+        sizes=sizes,
+        rates={f"{lagged}_rate": rate},
+        family="{} arriving late",
+    )
 
 
 def input_effects(

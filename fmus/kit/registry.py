@@ -20,7 +20,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .errors import UserError, suggestion
+from .errors import UserError, find
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -400,12 +400,10 @@ def component(name: str) -> type[Component]:
     """
     from .component import Component
 
-    known = models()
-    if name not in known:
-        raise UserError(f"no component named {name!r}{suggestion(name, known)}")
-    loaded = load(known[name])
+    place = find(name, models(), "no component")
+    loaded = load(place)
     if not (isinstance(loaded, type) and issubclass(loaded, Component) and loaded.name == name):
-        raise UserError(f"{known[name]} is no component with name = {name!r}")
+        raise UserError(f"{place} is no component with name = {name!r}")
     return loaded
 
 

@@ -22,7 +22,7 @@ from typing import Any
 from .component import Component
 from .declare import Declaration, Discrete, Parameter, State
 from .effects import Effect, Size, effect_maker, make_effect
-from .errors import UserError, suggestion
+from .errors import find
 from .functions import clip, exp, maximum, minimum, where
 from .sampling import DELAY_SAMPLES, Sampling
 from .titles import in_words
@@ -157,10 +157,7 @@ def _make_factory(
 def _measured_output(component: type[Component], name: str) -> Declaration:
     """Return a real measured output; UserError if the component has none of that name."""
     declared = {o.name: o for o in component.layout.measured_outputs if o.type == "real"}
-    if name not in declared:
-        label = component.name or component.__name__
-        raise UserError(f"{label}: no measured output named {name!r}{suggestion(name, declared)}")
-    return declared[name]
+    return find(name, declared, f"{component.name or component.__name__}: no measured output")
 
 
 @_measurement(

@@ -15,7 +15,7 @@ from threading import RLock
 
 import numpy as np
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Signals
 from fmus.kit.build import record_model_sources, record_sources
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
@@ -87,7 +87,7 @@ class CompiledModel:
     def run(
         self,
         time: Array,
-        inputs: Mapping[str, Array],
+        inputs: Signals,
         parameters: Mapping[str, float] | None = None,
         linear: bool | Collection[str] = False,
         effort: float = 1e6,
@@ -149,7 +149,7 @@ class CompiledModel:
         )
         return self._trajectory(outputs, states, steps)
 
-    def _check_inputs(self, inputs: Mapping[str, Array]) -> None:
+    def _check_inputs(self, inputs: Signals) -> None:
         """Raise an error unless the model has all these inputs."""
         known = [v.name for v in self._graph.layout.inputs]
         unknown = [name for name in inputs if name not in known]
