@@ -11,7 +11,7 @@ import numpy as np
 
 from fmus.kit import UserError
 from orchestration.records.record import refuse
-from orchestration.records.tables import Column, Table, as_numbers, read_header_cell
+from orchestration.records.tables import Column, Table
 from orchestration.records.times import TIME
 
 _numbers = count(1)
@@ -55,23 +55,8 @@ def table_of(data: Arrays) -> Table:
         array = _as_array(values)
         if array.ndim != 1:
             raise refuse(path, f"column '{title}' has shape {array.shape} (allowed: (n,))")
-        name, unit = read_header_cell(str(title))
-        if array.dtype.kind in "mM":
-            unit = "s"  # `as_numbers` turns them into seconds
-        columns.append(Column(name, unit, as_numbers(array), str(title)))
-    lengths = {column.title: len(column.cells) for column in columns}
-    first = next(iter(lengths), "")
-    rows = lengths.get(first, 0)
-    for other, length in lengths.items():
-        if length != rows:
-            raise refuse(
-                path,
-                f"column '{other}' has {length} values, '{first}' has {rows}; columns of one record"
-                " have equal length",
-            )
-    if not rows:
-        raise refuse(path, "there are no rows")
-    return Table(path, columns, np.arange(1, rows + 1))
+        columns.append(Column.read(str(title), array))
+    return Table.of(path, columns)
 
 
 def _frame_columns(frame: Any) -> dict[str, Any]:
@@ -93,8 +78,8 @@ def _as_array(values: Any) -> np.ndarray:
     """Return an array_like or a column of a DataFrame, with instants in UTC and NaN if missing."""
     dtype = getattr(values, "dtype", None)
     if getattr(dtype, "tz", None) is not None:
-        return np.asarray(values.dt.tz_convert(None).to_numpy())
+        return values.dt.tz_convert(None).to_numpy()
     is_extension = dtype is not None and not isinstance(dtype, np.dtype)  # such as pandas.Int64
     if is_extension and getattr(dtype, "kind", "O") in "biuf":
-        return np.asarray(values.to_numpy(dtype=float, na_value=np.nan))
+        return values.to_numpy(dtype=float, na_value=np.nan)
     return values if isinstance(values, np.ma.MaskedArray) else np.asarray(values)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from fmus.kit.errors import UserError, suggestion
 from orchestration.records.formula import Formula, is_formula
 from orchestration.records.proposal import propose
-from orchestration.records.record import Repair, refuse
+from orchestration.records.record import refuse
 from orchestration.records.tables import INDEX, Column, Table, split_header_cell
 from orchestration.records.times import (
     TIME,
@@ -161,9 +161,7 @@ def match_columns(
         )
     if ignored:
         hints = [f"'{name}'{suggestion(name, missing, few=0)}" for name in ignored]
-        table.repairs.append(
-            Repair("ignored columns", f"not signals of the model, so ignored: {', '.join(hints)}")
-        )
+        table.note("ignored columns", f"not signals of the model, so ignored: {', '.join(hints)}")
     return [time, *(matches[signal] for signal in signals if signal in matches)]
 
 
@@ -252,4 +250,4 @@ def _match_member_signals(
             message = (
                 f"column '{column.name}' is read as {signal}: the only one of a member of this name"
             )
-            table.repairs.append(Repair("member", message))
+            table.note("member", message)

@@ -10,7 +10,7 @@ from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError, suggestion
 from orchestration.records.elements import split_arrays
 from orchestration.records.mapping import Match, match_columns
-from orchestration.records.record import Record, Repair, refuse
+from orchestration.records.record import Record, refuse
 from orchestration.records.runs import divide_at_restarts, divide_by_label, run_labels
 from orchestration.records.sampling import (
     Samples,
@@ -236,13 +236,13 @@ def _column_in_unit(table: Table, match: Match, unit: str) -> np.ndarray:
         message = (
             f"column '{column.name}' states no unit: taken as {unit}, the unit of {match.signal}"
         )
-        table.repairs.append(Repair("unit assumed", message))
+        table.note("unit assumed", message)
     elif match.unit is not None and column.unit is not None and match.unit != column.unit:
         message = (
             f"column '{column.name}' [{column.unit}] read as {match.signal} in {match.unit}, as"
             " stated"
         )
-        table.repairs.append(Repair("unit replaced", message))
+        table.note("unit replaced", message)
     return _convert(table.path, column.name, numbers(table, column), stated, unit, match.signal)
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     import pandas
     from rich.console import RenderableType
 
+_BYTES = re.compile(r"'?<_io\.BytesIO [^>]*>'?")  # the content, as a parser names it
 REPAIRING_KINDS = frozenset(
     {
         "partial line",
@@ -59,6 +62,16 @@ class Repair:
     def changed_data(self) -> bool:
         """True if data was changed, dropped or reinterpreted; else the line is a notice."""
         return self.kind in REPAIRING_KINDS
+
+
+class Repaired:
+    """Data with a list of their repairs."""
+
+    repairs: list[Repair]
+
+    def note(self, kind: str, message: str, rows: Iterable[int] = ()) -> None:
+        """Add a repair or a notice, see `Repair`."""
+        self.repairs.append(Repair(kind, message, tuple(rows)))
 
 
 @dataclass
@@ -181,6 +194,20 @@ def refuse(path: Path, message: str) -> UserError:
     """
     line = quoting.line(message)
     return UserError(f"{path}: {line if len(line) <= _LONGEST else line[:_LONGEST] + '...'}")
+
+
+@contextmanager
+def damaged(path: Path, kind: str) -> Iterator[None]:
+    """Refuse a file of a kind for an exception of its parser, which may raise any."""
+    try:
+        yield
+    except UserError:
+        raise
+    except Exception as error:
+        reason = _BYTES.sub("it", str(error))
+        raise refuse(
+            path, f"the {kind} file is damaged: {type(error).__name__}: {reason}"
+        ) from error
 
 
 def refuse_loss(path: Path, what: str, rows: Sequence[int], total: int, discard: float) -> None:

@@ -7,15 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from fmus.kit.arrays import Array
 from fmus.kit.extras import optional
-from orchestration.records.record import Repair, refuse
+from orchestration.records.formats.clocks import insert_clock
+from orchestration.records.record import damaged, refuse
 from orchestration.records.tables import (
     Column,
     Table,
     as_numbers,
     plain_unit,
-    read_header_cell,
     split_header_cell,
 )
 
@@ -42,24 +41,13 @@ def read_feather(path: Path, content: bytes) -> Table:
 
 def _arrow_table(path: Path, content: bytes, kind: str, read: Callable[[io.BytesIO], Any]) -> Table:
     """Return the table of a file that a function of pyarrow reads."""
-    try:
+    with damaged(path, kind):
         arrow = read(io.BytesIO(content))
         columns = []
         for field, chunks in zip(arrow.schema, arrow.columns, strict=True):
-            name, unit = read_header_cell(field.name)
-            values = chunks.to_numpy()
-            if values.dtype.kind in "Mm":  # `as_numbers` turns instants into seconds
-                stated = "s"
-            else:
-                stated = (field.metadata or {}).get(b"unit", b"").decode().strip()
-            columns.append(Column(name, unit or plain_unit(stated), as_numbers(values), field.name))
-    except Exception as error:  # a damaged file may raise any exception
-        raise refuse(
-            path, f"the {kind} file is damaged: {type(error).__name__}: {error}"
-        ) from error
-    if not columns or arrow.num_rows == 0:
-        raise refuse(path, f"the {kind} file holds no rows")
-    return Table(path, columns, np.arange(1, arrow.num_rows + 1))
+            stated = (field.metadata or {}).get(b"unit", b"").decode().strip()
+            columns.append(Column.read(field.name, chunks.to_numpy(), stated))
+    return Table.of(path, columns, f"the {kind} file holds no rows")
 
 
 def read_netcdf(path: Path, content: bytes) -> Table:
@@ -70,21 +58,17 @@ def read_netcdf(path: Path, content: bytes) -> Table:
     """
     from scipy.io import netcdf_file
 
-    try:
-        with netcdf_file(io.BytesIO(content), mmap=False, maskandscale=True) as file:
-            first = next(iter(file.dimensions), None)
-            columns = []
-            for name, variable in file.variables.items():
-                if variable.dimensions == (first,):
-                    unit = plain_unit(getattr(variable, "units", b"").decode())
-                    columns.append(Column(name, unit, as_numbers(np.ma.array(variable[:]))))
-    except Exception as error:  # a damaged file may raise any exception
-        raise refuse(
-            path, f"the NetCDF file is damaged: {type(error).__name__}: {error}"
-        ) from error
-    if not columns or not len(columns[0].cells):
-        raise refuse(path, "the NetCDF file holds no vectors")
-    return Table(path, columns, np.arange(1, len(columns[0].cells) + 1))
+    columns = []
+    with (
+        damaged(path, "NetCDF"),
+        netcdf_file(io.BytesIO(content), mmap=False, maskandscale=True) as file,
+    ):
+        first = next(iter(file.dimensions), None)
+        for name, variable in file.variables.items():
+            if variable.dimensions == (first,):
+                unit = plain_unit(getattr(variable, "units", b"").decode())
+                columns.append(Column(name, unit, as_numbers(np.ma.array(variable[:]))))
+    return Table.of(path, columns, "the NetCDF file holds no vectors")
 
 
 def read_mat(path: Path, content: bytes) -> Table:
@@ -97,12 +81,8 @@ def read_mat(path: Path, content: bytes) -> Table:
     """
     from scipy.io import loadmat
 
-    try:
+    with damaged(path, "MATLAB"):
         variables = loadmat(io.BytesIO(content))  # type: ignore[arg-type]  # SciPy also takes files
-    except Exception as error:  # a damaged file may raise any exception
-        raise refuse(
-            path, f"the MATLAB file is damaged: {type(error).__name__}: {error}"
-        ) from error
     variables = {name: value for name, value in variables.items() if not name.startswith("__")}
     units = _mat_units(path, variables.pop("units", None))
     variables = dict(_flat(variables))
@@ -113,24 +93,19 @@ def read_mat(path: Path, content: bytes) -> Table:
             f"no numeric vector among the variables {sorted(variables)} (matrices and objects of"
             " MATLAB, such as table, are not read)",
         )
-    count = _common_length(path, vectors)
     columns = [
         Column(name, units.get(name), vector.ravel().astype(float))
         for name, vector in vectors.items()
     ]
+    table = Table.of(path, columns)
     unread = sorted(variables.keys() - vectors.keys())
-    repairs = []
     step = next((name for name in _STEPS if name in unread), None)
-    if step is not None and not any(name.casefold() in ("time", "t") for name in vectors):
-        seconds = float(np.ravel(variables[step])[0])
-        columns.insert(0, Column("time", "s", seconds * np.arange(count, dtype=np.float64)))
-        message = f"time is k × {seconds:g} s, from {step}"
-        repairs.append(Repair("clock from header", message))
+    if step is not None and not any(column.is_time for column in columns):
+        insert_clock(table, float(np.ravel(variables[step])[0]), step)
         unread.remove(step)
     if unread:
-        message = f"not numeric vectors, so not read: {', '.join(unread)}"
-        repairs.append(Repair("ignored columns", message))
-    return Table(path, columns, np.arange(1, count + 1), repairs)
+        table.note("ignored columns", f"not numeric vectors, so not read: {', '.join(unread)}")
+    return table
 
 
 def _flat(variables: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -170,22 +145,6 @@ def _is_vector(value: object) -> bool:
     array = np.asarray(value)
     is_numeric = array.dtype.kind in "biuf"
     return is_numeric and array.ndim <= 2 and array.size > 1 and array.size == max(array.shape)
-
-
-def _common_length(path: Path, vectors: Mapping[str, Array]) -> int:
-    """Return the length of all vectors; raise if one differs from the time, or else the first."""
-    reference = next(
-        (name for name in vectors if name.lower() in ("time", "t")), next(iter(vectors))
-    )
-    count = vectors[reference].size
-    for name, vector in vectors.items():
-        if vector.size != count:
-            raise refuse(
-                path,
-                f"variable '{name}' has {vector.size} values, '{reference}' has {count}; "
-                "vectors of one record have equal length",
-            )
-    return count
 
 
 def _mat_units(path: Path, value: object) -> dict[str, str]:

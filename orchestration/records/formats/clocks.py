@@ -7,10 +7,28 @@ from collections.abc import Sequence
 import numpy as np
 
 from fmus.kit.arrays import Array
-from orchestration.records.tables import Column
+from orchestration.records.record import refuse
+from orchestration.records.tables import Column, Table
 
 _SAME = 1e-6
 """Share of the shortest step within which two instants are one."""
+
+
+def insert_clock(table: Table, step: float, source: str, start: float | None = None) -> None:
+    """Insert a time that counts the rows of a table as its first column, and note its source.
+
+    Raises
+    ------
+    UserError
+        If the step, in s, is not above 0.
+    """
+    if not step > 0.0:
+        reason = f"{source}: the increment of time is {step:g} s (allowed: above 0)"
+        raise refuse(table.path, reason)
+    origin = "" if start is None else f"{start:g} s + "
+    time = (start or 0.0) + step * np.arange(table.rows.size, dtype=np.float64)
+    table.columns.insert(0, Column("time", "s", time))
+    table.note("clock from header", f"time is {origin}k × {step:g} s, from {source}")
 
 
 def on_one_clock(columns: Sequence[Column], times: Sequence[Array]) -> list[Column]:

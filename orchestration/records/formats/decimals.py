@@ -7,7 +7,7 @@ from itertools import chain
 from typing import NamedTuple
 
 from fmus.kit import UserError
-from orchestration.records.record import Repair, refuse
+from orchestration.records.record import refuse
 from orchestration.records.tables import Column, Table
 from orchestration.reporting import option
 
@@ -201,15 +201,11 @@ def _report_rewriting(table: Table, numbers: list[_Number], decimal: str) -> Non
     """Add repairs for decimal commas and separators of thousands, with the first of each."""
     comma = next((n for n in numbers if decimal == "," and "," in n.text), None)
     if comma is not None:
-        table.repairs.append(
-            Repair("decimal comma", f"decimal commas read as points (first in row {comma.row})")
-        )
+        table.note("decimal comma", f"decimal commas read as points (first in row {comma.row})")
     separated = next((n for n in numbers if n.group and n.group != decimal), None)
     if separated is not None:
-        table.repairs.append(
-            Repair(
-                "thousands",
-                f"separators of thousands left out (first in row {separated.row}:"
-                f" '{separated.text.strip()}')",
-            )
+        table.note(
+            "thousands",
+            f"separators of thousands left out (first in row {separated.row}:"
+            f" '{separated.text.strip()}')",
         )

@@ -11,9 +11,9 @@ import numpy as np
 
 from fmus.kit.extras import optional
 from orchestration.records.formats.text import choose_table
-from orchestration.records.record import Repair, refuse
+from orchestration.records.record import damaged, refuse
 from orchestration.records.source import AS_IT_STANDS, Reading
-from orchestration.records.tables import Column, Table, as_numbers, plain_unit, read_header_cell
+from orchestration.records.tables import Column, Table, as_numbers
 
 _UNITS = ("units", "unit", "Units", "Unit", "unit_string")
 _FILLS = ("_FillValue", "missing_value")
@@ -30,20 +30,14 @@ def read_hdf5(path: Path, content: bytes, reading: Reading = AS_IT_STANDS) -> Ta
     """
     with optional():
         import h5py
-    try:
-        with h5py.File(io.BytesIO(content), "r") as file:
-            tables: dict[str, dict[str, Column]] = {}
-            file.visititems(lambda name, item: _collect(tables, name, item))
-    except OSError as error:
-        raise refuse(path, f"the HDF5 file is damaged: {error}") from error
-    except Exception as error:  # a damaged file may raise any exception
-        raise refuse(path, f"the HDF5 file is damaged: {type(error).__name__}: {error}") from error
+    tables: dict[str, dict[str, Column]] = {}
+    with damaged(path, "HDF5"), h5py.File(io.BytesIO(content), "r") as file:
+        file.visititems(lambda name, item: _collect(tables, name, item))
     if not tables:
         raise refuse(path, "the HDF5 file holds no vectors")
     names = list(tables)
-    columns = list(tables[names[choose_table(path, names, reading.table)]].values())
-    rows = np.arange(1, len(columns[0].cells) + 1)
-    return Table(path, columns, rows, list[Repair]())
+    chosen = tables[names[choose_table(path, names, reading.table)]]
+    return Table.of(path, list(chosen.values()))
 
 
 def _collect(tables: dict[str, dict[str, Column]], name: str, item: Any) -> None:
@@ -70,11 +64,10 @@ def _collect(tables: dict[str, dict[str, Column]], name: str, item: Any) -> None
 
 def _column(name: str, values: np.ndarray, attributes: Mapping[str, Any]) -> Column:
     """Return a column with the unit, scale, offset and missing values of its attributes."""
-    plain, unit = read_header_cell(name)
     stated = next((_word(attributes[key]) for key in _UNITS if key in attributes), "")
     if values.dtype.kind in "SO":
         texts = [v.decode(errors="replace") if isinstance(v, bytes) else str(v) for v in values]
-        return Column(plain, unit or plain_unit(stated), texts, name)
+        return Column.read(name, texts, stated)
     numbers = np.asarray(as_numbers(values), dtype=float)
     for key in _FILLS:
         if key in attributes:
@@ -84,7 +77,7 @@ def _column(name: str, values: np.ndarray, attributes: Mapping[str, Any]) -> Col
     offset = float(np.ravel(attributes.get("add_offset", 0.0))[0])
     if (scale, offset) != (1.0, 0.0):
         numbers = scale * numbers + offset
-    return Column(plain, unit or plain_unit(stated), numbers, name)
+    return Column.read(name, numbers, stated)
 
 
 def _word(value: Any) -> str:

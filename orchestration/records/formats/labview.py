@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from fmus.kit.extras import optional
-from orchestration.records.formats.clocks import on_one_clock
+from orchestration.records.formats.clocks import insert_clock, on_one_clock
 from orchestration.records.formats.layout import TextLayout
 from orchestration.records.formats.text import Lines, decode, tabulate
-from orchestration.records.record import Repair, refuse
-from orchestration.records.tables import Column, Table, as_numbers, plain_unit, read_header_cell
+from orchestration.records.record import damaged, refuse
+from orchestration.records.tables import Column, Table, plain_unit
 
 _END = "***End_of_Header***"
 _DELIMITERS = {"tab": "\t", "comma": ",", "semicolon": ";"}
@@ -28,22 +28,11 @@ def read_lvm(path: Path, content: bytes) -> Table:
     column per channel is refused.
     """
     text = decode(path, content)
-    ends = [index for index, line in enumerate(text.lines) if line.strip().startswith(_END)]
-    if not ends:
-        raise refuse(path, f"LabVIEW text without a line {_END}")
-    delimiter = _delimiter(path, text.lines[: ends[0]])
-    names = _find_column_names(text, ends)
-    fields = _header_fields(text, names - 1, delimiter)
-    header = [cell.strip() for cell in text.split(names, delimiter)]
-    if header[0] != "X_Value":
-        raise refuse(
-            path, f"row {names + 1}: '{header[0]}' where X_Value should be the first column"
-        )
-    has_comments = header[-1] == "Comment"
-    layout = TextLayout(delimiter, names, header, names + 1)
-    table = tabulate(text, layout, optional_last=has_comments)
+    layout = _layout(text)
+    fields = _header_fields(text, layout.names - 1, layout.delimiter)
+    table = tabulate(text, layout, optional_last=layout.header[-1] == "Comment")
     last = table.columns[-1]
-    if has_comments and last.name == "Comment" and _is_empty(last):
+    if last.name == "Comment" and _is_empty(last):
         table.columns.pop()
     clock, *channels = table.columns
     for column, unit in zip(channels, fields.get("Y_Unit_Label", []), strict=False):
@@ -51,8 +40,26 @@ def read_lvm(path: Path, content: bytes) -> Table:
             column.unit = plain_unit(unit)
     clock.unit = "s"
     if _is_empty(clock):
-        clock.cells = _clock_from_header(path, fields, len(table.rows), table.repairs)
+        table.columns.pop(0)
+        start, step = _clock_settings(path, fields)
+        insert_clock(table, step, "X0 and Delta_X", start)
+        table.columns[0].name = clock.name
     return table
+
+
+def _layout(text: Lines) -> TextLayout:
+    """Return the delimiter that the header states, and the line of the columns below it."""
+    ends = [index for index, line in enumerate(text.lines) if line.strip().startswith(_END)]
+    if not ends:
+        raise refuse(text.path, f"LabVIEW text without a line {_END}")
+    delimiter = _delimiter(text.path, text.lines[: ends[0]])
+    names = _find_column_names(text, ends)
+    header = [cell.strip() for cell in text.split(names, delimiter)]
+    if header[0] != "X_Value":
+        raise refuse(
+            text.path, f"row {names + 1}: '{header[0]}' where X_Value should be the first column"
+        )
+    return TextLayout(delimiter, names, header, names + 1)
 
 
 def _is_empty(column: Column) -> bool:
@@ -110,25 +117,15 @@ def _header_fields(text: Lines, end: int, delimiter: str) -> dict[str, list[str]
     return fields
 
 
-def _clock_from_header(
-    path: Path, fields: dict[str, list[str]], count: int, repairs: list[Repair]
-) -> np.ndarray:
-    """Return the time (count,) in s from X0 and Delta_X of the header, for ``X_Columns No``."""
+def _clock_settings(path: Path, fields: dict[str, list[str]]) -> tuple[float, float]:
+    """Return X0 and Delta_X of the header in s, for ``X_Columns No``."""
     try:
-        origin, step = (float(fields[name][0].replace(",", ".")) for name in ("X0", "Delta_X"))
+        start, step = (float(fields[name][0].replace(",", ".")) for name in ("X0", "Delta_X"))
     except (KeyError, IndexError, ValueError):
         raise refuse(
             path, "no X values, and no X0 and Delta_X in the header to make them from"
         ) from None
-    if not step > 0:
-        raise refuse(path, f"Delta_X is {step:g} s (allowed: above 0)")
-    repairs.append(
-        Repair(
-            "clock from header",
-            f"no X values: time is {origin:g} s + k × {step:g} s, from X0 and Delta_X",
-        )
-    )
-    return origin + step * np.arange(count)
+    return start, step
 
 
 def read_tdms(path: Path, content: bytes) -> Table:
@@ -139,46 +136,47 @@ def read_tdms(path: Path, content: bytes) -> Table:
     instants of others. A damaged file, and channels that differ in length without a clock, are
     refused; without npTDMS any file is.
     """
+    channels, data = _channels(path, content)
+    properties = [channel.properties for channel in channels]
+    rates = {one.get("wf_increment") for one in properties}
+    count = min((values.size for values in data), default=0)
+    lost = max((values.size for values in data), default=0) - count
+    is_cut = _ends_inside_segment(content) and len(rates) == 1
+    if is_cut:
+        data = [values[:count] for values in data]
+    if not any(values.size for values in data):
+        raise refuse(path, "the TDMS file holds no complete row of data")
+    columns = _channel_columns(channels, data)
+    clock = next((one for one in properties if "wf_increment" in one), None)
+    source = ""
+    if clock is not None and not any(column.is_time for column in columns):
+        clocks = [one if "wf_increment" in one else clock for one in properties]
+        columns, source = _on_waveform_clocks(path, columns, clocks)
+    table = Table.of(path, columns)
+    if is_cut:
+        message = (
+            f"the file ends inside its last segment: {count} rows are complete, {lost} incomplete"
+            " ones dropped"
+        )
+        table.note("partial line", message, range(count + 1, count + lost + 1))
+    if source:
+        table.note("clock from header", source)
+    return table
+
+
+def _channels(path: Path, content: bytes) -> tuple[list[Any], list[np.ndarray]]:
+    """Return the channels of npTDMS, and the data of each."""
     with optional():
         from nptdms import TdmsFile
     log_level = logging.root.manager.disable
     logging.disable(logging.WARNING)  # npTDMS would log the content of our repair too
     try:
-        file = TdmsFile.read(io.BytesIO(content))
-        channels = [channel for group in file.groups() for channel in group.channels()]
-        data = [np.asarray(channel[:]) for channel in channels]
-    except Exception as error:  # a damaged file may raise any exception
-        raise refuse(path, f"the TDMS file is damaged: {type(error).__name__}: {error}") from error
+        with damaged(path, "TDMS"):
+            file = TdmsFile.read(io.BytesIO(content))
+            channels = [channel for group in file.groups() for channel in group.channels()]
+            return channels, [np.asarray(channel[:]) for channel in channels]
     finally:
         logging.disable(log_level)
-    repairs: list[Repair] = []
-    properties = [channel.properties for channel in channels]
-    rates = {one.get("wf_increment") for one in properties}
-    if _ends_inside_segment(content) and len(rates) == 1:
-        count = min((values.size for values in data), default=0)
-        lost = max((values.size for values in data), default=0) - count
-        data = [values[:count] for values in data]
-        message = (
-            f"the file ends inside its last segment: {count} rows are complete, {lost} incomplete"
-            " ones dropped"
-        )
-        repairs.append(Repair("partial line", message, tuple(range(count + 1, count + lost + 1))))
-    if not channels or not any(values.size for values in data):
-        raise refuse(path, "the TDMS file holds no complete row of data")
-    columns = _channel_columns(channels, data)
-    has_time = any(column.name.lower() in ("time", "t") for column in columns)
-    clock = next((one for one in properties if "wf_increment" in one), None)
-    if not has_time and clock is not None:
-        clocks = [one if "wf_increment" in one else clock for one in properties]
-        columns = _on_waveform_clocks(path, columns, clocks, repairs)
-    for column in columns:
-        if len(column.cells) != len(columns[0].cells):
-            raise refuse(
-                path,
-                f"channel '{column.name}' has {len(column.cells)} samples, '{columns[0].name}' has"
-                f" {len(columns[0].cells)}; channels without a clock have equal length",
-            )
-    return Table(path, columns, np.arange(1, len(columns[0].cells) + 1), repairs)
 
 
 def _channel_columns(channels: list[Any], data: list[np.ndarray]) -> list[Column]:
@@ -186,23 +184,17 @@ def _channel_columns(channels: list[Any], data: list[np.ndarray]) -> list[Column
     names = [channel.name for channel in channels]
     columns = []
     for channel, values in zip(channels, data, strict=True):
-        name, unit = read_header_cell(channel.name)
+        column = Column.read(channel.name, values, str(channel.properties.get("unit_string", "")))
         if names.count(channel.name) > 1:
-            name = f"{channel.group_name}/{name}"
-        unit = unit or plain_unit(str(channel.properties.get("unit_string", "")))
-        if values.dtype.kind in "Mm":
-            unit = "s"  # `as_numbers` turns instants into seconds
-        columns.append(Column(name, unit, as_numbers(values), channel.name))
+            column.name = f"{channel.group_name}/{column.name}"
+        columns.append(column)
     return columns
 
 
 def _on_waveform_clocks(
-    path: Path,
-    columns: list[Column],
-    properties: list[Mapping[str, Any]],
-    repairs: list[Repair],
-) -> list[Column]:
-    """Return a time column and the channels at its instants, from their waveform properties.
+    path: Path, columns: list[Column], properties: list[Mapping[str, Any]]
+) -> tuple[list[Column], str]:
+    """Return a time and the channels at its instants, by waveform properties, and the source.
 
     A channel begins at ``wf_start_time`` plus ``wf_start_offset``; without a start time in all of
     them, at the offset.
@@ -224,9 +216,7 @@ def _on_waveform_clocks(
     if len(set(clocks)) > 1:
         named = zip(columns, clocks, strict=True)
         listed = ", ".join(f"{clock} of {column.name}" for column, clock in named)
-    message = f"time is {listed}, from the waveform properties"
-    repairs.append(Repair("clock from header", message))
-    return on_one_clock(columns, times)
+    return on_one_clock(columns, times), f"time is {listed}, from the waveform properties"
 
 
 def _ends_inside_segment(content: bytes) -> bool:

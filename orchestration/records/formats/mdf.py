@@ -9,8 +9,8 @@ import numpy as np
 
 from fmus.kit.extras import optional
 from orchestration.records.formats.clocks import on_one_clock
-from orchestration.records.record import Repair, refuse
-from orchestration.records.tables import Column, Table, plain_unit, read_header_cell
+from orchestration.records.record import damaged, refuse
+from orchestration.records.tables import Column, Table
 
 
 def read_mdf(path: Path, content: bytes) -> Table:
@@ -24,25 +24,19 @@ def read_mdf(path: Path, content: bytes) -> Table:
         from asammdf import MDF
     columns: list[Column] = []
     times = []
-    try:
-        with MDF(io.BytesIO(content)) as file:
-            for signal in file.iter_channels(skip_master=True):
-                if signal.samples.dtype.kind not in "biuf" or signal.samples.ndim != 1:
-                    continue
-                name, unit = read_header_cell(signal.name)
-                values = signal.samples.astype(float)
-                if signal.invalidation_bits is not None:
-                    values[np.asarray(signal.invalidation_bits, dtype=bool)] = np.nan
-                unit = unit or plain_unit(str(signal.unit or ""))
-                columns.append(Column(name, unit, values, signal.name))
-                times.append(np.asarray(signal.timestamps, dtype=float))
-    except Exception as error:  # a damaged file may raise any exception
-        raise refuse(path, f"the MDF file is damaged: {type(error).__name__}") from error
+    with damaged(path, "MDF"), MDF(io.BytesIO(content)) as file:
+        for signal in file.iter_channels(skip_master=True):
+            if signal.samples.dtype.kind not in "biuf" or signal.samples.ndim != 1:
+                continue
+            values = signal.samples.astype(float)
+            if signal.invalidation_bits is not None:
+                values[np.asarray(signal.invalidation_bits, dtype=bool)] = np.nan
+            columns.append(Column.read(signal.name, values, str(signal.unit or "")))
+            times.append(np.asarray(signal.timestamps, dtype=float))
     if not any(len(column.cells) for column in columns):
         raise refuse(path, "the MDF file holds no channel of numbers")
-    table = on_one_clock(columns, times)
-    repairs = []
+    table = Table.of(path, on_one_clock(columns, times))
     if len({time.size for time in times}) > 1:
         message = "channels have clocks of their own, and are missing at the instants of others"
-        repairs.append(Repair("clocks", message))
-    return Table(path, table, np.arange(1, len(table[0].cells) + 1), repairs)
+        table.note("clocks", message)
+    return table

@@ -6,12 +6,11 @@ import re
 from fractions import Fraction
 from pathlib import Path
 
-import numpy as np
-
+from orchestration.records.formats.clocks import insert_clock
 from orchestration.records.formats.layout import TextLayout
 from orchestration.records.formats.text import decode, tabulate
-from orchestration.records.record import Repair, refuse
-from orchestration.records.tables import Column, Table, numbers
+from orchestration.records.record import refuse
+from orchestration.records.tables import Table, numbers
 
 _SECONDS = ("s", "seconds", "second")
 
@@ -35,16 +34,14 @@ def read_opendaq(path: Path, content: bytes) -> Table:
     table = tabulate(text, TextLayout(",", 1, text.split(1, ","), 2))
     ticks = next((column for column in table.columns if column.name == "Domain"), None)
     if ticks is None:
-        time = float(step) * np.arange(table.rows.size, dtype=np.float64)
-        table.columns.insert(0, Column("time", "s", time))
-        message = f"time is k × {float(step):g} s, from row 1"
-    else:
-        ticks.name = "time"
-        ticks.unit = "s"
-        tick_numbers = numbers(table, ticks)
-        ticks.cells = float(tick) * (tick_numbers - tick_numbers[0])
-        message = f"time is column 'Domain' in ticks of {float(tick):g} s, from row 1"
-    table.repairs.append(Repair("clock from header", message))
+        insert_clock(table, float(step), "row 1")
+        return table
+    ticks.name = "time"
+    ticks.unit = "s"
+    tick_numbers = numbers(table, ticks)
+    ticks.cells = float(tick) * (tick_numbers - tick_numbers[0])
+    message = f"time is column 'Domain' in ticks of {float(tick):g} s, from row 1"
+    table.note("clock from header", message)
     return table
 
 

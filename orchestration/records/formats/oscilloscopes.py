@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from orchestration.records.formats.clocks import insert_clock
 from orchestration.records.formats.layout import split
 from orchestration.records.formats.text import decode
-from orchestration.records.record import Repair, refuse
-from orchestration.records.tables import Column, Table, parse_cell, plain_unit, read_header_cell
+from orchestration.records.record import refuse
+from orchestration.records.tables import Column, Table, parse_cell
 
 RIGOL = re.compile(rb"(?:\xef\xbb\xbf)?(?:X,CH\d[^\r\n]*,Start,Increment|Time\(s\),[^\r\n]*t0\s*=)")
 TEKTRONIX = re.compile(rb'(?:\xef\xbb\xbf)?"?Record Length"?,')
@@ -35,12 +36,9 @@ def read_rigol(path: Path, content: bytes) -> Table:
     names = [cell for cell in header[1:] if not _SETTING.match(cell.strip())]
     cells, rows = _rows(path, text.lines, 2 if below else 1, range(1, 1 + len(names)))
     start, step = (_number(path, stated, name) for name in ("t0", "tInc"))
-    if not step > 0.0:
-        raise refuse(path, f"row 1: the increment of time is {step:g} s (allowed: above 0)")
-    time = Column("time", "s", start + step * np.arange(len(rows), dtype=np.float64))
-    message = f"time is {start:g} s + k × {step:g} s, from the header"
-    repairs = [*text.repairs, Repair("clock from header", message)]
-    return Table(path, [time, *_columns(names, below[1:], cells)], np.array(rows), repairs)
+    table = Table(path, _columns(names, below[1:], cells), np.array(rows), text.repairs)
+    insert_clock(table, step, "the header", start)
+    return table
 
 
 def read_tektronix(path: Path, content: bytes) -> Table:
@@ -83,8 +81,7 @@ def _columns(names: Sequence[str], units: Sequence[str], cells: list[list[str]])
     columns = []
     padded = [*units, *[""] * len(names)]
     for cell, below, texts in zip(names, padded, zip(*cells, strict=True), strict=False):
-        name, unit = read_header_cell(cell)
-        columns.append(Column(name, unit or plain_unit(below), list(texts), cell.strip()))
+        columns.append(Column.read(cell.strip(), list(texts), below))
     return columns
 
 

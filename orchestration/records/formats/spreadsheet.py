@@ -9,12 +9,11 @@ from typing import Any
 
 from fmus.kit.extras import optional
 from orchestration.records.formats.text import Lines, choose_table, read_lines
-from orchestration.records.record import refuse
+from orchestration.records.record import damaged, refuse
 from orchestration.records.source import AS_IT_STANDS, Reading
 from orchestration.records.tables import Table
 
 _SPACES = str.maketrans("\t\r\n", "   ")
-_DAY = 86400.0
 
 
 def read_spreadsheet(path: Path, content: bytes, reading: Reading = AS_IT_STANDS) -> Table:
@@ -27,14 +26,12 @@ def read_spreadsheet(path: Path, content: bytes, reading: Reading = AS_IT_STANDS
     """
     with optional():
         from python_calamine import CalamineWorkbook
-    try:
+    with damaged(path, "spreadsheet"):
         book = CalamineWorkbook.from_filelike(io.BytesIO(content))
         sheets = {
             name: book.get_sheet_by_name(name).to_python(skip_empty_area=False)
             for name in book.sheet_names
         }
-    except Exception as error:  # a damaged file may raise any exception
-        raise refuse(path, f"the spreadsheet is damaged: {error}") from error
     filled = {name: rows for name, rows in sheets.items() if len(rows) > 1}
     if not filled:
         raise refuse(path, "no sheet holds a table")

@@ -23,9 +23,9 @@ from orchestration.records.formats.layout import (
     is_value,
     split_strictly,
 )
-from orchestration.records.record import Repair, list_rows, refuse
+from orchestration.records.record import Repair, Repaired, list_rows, refuse
 from orchestration.records.source import AS_IT_STANDS, Reading
-from orchestration.records.tables import Column, Table, plain_unit, read_header_cell
+from orchestration.records.tables import Column, Table
 from orchestration.reporting import option
 
 _CONTROL = re.compile("[\x00-\x08\x0b\x0e-\x1f\x7f\x80-\x9f]")
@@ -34,7 +34,7 @@ EXPECTED = "expected a header such as 'time [s],current [A]' and rows of numbers
 
 
 @dataclass(frozen=True)
-class Lines:
+class Lines(Repaired):
     """The lines of a text file.
 
     Attributes
@@ -178,7 +178,7 @@ def read_lines(text: Lines, reading: Reading = AS_IT_STANDS) -> Table:
     ]
     if above:
         message = f"skipped above the header, which is row {layout.names + 1}: {list_rows(above)}"
-        text.repairs.append(Repair("preamble", message))
+        text.note("preamble", message)
     return tabulate(text, layout, reading)
 
 
@@ -273,19 +273,19 @@ def tabulate(
         )
     if rows.blank:
         message = f"{len(rows.blank)} blank lines skipped ({list_rows(rows.blank)})"
-        text.repairs.append(Repair("blank lines", message, tuple(rows.blank)))
+        text.note("blank lines", message, rows.blank)
     if rows.aside:
         first = text.lines[rows.aside[0] - 1].strip()[:40]
         message = (
             f"{len(rows.aside)} lines that are no rows skipped ({list_rows(rows.aside)}): '{first}'"
         )
-        text.repairs.append(Repair("lines aside", message, tuple(rows.aside)))
+        text.note("lines aside", message, rows.aside)
     if not text.ended and rows.numbers[-1] == len(text.lines):
         message = (
             f"row {rows.numbers[-1]}, the last, has no line end: its last number may be cut short;"
             " it was kept"
         )
-        text.repairs.append(Repair("no line end", message, (rows.numbers[-1],)))
+        text.note("no line end", message, (rows.numbers[-1],))
     columns = _make_columns(layout, rows.cells)
     table = Table(text.path, columns, np.array(rows.numbers, dtype=np.int64), text.repairs)
     strip_units(table)
@@ -319,7 +319,7 @@ def _add_line(
         rows.aside.append(row)
     elif _is_partial(cells, layout.header, is_last, text.ended):
         message = f"row {row}, the last, is cut off: dropped"
-        text.repairs.append(Repair("partial line", message, (row,)))
+        text.note("partial line", message, (row,))
     elif len(cells) != width:
         raise _wrong_width(text.path, row, len(cells), width, layout.delimiter)
     else:
@@ -374,8 +374,7 @@ def _make_columns(layout: TextLayout, records: list[list[str]]) -> list[Column]:
     columns = []
     units = layout.units or [""] * len(layout.header)
     for cell, below, cells in zip(layout.header, units, zip(*records, strict=True), strict=True):
-        name, unit = read_header_cell(cell)
-        unit = unit or plain_unit(below)
-        if name or unit or any(text.strip() for text in cells):
-            columns.append(Column(name, unit, cells, cell.strip()))
+        column = Column.read(cell.strip(), cells, below)
+        if column.name or column.unit or any(text.strip() for text in cells):
+            columns.append(column)
     return columns

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array, Indices, Mask
+from fmus.kit.arrays import Array, Indices, Mask, Signals
 from orchestration.records.quality.fault import FAULTS, Channels, Fault
 from orchestration.records.sampling import true_runs
 
@@ -97,7 +97,7 @@ class _Moves(NamedTuple):
     stepped: Mask
 
     @classmethod
-    def of(cls, inputs: Mapping[str, Array], count: int) -> _Moves:
+    def of(cls, inputs: Signals, count: int) -> _Moves:
         """Return the samples, of `count`, at which the inputs change."""
         each = {name: _changes(u) for name, u in inputs.items()}
         rough = [
@@ -129,9 +129,7 @@ def check_sizes(channels: Channels) -> None:
             raise UserError(f"{name}: values all within {_TINY:g} of zero are no measurement")
 
 
-def assess(
-    channels: Channels, simulated: Mapping[str, Array] | None = None
-) -> tuple[Channels, list[Fault]]:
+def assess(channels: Channels, simulated: Signals | None = None) -> tuple[Channels, list[Fault]]:
     """Look for faults of the data.
 
     Parameters
@@ -172,7 +170,7 @@ def assess(
 
 
 def _beside_model(
-    values: Array, simulated: Array | None, inputs: Mapping[str, Array], moves: _Moves
+    values: Array, simulated: Array | None, inputs: Signals, moves: _Moves
 ) -> Iterator[_Symptom]:
     """Yield the faults of one output (n,) that its simulation, if there is one, does not have."""
     symptoms = [*_copies(values, inputs), *_symptoms(values, moves)]
@@ -235,7 +233,7 @@ def _still_inputs(channels: Channels) -> Iterator[Fault]:
         yield _of_record("no_excitation", channels)
 
 
-def _copies(values: Array, inputs: Mapping[str, Array]) -> Iterator[_Symptom]:
+def _copies(values: Array, inputs: Signals) -> Iterator[_Symptom]:
     """Yield a symptom if an output (n,) has the values of an input."""
     for name, u in inputs.items():
         if np.ptp(u) > 0.0 and np.allclose(values, u, rtol=0.0, atol=_SAME * float(np.ptp(u))):
@@ -592,7 +590,7 @@ def is_on_grid(y: Array, resolution: float) -> bool:
 def _changes(values: Array) -> Mask:
     """Return a mask of the samples that differ from the sample before."""
     change = np.abs(np.diff(values, prepend=values[:1]))
-    return np.asarray(change > _SAME * np.abs(values).max(initial=0.0))
+    return change > _SAME * np.abs(values).max(initial=0.0)
 
 
 def _any_moved(moved: Mapping[str, Mask], n: int) -> Mask:

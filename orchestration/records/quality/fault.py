@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Signals
 from orchestration.records.sampling import evenly_sampled
 from orchestration.reporting import format_percent
 
@@ -150,8 +150,8 @@ class Channels:
     """
 
     time: Array
-    inputs: Mapping[str, Array]
-    outputs: Mapping[str, Array]
+    inputs: Signals
+    outputs: Signals
     smooth: frozenset[str] = frozenset()
 
     @property

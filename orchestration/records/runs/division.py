@@ -8,7 +8,7 @@ import numpy as np
 
 from fmus.kit.arrays import Mask
 from fmus.kit.errors import UserError, suggestion
-from orchestration.records.record import Repair, refuse
+from orchestration.records.record import refuse
 from orchestration.records.sampling import Samples, restarts
 from orchestration.records.tables import Table, parse_cell
 from orchestration.reporting import option
@@ -114,7 +114,7 @@ def divide_at_restarts(samples: Samples) -> list[tuple[str, Samples]]:
         f"the clock restarts {times}, first before row {rows[0]}: taken as {count} runs, 1 to"
         f" {count}"
     )
-    samples.repairs.append(Repair("runs", message, rows))
+    samples.note("runs", message, rows)
     number = np.searchsorted(starts, np.arange(samples.time.size), "right") + 1
     return _select_runs(samples, {str(k): number == k for k in range(1, count + 1)})
 

@@ -1,11 +1,11 @@
 """Channels of a record: repair of missing values, notices of poor sensors, steps of inputs."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 
 import numpy as np
 
-from fmus.kit.arrays import Array, Mask
-from orchestration.records.record import Repair, list_rows, refuse
+from fmus.kit.arrays import Array, Mask, Signals
+from orchestration.records.record import list_rows, refuse
 from orchestration.records.sampling.clock import Samples, true_runs
 from orchestration.reporting import option
 
@@ -36,7 +36,7 @@ def mask_infinite(samples: Samples) -> None:
         if infinite.any():
             rows = samples.rows[infinite].tolist()
             message = f"{name}: {len(rows)} infinite values treated as missing ({list_rows(rows)})"
-            samples.repairs.append(Repair("infinite", message, tuple(rows)))
+            samples.note("infinite", message, rows)
             samples.values[name] = np.where(infinite, np.nan, values)
 
 
@@ -70,9 +70,7 @@ def repair_holes(samples: Samples, inputs: Collection[str], required: Collection
                     samples.path, f"the signal '{name}' is required, and its column has no values"
                 )
             del samples.values[name]
-            samples.repairs.append(
-                Repair("empty column", f"{name}: the column has no values; treated as absent")
-            )
+            samples.note("empty column", f"{name}: the column has no values; treated as absent")
         elif missing.any() and name in inputs:
             samples.values[name] = _fill_input(samples, name, values, missing)
         elif missing.any():
@@ -81,7 +79,7 @@ def repair_holes(samples: Samples, inputs: Collection[str], required: Collection
                 f"{name}: {len(rows)} missing values, left out of every comparison"
                 f" ({list_rows(rows)})"
             )
-            samples.repairs.append(Repair("masked", message, tuple(rows)))
+            samples.note("masked", message, rows)
     if not samples.values:
         raise refuse(samples.path, "no column of a signal has any value")
 
@@ -113,7 +111,7 @@ def _fill_input(samples: Samples, name: str, values: Array, missing: Mask) -> Ar
         f"{name}: {len(missing_rows)} missing values of this input interpolated"
         f" ({list_rows(missing_rows)})"
     )
-    samples.repairs.append(Repair("filled hole", message, tuple(missing_rows)))
+    samples.note("filled hole", message, missing_rows)
     filled = values.copy()
     filled[missing] = np.interp(samples.time[missing], samples.time[~missing], values[~missing])
     return filled
@@ -136,7 +134,7 @@ def _held_input(samples: Samples, name: str, values: Array, missing: Mask) -> Ar
     measured = np.flatnonzero(~missing)
     every = int(measured[1] - measured[0])
     message = f"{name}: a value every {every} rows, held between them ({measured.size} values)"
-    samples.repairs.append(Repair("held", message, tuple(samples.rows[missing].tolist())))
+    samples.note("held", message, samples.rows[missing].tolist())
     return values[np.maximum.accumulate(np.where(missing, 0, np.arange(values.size)))]
 
 
@@ -161,7 +159,7 @@ def notice_channels(samples: Samples, units: dict[str, str], inputs: Collection[
                 f"{name}: constant at {levels[0]:.6g} {unit} throughout (a dead channel, or kept"
                 " constant)"
             )
-            samples.repairs.append(Repair("constant", message))
+            samples.note("constant", message)
             continue
         if name in inputs:
             continue
@@ -185,7 +183,7 @@ def _notice_quantised(samples: Samples, name: str, levels: Array, count: int, un
         f"{name}: quantised, {steps.size + 1} distinct values in {count} samples, least step"
         f" {least:.4g} {unit}"
     )
-    samples.repairs.append(Repair("quantised", message))
+    samples.note("quantised", message)
 
 
 def _notice_clipped(samples: Samples, name: str, values: Array, levels: Array, unit: str) -> None:
@@ -200,12 +198,10 @@ def _notice_clipped(samples: Samples, name: str, values: Array, levels: Array, u
                 f"{name}: clipped (or constant) at its {word} {level:.6g} {unit}: {100 * share:.1f}"
                 f" % of the samples, up to {length} in a row from row {samples.rows[first]}"
             )
-            samples.repairs.append(
-                Repair("clipped", message, tuple(samples.rows[at_level].tolist()))
-            )
+            samples.note("clipped", message, samples.rows[at_level].tolist())
 
 
-def input_steps(inputs: Mapping[str, Array], count: int) -> Mask:
+def input_steps(inputs: Signals, count: int) -> Mask:
     """Find steps of inputs: changes above 1 % of the range and four times the median change.
 
     Parameters
@@ -227,4 +223,4 @@ def _steps(values: Array) -> Mask:
     """Return a mask of the steps of an input, see `input_steps`."""
     change = np.abs(np.diff(values, prepend=values[:1]))
     least = max(_STEP_SHARE * float(np.ptp(values)), _STEP_RATIO * float(np.median(change)))
-    return np.asarray(change > least)
+    return change > least

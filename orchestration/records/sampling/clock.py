@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array, Indices, Mask
-from orchestration.records.record import Repair, list_rows, refuse, refuse_loss
+from orchestration.records.record import Repair, Repaired, list_rows, refuse, refuse_loss
 
 LATE_RUN_ROWS = 5
 """Most consecutive late rows that are sorted; more mean a clock that was set back."""
@@ -25,7 +25,7 @@ UNEVEN = 0.01
 
 
 @dataclass
-class Samples:
+class Samples(Repaired):
     """Time, values and row numbers of a record during its repair.
 
     Parameters
@@ -129,7 +129,7 @@ def _drop_missing_time(samples: Samples, discard: float) -> None:
         rows = samples.rows[invalid].tolist()
         refuse_loss(samples.path, "rows have no valid time", rows, invalid.size, discard)
         message = f"{len(rows)} rows without a valid time dropped ({list_rows(rows)})"
-        samples.repairs.append(Repair("missing time", message, tuple(rows)))
+        samples.note("missing time", message, rows)
     samples.keep(~invalid)
 
 
@@ -174,7 +174,7 @@ def _sort_late_rows(samples: Samples) -> None:
         )
     late_by = float((before - time).max())
     message = f"{len(rows)} rows out of order by up to {late_by:.4g} s sorted ({list_rows(rows)})"
-    samples.repairs.append(Repair("order", message, tuple(rows)))
+    samples.note("order", message, rows)
     samples.keep(np.argsort(time, kind="stable"))
 
 
@@ -245,7 +245,7 @@ def _keep_ends_of_jumps(samples: Samples) -> None:
         f" ({list_rows(dropped)})"
     )
     samples.keep(last)
-    samples.repairs.append(Repair("duplicates", message, tuple(dropped)))
+    samples.note("duplicates", message, dropped)
 
 
 def _average_duplicates(samples: Samples) -> None:
@@ -277,7 +277,7 @@ def _average_duplicates(samples: Samples) -> None:
     )
     samples.keep(first)
     samples.values = means
-    samples.repairs.append(Repair("duplicates", message, tuple(repeated)))
+    samples.note("duplicates", message, repeated)
 
 
 def _largest_deviation(values: Array, others: Array) -> float:
@@ -303,7 +303,7 @@ def _group_means(values: Array, first: Mask) -> Array:
     deviations = (values - reference[group])[valid]
     total = np.bincount(group[valid], weights=deviations, minlength=len(reference))
     with np.errstate(invalid="ignore", divide="ignore"):  # 0 / 0 is NaN, a missing value
-        return np.asarray(reference + total / count)
+        return reference + total / count
 
 
 def evenly_sampled(time: Array) -> bool:
@@ -410,8 +410,8 @@ def _notice_gaps(samples: Samples) -> None:
             f" {list_rows(rows)}); a simulation holds the inputs constant over a gap and is wrong"
             " after it if they changed; a diagnosis restarts after it"
         )
-        samples.repairs.append(Repair("gap", message, tuple(rows)))
+        samples.note("gap", message, rows)
     if not evenly_sampled(samples.time):
         low, high = np.quantile(steps, [0.05, 0.95])
         message = f"uneven sampling: 90 % of the steps lie between {low:.4g} s and {high:.4g} s"
-        samples.repairs.append(Repair("uneven sampling", message))
+        samples.note("uneven sampling", message)

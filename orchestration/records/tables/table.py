@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.arrays import Array, Indices, Mask
-from orchestration.records.record import Repair, list_rows, refuse
+from orchestration.records.record import Repair, Repaired, list_rows, refuse
+from orchestration.records.tables.header import plain_unit, read_header_cell
 
 MISSING_CELLS = frozenset(
     {
@@ -95,9 +96,38 @@ class Column:
     cells: Sequence[str] | Array
     title: str = ""
 
+    @classmethod
+    def read(cls, title: str, cells: Sequence[str] | np.ndarray, stated: str = "") -> Column:
+        """Return the column below a header cell, in its unit or the one stated elsewhere.
+
+        Parameters
+        ----------
+        title : str
+            See `read_header_cell`.
+        cells : sequence of str or ndarray, shape (n,)
+            An array may be of any type, see `as_numbers`.
+        stated : str
+            Unit that the file states beside the header; empty without one.
+
+        Returns
+        -------
+        Column
+            Instants are in seconds.
+        """
+        name, unit = read_header_cell(title)
+        if not isinstance(cells, np.ndarray):
+            return cls(name, unit or plain_unit(stated), cells, title)
+        unit = "s" if cells.dtype.kind in "mM" else unit or plain_unit(stated)
+        return cls(name, unit, as_numbers(cells), title)
+
+    @property
+    def is_time(self) -> bool:
+        """True if it has the usual name of a time."""
+        return self.name.casefold() in ("time", "t")
+
 
 @dataclass
-class Table:
+class Table(Repaired):
     """All columns of a file.
 
     Parameters
@@ -116,6 +146,29 @@ class Table:
     columns: list[Column]
     rows: NDArray[np.int64]
     repairs: list[Repair] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, path: Path, columns: list[Column], nothing: str = "there are no rows") -> Table:
+        """Return a table of columns whose rows are numbered from 1.
+
+        Raises
+        ------
+        UserError
+            If lengths differ from that of the time, or there are no rows: the message is `nothing`.
+        """
+        reference = next((column for column in columns if column.is_time), None)
+        first = reference or next(iter(columns), None)
+        if first is None or not len(first.cells):
+            raise refuse(path, nothing)
+        for column in columns:
+            if len(column.cells) != len(first.cells):
+                raise refuse(
+                    path,
+                    f"'{column.title or column.name}' has {len(column.cells)} values,"
+                    f" '{first.title or first.name}' has {len(first.cells)}; columns of one record"
+                    " have equal length",
+                )
+        return cls(path, columns, np.arange(1, len(first.cells) + 1))
 
     def names(self) -> list[str]:
         """Return the names of the columns in file order.
@@ -322,9 +375,9 @@ def as_numbers(values: np.ndarray | np.ma.MaskedArray[Any, Any]) -> np.ndarray |
     if values.dtype.kind == "M":
         known = values[~np.isnat(values)]
         first = known[0] if known.size else np.datetime64("NaT")
-        return np.asarray((values - first) / np.timedelta64(1, "s"), dtype=float)
+        return (values - first) / np.timedelta64(1, "s")
     if values.dtype.kind == "m":
-        return np.asarray(values / np.timedelta64(1, "s"), dtype=float)
+        return values / np.timedelta64(1, "s")
     if values.dtype.kind in "biuf":
         return values.astype(float)
     return ["" if value is None else str(value) for value in values]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.kit.arrays import Array
-from orchestration.records.record import Repair, list_rows, refuse
+from orchestration.records.record import list_rows, refuse
 from orchestration.records.tables import MISSING_CELLS, Column, Table
 from orchestration.records.times.summer_time import is_zone, local_to_utc
 from orchestration.reporting import option
@@ -138,9 +138,7 @@ def seconds(table: Table, column: Column, form: str = "") -> Array:
         notation = MINUTES if has_minutes_first else _hours_form(column, cell)
         _continue_after_midnight(table, column, instants, _HOUR if has_minutes_first else _DAY)
     text = str(column.cells[first]).strip()
-    table.repairs.append(
-        Repair("date", f"column '{column.name}' is read as {notation}: '{text}' is 0 s")
-    )
+    table.note("date", f"column '{column.name}' is read as {notation}: '{text}' is 0 s")
     return instants - instants[first]
 
 
@@ -348,12 +346,10 @@ def _continue_after_midnight(table: Table, column: Column, seconds: Array, perio
     if midnights.size:
         rows = [int(table.rows[known[k + 1]]) for k in midnights]
         word = "midnight" if period == _DAY else "the hour"
-        table.repairs.append(
-            Repair(
-                "midnight",
-                f"column '{column.name}' passes {word} before {list_rows(rows)}: its time goes on",
-                tuple(rows),
-            )
+        table.note(
+            "midnight",
+            f"column '{column.name}' passes {word} before {list_rows(rows)}: its time goes on",
+            rows,
         )
 
 
@@ -364,7 +360,5 @@ def merge_date_and_time(table: Table, one: Column, other: Column) -> Column:
         f"{day} {time}" if day.strip() and time.strip() else ""
         for day, time in zip(map(str, days.cells), map(str, clock.cells), strict=True)
     ]
-    table.repairs.append(
-        Repair("date", f"columns '{days.name}' and '{clock.name}' are one date and time")
-    )
+    table.note("date", f"columns '{days.name}' and '{clock.name}' are one date and time")
     return Column(days.name, None, cells)

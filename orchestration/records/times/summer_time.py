@@ -13,7 +13,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 
 from fmus.kit.arrays import Array
-from orchestration.records.record import Repair, refuse
+from orchestration.records.record import refuse
 from orchestration.records.tables import Column, Table
 from orchestration.reporting import option
 
@@ -68,7 +68,7 @@ def local_to_utc(table: Table, column: Column, local: Array, zone: str) -> Array
         return local
     result = local.copy()
     result[known] -= _offsets(local[known], ZoneInfo(zone))
-    table.repairs.append(Repair("zone", f"column '{column.name}' is read as local time of {zone}"))
+    table.note("zone", f"column '{column.name}' is read as local time of {zone}")
     return result
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.units import measure_alike
-from orchestration.records.record import Repair, refuse
+from orchestration.records.record import refuse
 from orchestration.records.tables import Column, Table, numbers
 from orchestration.records.times.instants import (
     first_text,
@@ -86,7 +86,7 @@ def find_time(table: Table, signals: Container[str], free: Sequence[Column]) -> 
             f"time is column '{time.name}', not {listed}; to take another, for example the"
             f" first of these: {option('mapping', {table.map_name(others[0]): 'time'})}"
         )
-        table.repairs.append(Repair("time column", message))
+        table.note("time column", message)
     return time
 
 

@@ -61,7 +61,7 @@ def test_each_has_a_name_of_its_own():
 @pytest.mark.parametrize(
     ("data", "says"),
     [
-        ({**ARRAYS, "x": np.zeros(3)}, "column 'x' has 3 values, 'time [s]' has 4"),
+        ({**ARRAYS, "x": np.zeros(3)}, "'x' has 3 values, 'time [s]' has 4"),
         ({**ARRAYS, "x": np.zeros((4, 2))}, "column 'x' has shape (4, 2)"),
         ({"time": [], "current": []}, "no rows"),
         ({}, "no rows"),

@@ -90,6 +90,12 @@ X_Value\tcurrent\tdisplacement\tComment
 1\t300\t4
 1.5\t400\t3
 """
+WITHOUT_X = (
+    LVM.replace("0\t100", "\t100")
+    .replace("0.5\t-", "\t-")
+    .replace("1\t300", "\t300")
+    .replace("1.5\t400", "\t400")
+)
 
 
 @pytest.mark.parametrize(
@@ -98,14 +104,16 @@ X_Value\tcurrent\tdisplacement\tComment
         LVM,
         LVM.replace(".", ",").replace("Decimal_Separator\t,", "Decimal_Separator\t,"),
         LVM.replace("\tComment", ""),
-        LVM.replace("0\t100", "\t100")
-        .replace("0.5\t-", "\t-")
-        .replace("1\t300", "\t300")
-        .replace("1.5\t400", "\t400"),
+        WITHOUT_X,
     ],
 )
 def test_labview_text(tmp_path, text):
     check(read_record(write(tmp_path, text, "r.lvm"), SIGNALS))
+
+
+def test_a_time_from_the_header_keeps_the_name_of_its_column(tmp_path):
+    path = write(tmp_path, WITHOUT_X, "r.lvm")
+    check(read_record(path, SIGNALS, mapping={"X_Value": "time"}))
 
 
 def test_a_second_labview_segment_is_refused_with_its_row(tmp_path):

@@ -29,4 +29,6 @@ def test_fast_and_slow_channels_keep_their_instants(tmp_path):
 
 def test_a_damaged_file_is_refused(tmp_path):
     (tmp_path / "r.mf4").write_bytes(b"MDF     4.10    " + bytes(200))
-    assert "the MDF file" in refusal(tmp_path / "r.mf4")
+    message = refusal(tmp_path / "r.mf4")
+    assert "the MDF file is damaged" in message
+    assert "BytesIO" not in message

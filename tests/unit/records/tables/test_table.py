@@ -65,3 +65,24 @@ def test_instants_and_durations_become_seconds_and_objects_text():
     assert as_numbers(np.array([0, 250], dtype="timedelta64[ms]")).tolist() == [0.0, 0.25]
     assert as_numbers(np.array([True, False])).tolist() == [1.0, 0.0]
     assert as_numbers(np.array([None, "a", 1.5], dtype=object)) == ["", "a", "1.5"]
+
+
+def test_instants_are_in_seconds_whatever_their_header_says():
+    instants = np.array(["2026-01-01T00:00:00", "2026-01-01T00:00:02"], dtype="datetime64[ns]")
+    column = Column.read("time [ms]", instants)
+    assert (column.name, column.unit, column.cells.tolist()) == ("time", "s", [0.0, 2.0])
+
+
+def test_the_unit_of_a_header_is_before_one_that_is_stated_beside_it():
+    assert Column.read("force [mN]", ["1"], "N").unit == "mN"
+    assert Column.read("force", ["1"], "N").unit == "N"
+    assert Column.read("force", ["1"]).unit is None
+
+
+def test_columns_of_different_length_and_none_are_refused(tmp_path):
+    columns = [Column("u", "V", np.zeros(3)), Column("time", "s", np.zeros(2))]
+    with pytest.raises(UserError, match="'u' has 3 values, 'time' has 2"):
+        Table.of(tmp_path, columns)
+    with pytest.raises(UserError, match="nothing here"):
+        Table.of(tmp_path, [], "nothing here")
+    assert Table.of(tmp_path, columns[:1]).rows.tolist() == [1, 2, 3]
