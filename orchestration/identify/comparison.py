@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmus.kit.arrays import Array
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit.arrays import Array, Signals
+from fmus.kit.errors import UserError, find
 from orchestration.fmu import Model, Value
 from orchestration.fmu.isolation import limits_of
 from orchestration.fmu.signal import numeric
@@ -78,14 +78,18 @@ class Comparison(Displayable):
     fit: Fit | None
     after: dict[str, GoodnessOfFit] | None
 
+    @property
+    def latest(self) -> dict[str, GoodnessOfFit]:
+        """The simulation after the fit, or without one the only one."""
+        return self.before if self.after is None else self.after
+
     def overview(self) -> Iterator[RenderableType]:
         """Yield the output of ``ppy compare``."""
         yield presentation.overview(self)
         yield from self.fit.warning_lines if self.fit else ()
 
     def __repr__(self) -> str:
-        runs = self.before if self.after is None else self.after
-        percents = ", ".join(f"{output} {g.fit_percent:.1f} %" for output, g in runs.items())
+        percents = ", ".join(f"{output} {g.fit_percent:.1f} %" for output, g in self.latest.items())
         return one_line(f"Comparison {percents}: {self.model.name}, {self.record.source.name}")
 
     def to_frame(self) -> pandas.DataFrame:
@@ -244,8 +248,8 @@ def compare(
 def fit_model(
     model: Model,
     time: Array,
-    inputs: Mapping[str, Array],
-    measured: Mapping[str, Array],
+    inputs: Signals,
+    measured: Signals,
     names: Sequence[str],
     given: Mapping[str, Value],
     *,
@@ -292,12 +296,7 @@ def fit_model(
 def _check_names(model: Model, names: Sequence[str], option: str = "") -> None:
     """Refuse parameters that cannot be fitted, before any work is done."""
     for k, name in enumerate(names):
-        if name not in model.parameters:
-            raise UserError(
-                f"{option}{model.name} has no parameter named"
-                f" {name!r}{suggestion(name, model.parameters)}"
-            )
-        kind = model.parameters[name].type
+        kind = find(name, model.parameters, f"{option}{model.name} has no parameter").type
         if kind != "real":
             raise UserError(f"{option}{name} is {kind}; only real parameters can be fitted")
         if name in names[:k]:
@@ -307,8 +306,8 @@ def _check_names(model: Model, names: Sequence[str], option: str = "") -> None:
 def _assess(
     model: Model,
     time: Array,
-    inputs: Mapping[str, Array],
-    measured: Mapping[str, Array],
+    inputs: Signals,
+    measured: Signals,
     parameters: Mapping[str, Value],
 ) -> dict[str, GoodnessOfFit]:
     """Simulate the model, and return the goodness of fit of every measured output."""

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Signals
 from fmus.kit.units import Described, format_range, format_value
 from orchestration.identify import presentation
 from orchestration.identify.fitting import (
@@ -302,8 +302,8 @@ def _opened(subject: Subject) -> AbstractContextManager[None]:
 def fit_grey_box(
     cls: Subject,
     time: Array,
-    inputs: Mapping[str, Array],
-    measured: Mapping[str, Array],
+    inputs: Signals,
+    measured: Signals,
     names: Sequence[str],
     fixed: Mapping[str, float] | None = None,
 ) -> Fit:

@@ -107,11 +107,10 @@ def _values_sentence(fit: Fit) -> str:
 
 def _errors_sentence(comparison: Comparison) -> str:
     """Return a sentence for each output with its error after the fit and before it."""
-    after = comparison.after or comparison.before
     sentences = [
         f"{_title(comparison, output)} is off by {_error_percent(goodness)} instead of"
         f" {_error_percent(comparison.before[output])} of what it moves by."
-        for output, goodness in after.items()
+        for output, goodness in comparison.latest.items()
     ]
     return " ".join(sentences)
 
@@ -129,12 +128,11 @@ def _title(comparison: Comparison, output: str) -> str:
 
 def _bars_of(comparison: Comparison, output: str) -> list[Bar]:
     """Return bars of the error of an output before the fit and after it."""
-    after = comparison.after or comparison.before
     signal = comparison.model.outputs[output]
     bars = []
     for label, colour, goodness in (
         (_BEFORE, pictures.MODEL, comparison.before[output]),
-        (_FITTED, pictures.FITTED, after[output]),
+        (_FITTED, pictures.FITTED, comparison.latest[output]),
     ):
         size = write_prefixed(goodness.rms, signal.unit)
         bars.append(Bar(label, colour, goodness.rms, f"{_error_percent(goodness)} · {size}"))
@@ -154,7 +152,7 @@ def _panels_of_output(comparison: Comparison, output: str) -> list[Panel]:
     """Return the panel of an output, and the one of its residuals."""
     time = comparison.record.time
     before = comparison.before[output]
-    after = (comparison.after or comparison.before)[output]
+    after = comparison.latest[output]
     signal = comparison.model.outputs[output]
     difference = unit_of_differences(signal)
     measured = units.convert(before.measured, signal.unit, signal.display)
@@ -184,8 +182,7 @@ def _with_unit(title: str, unit: str) -> str:
 
 def _next_steps(comparison: Comparison, fit: Fit) -> list[str]:
     """Return the next steps: warnings of the fit, then advice by the whiteness of residuals."""
-    after = comparison.after or comparison.before
-    tests = {output: goodness.whiteness for output, goodness in after.items()}
+    tests = {output: goodness.whiteness for output, goodness in comparison.latest.items()}
     coloured = [output for output, test in tests.items() if test and not test.is_white]
     steps = [*fit.all_warnings]
     if coloured:
@@ -221,9 +218,8 @@ def _add_parameters(page: Page, fit: Fit) -> None:
 
 def _uncertainty_remarks(comparison: Comparison, fit: Fit) -> list[str]:
     """Return the results of the residual tests, and the strongly correlated parameters."""
-    after = comparison.after or comparison.before
     texts = []
-    for output, goodness in after.items():
+    for output, goodness in comparison.latest.items():
         whiteness = goodness.whiteness.summary() if goodness.whiteness else "too short"
         texts.append(f"{_title(comparison, output)}: {whiteness}.")
     texts += [

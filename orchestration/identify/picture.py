@@ -67,7 +67,7 @@ def _draw_output(comparison: Comparison, output: str, over: Axes, below: Axes) -
     signal = comparison.model.outputs[output]
     difference = unit_of_differences(signal)
     before = comparison.before[output]
-    after = before if comparison.after is None else comparison.after[output]
+    after = comparison.latest[output]
     measured = units.convert(before.measured, signal.unit, signal.display)
     over.plot(time, measured, color=pictures.MEASURED, lw=2.5, label="measured")
     # the residual of the fit would not be visible with a much larger one before it

@@ -159,7 +159,7 @@ class LinearBlocks:
 
         def substitute(row: Array) -> Array:
             """Return a row with the connected inputs at a communication point eliminated."""
-            return np.asarray(row * is_other + row[connected] @ solution)
+            return row * is_other + row[connected] @ solution
 
         first = len(self.discretes)
         indices = tuple(range(first, first + len(names)))
@@ -249,7 +249,7 @@ class LinearBlocks:
         def arrange(matrix: Array) -> Array:
             # the last column, of zeros, is that of new names
             padded = np.hstack([matrix, np.zeros((len(matrix), 1))])
-            return np.asarray(padded[:, order])
+            return padded[:, order]
 
         names = list(self.signals)
         rows = arrange(np.array(list(self.signals.values())).reshape(len(names), width))

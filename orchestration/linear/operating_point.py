@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Signals
 from fmus.kit.interrupt import uninterrupted
 from fmus.kit.record import CompiledModel
 from fmus.kit.symbolic import Graph
@@ -105,7 +105,7 @@ def point_at(
     graph: Graph,
     time: float,
     settings: Mapping[str, float],
-    stimulus: Mapping[str, Array] | None = None,
+    stimulus: Signals | None = None,
     points: Array | None = None,
     compiled: CompiledModel | None = None,
 ) -> OperatingPoint:

@@ -139,7 +139,7 @@ def _instants(model: LinearModel, last: float) -> Array:
     if model.period:
         count = min(int(np.ceil(last / model.period)), 10 * _POINTS)
         return np.asarray(model.period * np.arange(max(count, 10) + 1))
-    return np.asarray(np.linspace(0.0, last, _POINTS))
+    return np.linspace(0.0, last, _POINTS)
 
 
 def _step_response(model: LinearModel, time: Array | None = None) -> tuple[Array, Array]:

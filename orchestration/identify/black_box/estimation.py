@@ -198,18 +198,9 @@ def _as_optimum(identification: Identification) -> Optimum:
     """Return an identified polynomial model as an optimum of the search."""
     model = identification.model
     assert isinstance(model, PolynomialModel)
-    delays = model.orders.nk
     return Optimum(
         orders=model.orders,
-        parts=Coefficients(
-            a=model.a,
-            b=tuple(b[k:] for b, k in zip(model.b, delays, strict=True)),
-            f=model.f,
-            c=model.c,
-            d=model.d,
-            offset=0.0,
-            transient=tuple(np.zeros(count) for count in model.orders.nf),
-        ),
+        parts=model.coefficients,
         cost=float(identification.residual @ identification.residual),
         samples=len(identification.residual),
         converged=identification.converged,
@@ -331,9 +322,7 @@ def _describe_offset(model: PolynomialModel, estimated: bool) -> str:
 
 def _describe_doubts(model: PolynomialModel, converged: bool) -> list[str]:
     """Return messages on an unstable model and on a search that did not converge."""
-    doubts = []
-    if not model.is_stable():
-        doubts.append("the model is unstable: a free run will not stay near the record")
+    doubts = model.describe_instability()
     if not converged:
         doubts.append("the search used up its iterations; a lower order may do")
     return doubts

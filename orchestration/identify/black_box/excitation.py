@@ -43,7 +43,7 @@ def autocovariance_matrix(values: ArrayLike, order: int) -> Array:
         raise UserError(f"order = {order}: must be from 1 to half of the {u.size} samples")
     delayed = sliding_window_view(u, order)
     delayed = delayed - delayed.mean(axis=0)
-    return np.asarray(delayed.T @ delayed / len(delayed), dtype=np.float64)
+    return delayed.T @ delayed / len(delayed)
 
 
 def pexcit(values: ArrayLike, cutoff: float = CUTOFF, highest: int | None = None) -> int:

@@ -68,7 +68,7 @@ def filtered(numerator: Array, denominator: Array, values: Array) -> Array:
     if len(denominator) == 1:
         # SciPy convolves row by row where there is no denominator, which is slower than to filter
         denominator = np.append(denominator, 0.0)
-    return np.asarray(lfilter(numerator, denominator, values), dtype=np.float64)
+    return lfilter(numerator, denominator, values)
 
 
 def from_reflections(coefficients: Array) -> tuple[Array, Array]:
@@ -116,6 +116,17 @@ def reflections(polynomial: Array) -> Array:
 def solve_least_squares(columns: Array, target: Array) -> Array:
     """Return the solution of linear least squares, the shortest where there are several."""
     return np.asarray(np.linalg.lstsq(columns, target, rcond=None)[0], dtype=np.float64)
+
+
+def without_part_in(columns: Array, values: Array) -> Array:
+    """Return values (n,) less the combination of columns (n, k) that is closest to them."""
+    return values - columns @ solve_least_squares(columns, values)
+
+
+def columns_of(values: ArrayLike) -> Array:
+    """Return signals (n, m) as numbers, of which one alone may have the shape (n,)."""
+    columns = np.asarray(values, dtype=np.float64)
+    return columns[:, np.newaxis] if columns.ndim == 1 else columns
 
 
 def triangle(rows: Array) -> Array:

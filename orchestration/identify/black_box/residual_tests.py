@@ -12,6 +12,7 @@ from scipy.special import chdtrc, ndtri
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
+from orchestration.identify.black_box.polynomials import columns_of
 from orchestration.identify.noise import Whiteness, whiteness
 
 # eigenvalue of a correlation matrix, relative to the largest, below which its direction is ignored
@@ -105,9 +106,7 @@ def residual_tests(
         is no probability, there are no lags or more than a quarter of the samples.
     """
     e = np.asarray(residual, dtype=np.float64)
-    u = np.asarray(inputs, dtype=np.float64)
-    if u.ndim == 1:
-        u = u[:, np.newaxis]
+    u = columns_of(inputs)
     if e.ndim != 1 or u.ndim != 2 or len(u) != len(e):
         raise UserError(
             f"residual of shape {e.shape} and inputs of {u.shape}: must be (n,) and (n, m)"
@@ -131,7 +130,7 @@ def _cross_covariance(x: Array, y: Array, lags: int) -> Array:
     """Return the mean of ``x(t) y(t - k)`` about the means, k from minus to plus the lags."""
     middle = len(x) - 1
     products = correlate(x - x.mean(), y - y.mean(), method="fft")
-    return np.asarray(products[middle - lags : middle + lags + 1] / len(x), dtype=np.float64)
+    return products[middle - lags : middle + lags + 1] / len(x)
 
 
 def _correlate_with_input(

@@ -88,16 +88,8 @@ def state_space(data: InputOutputData, order: int, nk: Count = 1, first: int = 0
         count=parameter_count,
         residual=residual,
         converged=True,
-        messages=_messages(model, weak),
+        messages=(model.describe_operating_point(), *weak, *model.describe_instability()),
     )
-
-
-def _messages(model: StateSpaceModel, weak: tuple[str, ...]) -> tuple[str, ...]:
-    """Return a line each on the operating point, weak excitation and instability."""
-    messages = [model.describe_operating_point(), *weak]
-    if not model.is_stable():
-        messages.append("the model is unstable: a free run will not stay near the record")
-    return tuple(messages)
 
 
 def _best_horizon(
@@ -173,7 +165,7 @@ def _estimate_observability(u: Array, y: Array, order: int, horizon: int) -> Arr
     first = 1 + future.shape[1]
     last = first + past.shape[1] + horizon
     directions, singular, _ = np.linalg.svd(triangle[last:, first:last], full_matrices=False)
-    return np.asarray(directions[:, :order] * np.sqrt(singular[:order]), dtype=np.float64)
+    return directions[:, :order] * np.sqrt(singular[:order])
 
 
 def _realise(
@@ -278,7 +270,7 @@ class _GainErrors:
         """Return the prediction errors (n,)."""
         drive = np.outer(self._v, gain)
         predicted = states(self._predictor(gain), drive, np.zeros(len(gain))) @ self._c
-        return np.asarray(self._v - predicted, dtype=np.float64)
+        return self._v - predicted
 
     def jacobian(self, gain: Array) -> Array:
         """Return the derivatives (n, p) of the prediction errors by the gain."""

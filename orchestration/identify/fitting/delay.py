@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.kit import Component, Effect, stack
-from fmus.kit.arrays import Array, Mask
+from fmus.kit.arrays import Array, Mask, Signals
 from fmus.kit.effects import made_by, unstack
 from fmus.kit.record import CompiledModel, Trajectory
 from fmus.kit.sensors import transport_delay
@@ -173,7 +173,7 @@ class DelayedModel:
         return np.column_stack(columns) if columns else slopes
 
 
-def _held(time: Array, inputs: Mapping[str, Array], instants: Array) -> dict[str, Array]:
+def _held(time: Array, inputs: Signals, instants: Array) -> dict[str, Array]:
     """Return inputs at other instants, held from sample to sample."""
     latest = np.searchsorted(time, instants, "right") - 1
     held = {}
@@ -256,9 +256,7 @@ class _EarlierInstants(NamedTuple):
 
     def slope(self, at_then: Array, at_near: Array) -> Array:
         """Return the derivative (n,) of the delayed output by its delay."""
-        return np.asarray(
-            -(at_near - at_then) / np.where(self.near == self.then, 1.0, self.near - self.then)
-        )
+        return -(at_near - at_then) / np.where(self.near == self.then, 1.0, self.near - self.then)
 
 
 def _earlier_instants(time: Array, delay: float) -> _EarlierInstants:

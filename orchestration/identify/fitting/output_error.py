@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Signals
 from orchestration.identify.fitting.least_squares import Minimum, minimise
 from orchestration.identify.fitting.problem import Problem
 from orchestration.identify.fitting.simulation_error import error_at
@@ -293,7 +293,7 @@ class _Curvature(NamedTuple):
     observed: Array
 
 
-def _curvature(noise: Mapping[str, Noise], innovation: Mapping[str, Array]) -> _Curvature:
+def _curvature(noise: Mapping[str, Noise], innovation: Signals) -> _Curvature:
     """Return the curvature of the loss at the innovations of all outputs."""
     expected = [
         np.full_like(innovation[output], model.information) for output, model in noise.items()

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from fmus.kit import Component, UserError
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Signals
 from orchestration.identify.fitting.any_fmu import FmuWithDifferences
 from orchestration.identify.fitting.delay import DelayedModel
 from orchestration.identify.fitting.simulation_input import SimulationInput
@@ -110,8 +110,8 @@ class Problem:
         self,
         cls: Subject,
         time: Array,
-        inputs: Mapping[str, Array],
-        measured: Mapping[str, Array],
+        inputs: Signals,
+        measured: Signals,
         names: Sequence[str],
         fixed: Mapping[str, float],
     ):
@@ -182,14 +182,14 @@ class Problem:
         usual = _STRAYED * self._most_steps / len(self.time)
         return min(most, max(usual, _STEPS_PER_SAMPLE))
 
-    def noise(self, residual: Mapping[str, Array]) -> dict[str, Noise]:
+    def noise(self, residual: Signals) -> dict[str, Noise]:
         """Return the noise that is estimated from residuals, (m,) by output."""
         return {
             output: estimate_noise(error, self.noise_samples[output])
             for output, error in residual.items()
         }
 
-    def deviance(self, noise: Mapping[str, Noise], residual: Mapping[str, Array]) -> float:
+    def deviance(self, noise: Mapping[str, Noise], residual: Signals) -> float:
         """Return minus twice the log likelihood of residuals, (m,) by output, in noise."""
         return sum(
             model.deviance(residual[output] / model.deviation) for output, model in noise.items()

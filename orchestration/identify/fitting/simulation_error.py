@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Signals
 from orchestration.identify.fitting.problem import Problem
 from orchestration.identify.noise import noise_std
 
@@ -22,7 +22,7 @@ def error_scales(problem: Problem) -> dict[str, float]:
     return scales
 
 
-def pooled_error(residual: Mapping[str, Array], scales: Mapping[str, float]) -> float:
+def pooled_error(residual: Signals, scales: Mapping[str, float]) -> float:
     """Return the root mean square error of all outputs, each over the size of its noise.
 
     Parameters

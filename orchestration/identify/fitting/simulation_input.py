@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Signals
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class SimulationInput:
     """
 
     time: Array
-    inputs: Mapping[str, Array]
+    inputs: Signals
     parameters: Mapping[str, float]
     effort: float = 1e6
 

@@ -42,7 +42,7 @@ class Autoregression:
         ndarray, shape (m, p)
         """
         reversed_result = autoregression([1.0, *-self.coefficients], values[::-1])
-        return np.asarray(self.deviation * reversed_result[::-1])
+        return self.deviation * reversed_result[::-1]
 
 
 def fit_autoregression(values: Array) -> Autoregression:

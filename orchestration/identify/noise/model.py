@@ -145,4 +145,4 @@ def noise_samples(moved: Mask, measured: Array) -> Mask:
     after_step = np.convolve(moved, np.ones(_SETTLING))[: len(moved)] > 0.0
     settled = changing & ~after_step
     is_enough = settled.sum() > max(_FEWEST, 0.1 * changing.sum())
-    return np.asarray(settled if is_enough else changing)
+    return settled if is_enough else changing

@@ -73,7 +73,7 @@ def weights(innovation: Array, freedom: float) -> Array:
     """
     if freedom == inf:
         return np.ones_like(innovation)
-    return np.asarray((freedom + 1.0) / (freedom + innovation**2))
+    return (freedom + 1.0) / (freedom + innovation**2)
 
 
 def student_log_density(values: Array, freedom: float) -> Array:
@@ -90,7 +90,7 @@ def student_log_density(values: Array, freedom: float) -> Array:
     ndarray, shape (n,)
     """
     at_zero = log(poch(0.5 * freedom, 0.5)) - 0.5 * log(pi * freedom)
-    return np.asarray(at_zero - 0.5 * (freedom + 1.0) * np.log1p(values**2 / freedom))
+    return at_zero - 0.5 * (freedom + 1.0) * np.log1p(values**2 / freedom)
 
 
 def deviance_roots(innovation: Array, freedom: float) -> tuple[Array, Array]:
@@ -117,7 +117,7 @@ def curvature(innovation: Array, freedom: float) -> Array:
     if freedom == inf:
         return np.ones_like(innovation)
     square = innovation**2
-    return np.asarray((freedom + 1.0) * (freedom - square) / (freedom + square) ** 2)
+    return (freedom + 1.0) * (freedom - square) / (freedom + square) ** 2
 
 
 def _is_heavy(innovation: Array) -> bool:

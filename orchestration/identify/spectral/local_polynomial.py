@@ -357,4 +357,4 @@ def _significance_of_terms(residual: Spectrum, explained: Spectrum, freedom: int
     gain = np.sum(np.abs(explained) ** 2, axis=0)
     remaining = np.maximum(np.sum(np.abs(residual) ** 2, axis=0) - gain, np.finfo(float).tiny)
     ratio = (gain / terms) / (remaining / (freedom - terms))
-    return np.asarray(fdtrc(2 * terms, 2 * (freedom - terms), ratio))
+    return fdtrc(2 * terms, 2 * (freedom - terms), ratio)

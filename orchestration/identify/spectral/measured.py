@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Signals
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.units import base_unit
 from orchestration.identify.spectral.local_polynomial import (
@@ -85,7 +85,7 @@ def estimate_responses(
     period: float | None = None,
     band: tuple[float, float] | None = None,
     model: str = "",
-    modelled: Mapping[str, Array] | None = None,
+    modelled: Signals | None = None,
 ) -> FrequencyResponse:
     """Estimate frequency responses from a record, and from a simulation with the same inputs.
 
@@ -230,14 +230,14 @@ def _choose_stretch(
     return _Stretch(record, step, list(inputs), outputs, periods, size - size % common)
 
 
-def _transform(stretch: _Stretch, modelled: Mapping[str, Array]) -> Spectra:
+def _transform(stretch: _Stretch, modelled: Signals) -> Spectra:
     """Return the spectra of a stretch, also those of the model's outputs; refuse too few lines."""
     size = stretch.size
 
     def transformed(columns: Sequence[Array]) -> Spectrum:
         used = np.column_stack([column[-size:] for column in columns])
         lines = np.fft.rfft(used - used.mean(axis=0), axis=0)
-        return np.asarray(lines[: (size - 1) // 2 + 1] / math.sqrt(size))
+        return lines[: (size - 1) // 2 + 1] / math.sqrt(size)
 
     signals = stretch.record.signals
     inputs = transformed([signals[name] for name in stretch.inputs])

@@ -114,7 +114,7 @@ class Response:
     @property
     def radius(self) -> Array:
         """Radius (n,) of the circle in the complex plane that is the 95 % region."""
-        return np.asarray(np.sqrt(self.variance * fdtri(2.0, self.freedom, LEVEL)))
+        return np.sqrt(self.variance * fdtri(2.0, self.freedom, LEVEL))
 
     @property
     def seen(self) -> Mask:
@@ -129,7 +129,7 @@ class Response:
     @property
     def _deviation(self) -> Array:
         """Standard deviation of real and imaginary part (n,)."""
-        return np.asarray(np.sqrt(0.5 * self.variance))
+        return np.sqrt(0.5 * self.variance)
 
     def _interval(self, value: Array, deviation: Array) -> Interval:
         half = stdtrit(self.freedom, 0.5 + 0.5 * LEVEL) * deviation
@@ -169,7 +169,7 @@ class Response:
         if self.model is None:
             return np.full(self.frequency.shape, np.nan)
         difference = np.degrees(np.angle(self.model / self.values))
-        return np.asarray(self.phase.value + difference)
+        return self.phase.value + difference
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON."""

@@ -182,7 +182,7 @@ def excess_variance(
         robust += np.einsum("ij,ij->j", influence, influence)
     plain = np.diag(bread.matrix)
     ratio = np.divide(robust, plain, out=np.ones_like(plain), where=plain > 0.0)
-    return np.asarray(np.maximum(ratio, 1.0))
+    return np.maximum(ratio, 1.0)
 
 
 def heteroscedastic(

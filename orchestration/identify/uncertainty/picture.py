@@ -108,9 +108,9 @@ def _deviance_at(profile: Profile, values: Array) -> Array:
     signed = np.sign(profile.values - profile.estimate) * np.sqrt(np.maximum(profile.deviance, 0.0))
     if profile.logarithmic:
         curve = PchipInterpolator(np.log(profile.values), signed, extrapolate=False)
-        return np.asarray(curve(np.log(values)) ** 2)
+        return curve(np.log(values)) ** 2
     curve = PchipInterpolator(profile.values, signed, extrapolate=False)
-    return np.asarray(curve(values) ** 2)
+    return curve(values) ** 2
 
 
 def _axis_ends(profile: Profile) -> tuple[float, float]:

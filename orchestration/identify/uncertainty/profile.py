@@ -96,7 +96,7 @@ class Profile(Displayable):
     def parabola(self, values: Array) -> Array:
         """Return the deviance (n,) of a linear model with the same ellipse at values (n,), SI."""
         away = np.log(values / self.estimate) if self.logarithmic else values - self.estimate
-        return np.asarray((away / self.standard_error) ** 2)
+        return (away / self.standard_error) ** 2
 
     def overview(self) -> Iterator[RenderableType]:
         """Yield the estimate with its interval."""

@@ -13,7 +13,7 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.identify.black_box.data import InputOutputData, input_index
 from orchestration.identify.black_box.orders import whole
-from orchestration.identify.black_box.polynomials import Roots, filtered, s_plane
+from orchestration.identify.black_box.polynomials import Roots, columns_of, filtered, s_plane
 from orchestration.identify.metrics import fit_percent
 
 _RUNS_AWAY = 1e100  # larger than any signal, but its square is still a number
@@ -267,15 +267,19 @@ class IdentifiedModel(ABC):
         """Return whether all poles are within the unit circle."""
         return all(bool((np.abs(self.poles(i)) < 1.0).all()) for i in range(len(self.input_names)))
 
+    def describe_instability(self) -> list[str]:
+        """Return a line on an unstable model; none on a stable one."""
+        if self.is_stable():
+            return []
+        return ["the model is unstable: a free run will not stay near the record"]
+
     def _index(self, which: int | str) -> int:
         return input_index(self.input_names, which)
 
     def _deviations(self, inputs: ArrayLike) -> Array:
         """Return the deviations of inputs (n, m) from the offsets; refuse others than numbers."""
-        u = np.asarray(inputs, dtype=np.float64)
+        u = columns_of(inputs)
         m = len(self.input_names)
-        if u.ndim == 1:
-            u = u[:, np.newaxis]
         if u.ndim != 2 or u.shape[1] != m or not len(u):
             raise UserError(
                 f"inputs of shape {np.shape(inputs)}: must be (n, {m}), for"

@@ -17,7 +17,7 @@ from fmus.kit.arrays import Array
 from fmus.kit.extras import optional
 from orchestration.identify.black_box.models.identified import IdentifiedModel
 from orchestration.identify.black_box.orders import Orders
-from orchestration.identify.black_box.polynomials import Roots, filtered, roots
+from orchestration.identify.black_box.polynomials import Roots, filtered, roots, without_part_in
 from orchestration.identify.black_box.prediction_error import Coefficients, PredictionError
 
 # sum of the coefficients of a denominator, relative to that of their absolute values, below which
@@ -45,13 +45,26 @@ class PolynomialModel(IdentifiedModel):
     d: Array
     f: tuple[Array, ...]
 
+    @property
+    def coefficients(self) -> Coefficients:
+        """The polynomials, B without its delay; offset and free responses are zero."""
+        return Coefficients(
+            a=self.a,
+            b=tuple(b[k:] for b, k in zip(self.b, self.orders.nk, strict=True)),
+            f=self.f,
+            c=self.c,
+            d=self.d,
+            offset=0.0,
+            transient=tuple(map(np.zeros, self.orders.nf)),
+        )
+
     def _denominator(self, i: int) -> Array:
         """Return the denominator A F_i of the path from input i."""
         return np.convolve(self.a, self.f[i])
 
     def _forced(self, deviations: Array) -> Array:
         paths = [filtered(b, self._denominator(i), deviations[:, i]) for i, b in enumerate(self.b)]
-        return np.asarray(np.sum(paths, axis=0), dtype=np.float64)
+        return np.sum(paths, axis=0)
 
     def _free(self, samples: int) -> Array:
         denominators = [self._denominator(i) for i in range(len(self.b))]
@@ -75,20 +88,10 @@ class PolynomialModel(IdentifiedModel):
                 f" {self.orders.first + 1}"
             )
         problem = PredictionError(deviations, output, self.orders, offset=False)
-        parts = Coefficients(
-            a=self.a,
-            b=tuple(b[k:] for b, k in zip(self.b, self.orders.nk, strict=True)),
-            f=self.f,
-            c=self.c,
-            d=self.d,
-            offset=0.0,
-            transient=tuple(np.zeros(count) for count in self.orders.nf),
-        )
-        e = problem.errors(problem.vector(parts))
+        e = problem.errors(problem.vector(self.coefficients))
         # the unknown past adds D/(C F_i) of an impulse response to the errors, fitted to them here
         denominators = [np.convolve(self.c, f) for f in self.f if len(f) > 1]
-        free = _free_responses(len(e), denominators, self.d)
-        return e - free @ np.linalg.lstsq(free, e, rcond=None)[0]
+        return without_part_in(_free_responses(len(e), denominators, self.d), e)
 
     def noise_response(self, samples: int) -> Array:
         """Return the impulse response (samples,) from white noise to the output."""

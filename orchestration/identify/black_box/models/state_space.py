@@ -16,7 +16,7 @@ from fmus.kit import quoting
 from fmus.kit.arrays import Array
 from fmus.kit.extras import optional
 from orchestration.identify.black_box.models.identified import IdentifiedModel
-from orchestration.identify.black_box.polynomials import Roots
+from orchestration.identify.black_box.polynomials import Roots, without_part_in
 
 _INFINITE = 1e8  # modulus of a generalised eigenvalue that is a zero at infinity
 _INTEGRATES = 1e-9  # distance from one at which a pole integrates
@@ -63,8 +63,7 @@ class StateSpaceModel(IdentifiedModel):
         predictor = self.a - np.outer(self.k, self.c)
         drive = deviations @ (self.b - np.outer(self.k, self.d)).T + np.outer(output, self.k)
         e = output - states(predictor, drive, np.zeros(len(self.a))) @ self.c - deviations @ self.d
-        free = free_responses(predictor, self.c, len(e))
-        return np.asarray(e - free @ np.linalg.lstsq(free, e, rcond=None)[0], dtype=np.float64)
+        return without_part_in(free_responses(predictor, self.c, len(e)), e)
 
     def noise_response(self, samples: int) -> Array:
         """Return the impulse response (samples,) from white noise to the output."""
@@ -86,7 +85,7 @@ class StateSpaceModel(IdentifiedModel):
         weight = np.diag(np.r_[np.ones(count), 0.0])
         above, below = eigvals(system, weight, homogeneous_eigvals=True)
         finite = np.abs(above) < _INFINITE * np.abs(below)
-        return np.asarray(above[finite] / below[finite], dtype=np.complex128)
+        return above[finite] / below[finite]
 
     def transfer_function(self, which: int | str = 0) -> Any:
         """Return the path from an input as a discrete `control.TransferFunction`."""
@@ -159,7 +158,7 @@ def states(a: Array, drive: Array, start: Array) -> Array:
         x[:, i] = lfilter(
             [1.0], [1.0, -triangle[i, i]], driven[:, i] + np.concatenate([[0.0], others])
         )
-    return np.asarray((x @ directions.T).real, dtype=np.float64)
+    return (x @ directions.T).real
 
 
 def free_responses(a: Array, c: Array, samples: int) -> Array:
