@@ -121,6 +121,7 @@ class _RigTable(TomlTable):
 
 
 class _ChannelTable(TomlTable):
+    verb: ClassVar[str]
     unit: Text
     si: Text = ""
     channel: Text = ""
@@ -131,30 +132,25 @@ class _ChannelTable(TomlTable):
     sign: Annotated[int, _one_of(1, -1)] = 1
     date: Date
     source: Text = "not stated"
+    query: Text = ""
+
+    @property
+    def message(self) -> str:
+        """Message that commands an instrument, or asks it for its value."""
+        text: str = getattr(self, self.verb)
+        return text
 
 
 class _InputTable(_ChannelTable):
     verb: ClassVar[str] = "write"
     terminal: ClassVar[str] = "default"
     write: Text = ""
-    query: Text = ""
     safe: Number = 0.0
-
-    @property
-    def message(self) -> str:
-        """Message that commands an instrument."""
-        return self.write
 
 
 class _OutputTable(_ChannelTable):
     verb: ClassVar[str] = "query"
-    query: Text = ""
     terminal: Annotated[str, _one_of(*TERMINALS)] = "default"
-
-    @property
-    def message(self) -> str:
-        """Message that asks an instrument for its value."""
-        return self.query
 
 
 class _LimitTable(TomlTable):
@@ -356,15 +352,8 @@ def read_calibration(name_or_path: str) -> Calibration:
         name: _checked(Instrument, values, f"{path}: [instruments.{name}] ")
         for name, values in file.instruments.items()
     }
-    inputs: dict[str, Channel] = {}
-    for name, values in file.inputs.items():
-        where = f"{path}: [inputs.{name}] "
-        inputs[name] = _read_channel(name, _checked(_InputTable, values, where), instruments, where)
-    outputs: dict[str, Channel] = {}
-    for name, values in file.outputs.items():
-        where = f"{path}: [outputs.{name}] "
-        table = _checked(_OutputTable, values, where)
-        outputs[name] = _read_channel(name, table, instruments, where)
+    inputs = _read_channels(_InputTable, file.inputs, instruments, f"{path}: [inputs")
+    outputs = _read_channels(_OutputTable, file.outputs, instruments, f"{path}: [outputs")
     limits = _read_limits(file.limits, inputs, outputs, path)
     _check_inputs(inputs, outputs, limits, path)
     return Calibration(path, rig.rate, rig.watchdog, inputs, outputs, limits, instruments)
@@ -385,6 +374,20 @@ def _check_inputs(
                 f"{path}: [inputs.{name}] safe = {channel.safe:g} {channel.unit}: is beyond its"
                 " limits"
             )
+
+
+def _read_channels(
+    kind: type[_InputTable] | type[_OutputTable],
+    tables: TableByName,
+    instruments: Mapping[str, Instrument],
+    group: str,
+) -> dict[str, Channel]:
+    """Return the channels of the tables of a group, such as ``[inputs.current]``, by name."""
+    channels = {}
+    for name, values in tables.items():
+        where = f"{group}.{name}] "
+        channels[name] = _read_channel(name, _checked(kind, values, where), instruments, where)
+    return channels
 
 
 def _read_channel(

@@ -78,53 +78,42 @@ class Rig(Protocol):
 
     def clock(self) -> float:
         """Return the time of the rig, s."""
-        ...
 
     def apply(self, values: Sequence[float], now: float) -> None:
         """Command every input from now on."""
-        ...
 
     def advance(self, step: float) -> None:
         """Let time pass, if it is the client's."""
-        ...
 
     def beat(self) -> None:
         """Show that the front is alive; to be called in every turn of its loop."""
-        ...
 
     def go_safe(self) -> None:
         """Order the safe state."""
-        ...
 
     def safe_since(self) -> float | None:
         """Return the time from which the rig is confirmed to be in its safe state, s of its clock.
 
         It is None while this is not confirmed.
         """
-        ...
 
     def release(self) -> None:
         """Begin to serve again after a latched safe state.
 
         It may take a while, until :meth:`opening` returns an empty text.
         """
-        ...
 
     def opening(self) -> str:
         """Return the reason for which the rig cannot be used yet; empty if it can."""
-        ...
 
     def troubles(self) -> list[str]:
         """Return the reasons for going safe by itself since the last call, the newest last."""
-        ...
 
     def alarms(self) -> list[str]:
         """Return messages for the operator since the last call; the rig continues to run."""
-        ...
 
     def state(self) -> RigState:
         """Return the newest sample."""
-        ...
 
     def close(self) -> str:
         """End in the safe state.
@@ -134,7 +123,6 @@ class Rig(Protocol):
         str
             The reason for which it was not reached; empty if it was.
         """
-        ...
 
 
 def cannot_open(settings: ServerSettings, reason: str) -> UserError:

@@ -130,31 +130,32 @@ def prefer(priority: int | None, cpu: int | None) -> list[str]:
         Lines about each setting that was refused, with the reason.
     """
     notes = []
-    if priority is not None:
+    for option, value, apply in (
+        ("priority", priority, _set_priority),
+        ("priority", priority, _lock_memory),
+        ("cpu", cpu, lambda core: os.sched_setaffinity(0, {core})),
+    ):
+        if value is None:
+            continue
+        reason = ""
         try:
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+            apply(value)
         except AttributeError:
-            notes.append(
-                f"--device-priority {priority}: this system has no such thing; it goes on without"
-            )
+            reason = "this system has no such thing"
         except OSError as error:
-            notes.append(f"--device-priority {priority}: {error.strerror}; it goes on without")
-        notes += _lock_memory(f"--device-priority {priority}")
-    if cpu is not None:
-        try:
-            os.sched_setaffinity(0, {cpu})
-        except AttributeError:
-            notes.append(f"--device-cpu {cpu}: this system has no such thing; it goes on without")
-        except OSError as error:
-            notes.append(f"--device-cpu {cpu}: {error.strerror}; it goes on without")
+            reason = str(error.strerror or error)
+        if reason:
+            notes.append(f"--device-{option} {value}: {reason}; it goes on without")
     return notes
 
 
-def _lock_memory(option: str) -> list[str]:
-    """Keep all memory of this process in the memory of the machine; return why that cannot be."""
+def _set_priority(priority: int) -> None:
+    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+
+
+def _lock_memory(_: int) -> None:
+    """Keep all memory of this process in the memory of the machine; raise OSError if not."""
     if not sys.platform.startswith("linux"):
-        return [f"{option}: this system cannot lock memory; it goes on without"]
-    if ctypes.CDLL(None, use_errno=True).mlockall(_ALL_MEMORY) == 0:
-        return []
-    reason = os.strerror(ctypes.get_errno())
-    return [f"{option}: memory cannot be locked: {reason}; it goes on without"]
+        raise OSError("this system cannot lock memory")
+    if ctypes.CDLL(None, use_errno=True).mlockall(_ALL_MEMORY):
+        raise OSError(f"memory cannot be locked: {os.strerror(ctypes.get_errno())}")
