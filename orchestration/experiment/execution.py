@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Signals
 from orchestration.experiment import results
 from orchestration.experiment.live import Follower, Live, admitted, first_open_loop, link_outputs
 from orchestration.experiment.model import Experiment
@@ -299,7 +299,7 @@ def _make_result(prepared: Preparation, ran: Run, where: str) -> Remarked:
 
 
 def _restore(
-    prepared: Preparation, where: str, values: Mapping[str, Array], seconds: float
+    prepared: Preparation, where: str, values: Signals, seconds: float
 ) -> ExperimentResult:
     """Return the result of a whole run from the signals and the wall time in s of a journal."""
     effort = Statistics({}, 0, 0, 0, seconds)
@@ -307,7 +307,7 @@ def _restore(
     return results.dataset(prepared.time, values, prepared.signals, set(prepared.inputs), about)
 
 
-def _add_noise(prepared: Preparation, delivered: Mapping[str, Array]) -> dict[str, Array]:
+def _add_noise(prepared: Preparation, delivered: Signals) -> dict[str, Array]:
     """Return the outputs to be recorded, with simulated measurement noise added."""
     measured = {}
     for name, array in delivered.items():

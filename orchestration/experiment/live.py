@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Signals
 from fmus.rig_proxy import LOST, REFUSED
 from orchestration.experiment.preparation import Preparation
 from orchestration.master import RealTime
@@ -114,7 +114,7 @@ def admitted(live: Live, prepared: Preparation) -> Live:
     return replace(live, pace=live.admit(live.pace, rig_ends(prepared), step))
 
 
-def first_open_loop(time: Sequence[float], signals: Mapping[str, Array]) -> tuple[int, str] | None:
+def first_open_loop(time: Sequence[float], signals: Signals) -> tuple[int, str] | None:
     """Find the first point at which a loop over a rig is open; from there on models run alone.
 
     Parameters

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from fmus.kit.arrays import Array
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit.arrays import Array, Signals
+from fmus.kit.errors import UserError, error_context, suggestion
 from fmus.kit.units import convert, format_range, format_value
 from orchestration.experiment.model import (
     UNITS_OF_LOOP,
@@ -56,8 +56,8 @@ class Preparation:
     subject: Subject
     time: Array
     settings: Mapping[str, Value]
-    inputs: Mapping[str, Array]
-    noise: Mapping[str, Array]
+    inputs: Signals
+    noise: Signals
     record: list[str]
 
     @property
@@ -140,7 +140,7 @@ def prepare(
 def _check_work_loop(
     table: WorkLoopTable,
     time: Array,
-    inputs: Mapping[str, Array],
+    inputs: Signals,
     signals: Mapping[str, Signal],
     where: str,
 ) -> None:
@@ -183,10 +183,8 @@ def _recorded_outputs(experiment: Experiment, subject: Subject, where: str) -> l
 def points(experiment: Experiment, where: str, start: float = 0.0) -> Array:
     """Return the communication points (n,) in s; UserError if step and duration give none."""
     end = start + (experiment.duration or 0.0)
-    try:
+    with error_context(where):
         return simulate.grid(start, end, experiment.step or 0.0)
-    except UserError as error:
-        raise UserError(f"{where}: {error}") from error
 
 
 def _resolve_settings(experiment: Experiment, subject: Subject, where: str) -> dict[str, Value]:
@@ -260,10 +258,8 @@ def stimulus_values(
     """
     here = f"{where}: inputs.{name}"
     driven = DrivenInput(name, unit, _seed(experiment, name))
-    try:
+    with error_context(here):
         values = experiment.inputs[name].values(time, driven)
-    except UserError as error:
-        raise UserError(f"{here}: {error}") from error
     for line in driven.notes:
         note(f"{here}: {line}")
     return values

@@ -20,7 +20,8 @@ import xarray
 from pydantic import BaseModel, Json
 
 from fmus.kit import UserError, files, units
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Signals
+from fmus.kit.errors import error_context
 from fmus.kit.extras import optional
 from fmus.kit.storage import scratch
 from orchestration.experiment.model import Experiment, parse
@@ -46,7 +47,7 @@ class ExperimentResult(ResultDataset):
 
 def dataset(
     time: Array,
-    values: Mapping[str, Array],
+    values: Signals,
     signals: Mapping[str, Signal],
     inputs: Collection[str],
     about: Mapping[str, Any],
@@ -218,10 +219,8 @@ def _write(data: xarray.Dataset, path: Path, called: str) -> None:
     else:
         columns = {str(name): array.values for name, array in data.items()}
         units = {str(name): array.units for name, array in data.items()}
-        try:
+        with error_context(called):
             header(units)
-        except UserError as error:
-            raise UserError(f"{called}: {error}") from error
         write_record(path, data.time.values, columns, units)
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, Protocol
 
-from fmus.kit.arrays import Array
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit.arrays import Array, Signals
+from fmus.kit.errors import UserError, find, suggestion
 from fmus.kit.record import CompiledModel
 from fmus.kit.storage import scratch
 from orchestration import master
@@ -34,7 +34,7 @@ class Runner(Protocol):
     def __call__(
         self,
         time: Array,
-        inputs: Mapping[str, Array],
+        inputs: Signals,
         settings: Mapping[str, Value],
         record: Sequence[str],
         progress: Progress,
@@ -250,7 +250,7 @@ def _runner(system: System, prefix: str, master_options: Master) -> Runner:
 
     def run(
         time: Array,
-        inputs: Mapping[str, Array],
+        inputs: Signals,
         settings: Mapping[str, Value],
         record: Sequence[str],
         progress: Progress,
@@ -289,7 +289,7 @@ def _is_recordable(variable: Any) -> bool:
 def _run_fused(
     system: System,
     time: Array,
-    inputs: Mapping[str, Array],
+    inputs: Signals,
     record: Sequence[str],
     progress: Progress,
 ) -> master.Run:
@@ -327,6 +327,4 @@ def with_classes(system: System) -> System:
 
 def known(name: str, among: Mapping[str, Signal], missing: str, where: str) -> Signal:
     """Return a signal by its name, or raise UserError with `missing` and the nearest name."""
-    if name not in among:
-        raise UserError(f"{where}: {missing} named {name!r}{suggestion(name, among)}")
-    return among[name]
+    return find(name, among, f"{where}: {missing}")

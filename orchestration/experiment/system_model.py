@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from fmus.kit import UserError, registry
-from fmus.kit.arrays import Array, Indices
+from fmus.kit.arrays import Array, Indices, Signals
 from fmus.kit.record import CompiledModel
 from fmus.kit.storage import scratch
 from orchestration.experiment.model import Master
@@ -260,7 +260,7 @@ class RepeatedSystem:
     def run(
         self,
         time: Array,
-        inputs: Mapping[str, Array],
+        inputs: Signals,
         settings: Mapping[str, Value],
         outputs: Sequence[str],
         longest: float = np.inf,

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Signals
 from orchestration.experiment.model import Experiment
 from orchestration.experiment.preparation import Preparation
 from orchestration.journal import (
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 Remarked = tuple["ExperimentResult", list[str]]  # with remarks on the run
 Compute = Callable[[], Remarked]
-Restore = Callable[[Mapping[str, Array], float], "ExperimentResult"]  # from signals and wall time
+Restore = Callable[[Signals, float], "ExperimentResult"]  # from signals and wall time
 Obtain = Callable[[Preparation, Compute, Restore], Remarked]
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ctypes
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 from fmpy.fmi2 import (
     fmi2Discard,
@@ -166,41 +167,38 @@ class SavedState:
 
     def __init__(self, members: Sequence[Instance], step: CommunicationStep):
         self._step = step
-        self._calls: list[tuple[Instance, FmiCall, FmiCall, FmiCall]] = []
-        self._states: list[ctypes.c_void_p] = []
-        for member in members:
-            state = ctypes.c_void_p()
-            reference = ctypes.byref(state)
-            save = member.fmu.bound("fmi2GetFMUstate", reference)
-            restore = member.fmu.bound("fmi2SetFMUstate", state)
-            free = member.fmu.bound("fmi2FreeFMUstate", reference)
-            self._calls.append((member, save, restore, free))
-            self._states.append(state)
+        self._members = members
+        self._states = [ctypes.c_void_p() for _ in members]
+        self._saves = self._bound("fmi2GetFMUstate", map(ctypes.byref, self._states))
+        self._restores = self._bound("fmi2SetFMUstate", self._states)
+        self._frees = self._bound("fmi2FreeFMUstate", map(ctypes.byref, self._states))
+
+    def _bound(self, function: str, arguments: Iterable[Any]) -> list[FmiCall]:
+        """Return the calls of a function of FMI, one for each member."""
+        pairs = zip(self._members, arguments, strict=True)
+        return [member.fmu.bound(function, argument) for member, argument in pairs]
+
+    def _call(self, calls: Sequence[FmiCall], request: str) -> None:
+        for member, call in zip(self._members, calls, strict=True):
+            status = call()
+            if status:
+                member.check_status(status, request, self._step)
 
     def save(self) -> None:
         """Save the present states; UserError if a member refuses."""
-        for member, save, _, _ in self._calls:
-            status = save()
-            if status:
-                member.check_status(status, "saving the state", self._step)
+        self._call(self._saves, "saving the state")
 
     def restore(self) -> None:
         """Restore the states that were saved last; UserError if a member refuses."""
-        for member, _, restore, _ in self._calls:
-            status = restore()
-            if status:
-                member.check_status(status, "restoring the state", self._step)
+        self._call(self._restores, "restoring the state")
 
     def free(self) -> None:
         """Free the saved states; UserError if a member refuses."""
-        for member, _, _, free in self._calls:
-            status = free()
-            if status:
-                member.check_status(status, "releasing a state", self._step)
+        self._call(self._frees, "releasing a state")
 
     def release(self) -> None:
         """Free states that are still saved, of members that may be called, ignoring failures."""
-        for (member, _, _, free), state in zip(self._calls, self._states, strict=True):
+        for member, free, state in zip(self._members, self._frees, self._states, strict=True):
             if state and not member.fmu.corrupted:
                 free()
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 
-from fmus.kit.arrays import Array
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit.arrays import Array, Signals
+from fmus.kit.errors import UserError, error_context, find, suggestion
 from fmus.kit.storage import scratch
 from orchestration.fmu import Fmu, unpack
 from orchestration.fmu.signal import type_of
@@ -57,10 +57,8 @@ def open_members(system: System, opened: ExitStack) -> list[Instance]:
                 f"{member.name}: {path.name} can run once only"
                 " (canBeInstantiatedOnlyOncePerProcess)"
             )
-        try:
+        with error_context(member.name):
             members.append(Instance(member.name, opened.enter_context(fmu)))
-        except UserError as error:
-            raise UserError(f"{member.name}: {error}") from error
     return members
 
 
@@ -97,9 +95,7 @@ def check_capabilities(
 # --- values from outside
 
 
-def external_values(
-    system: System, inputs: Mapping[str, Array], points: int
-) -> dict[Port, list[float]]:
+def external_values(system: System, inputs: Signals, points: int) -> dict[Port, list[float]]:
     """Return the values from outside for each input of a member that receives some.
 
     Parameters
@@ -133,7 +129,7 @@ def external_values(
 
 
 def disturbance_values(
-    system: System, disturbances: Mapping[str, Array], points: int
+    system: System, disturbances: Signals, points: int
 ) -> dict[Port, list[float]]:
     """Return the values that are added to each connected input that is disturbed.
 
@@ -279,12 +275,7 @@ def _check_variables(
     variables_of = {member.name: member.fmu.variables for member in members}
     for port in ports:
         known = variables_of[port.member]
-        if port.variable not in known:
-            raise UserError(
-                f"{port.member}: no variable named"
-                f" {port.variable!r}{suggestion(port.variable, known)}"
-            )
-        causality = known[port.variable].causality
+        causality = find(port.variable, known, f"{port.member}: no variable").causality
         if port in fed_inputs and causality != "input":
             raise UserError(f"{port}: is {causality or 'local'}, no input")
 
@@ -301,7 +292,8 @@ def enter_initialization(members: Sequence[Instance], start: float, stop: float)
         If a member refuses.
     """
     for member in members:
-        named(member, lambda fmu: fmu.enter_initialization(start, stop))
+        with error_context(member.name):
+            member.fmu.enter_initialization(start, stop)
 
 
 def initialize(executor: Executor) -> list[str]:
@@ -356,12 +348,5 @@ def _propagate(executor: Executor) -> None:
 def _exit_initialization(executor: Executor) -> None:
     """Exit the initialization mode of all members; UserError if one refuses."""
     for member in executor.members:
-        named(member, lambda fmu: fmu.exit_initialization())
-
-
-def named(member: Instance, act: Callable[[Fmu], None]) -> None:
-    """Call a function with the FMU of a member; the message of a UserError begins with its name."""
-    try:
-        act(member.fmu)
-    except UserError as error:
-        raise UserError(f"{member.name}: {error}") from error
+        with error_context(member.name):
+            member.fmu.exit_initialization()

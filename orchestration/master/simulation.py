@@ -12,7 +12,8 @@ from typing import TypedDict, Unpack
 import numpy as np
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Signals
+from fmus.kit.errors import error_context
 from fmus.kit.interrupt import Interrupt, deferred
 from orchestration.fmu.isolation import Limits, describe_rows
 from orchestration.fmu.kernel import load_stepper
@@ -33,7 +34,6 @@ from orchestration.master.setup import (
     external_values,
     initialize,
     make_structure,
-    named,
     open_members,
 )
 from orchestration.master.step_control import StepDoubling
@@ -82,8 +82,8 @@ _COUPLING: CouplingOptions = {
 def run(
     system: System,
     time: Array,
-    inputs: Mapping[str, Array] | None = None,
-    disturbances: Mapping[str, Array] | None = None,
+    inputs: Signals | None = None,
+    disturbances: Signals | None = None,
     *,
     record: Sequence[str] | None = None,
     real_time: RealTime | None = None,
@@ -460,7 +460,8 @@ class _Runner:
         for saved in self._executor.saved_states:
             saved.free()
         for member in self._executor.members:
-            named(member, lambda fmu: fmu.terminate())
+            with error_context(member.name):
+                member.fmu.terminate()
         self._progress(len(self._points))
 
     def _result(self, message: str) -> Run:

@@ -11,7 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from fmus.kit import units
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit.errors import UserError, error_context, suggestion
 from orchestration.fmu import Archive, Model, Signal, find_model
 from orchestration.fmu.signal import check_value
 from orchestration.system.model import Connection, Member, Port, System
@@ -28,10 +28,8 @@ def interface(member: Member) -> Model:
         If the FMU is missing or cannot be read, naming the member.
     """
     path = member.fmu.absolute()
-    try:
+    with error_context(f"member {member.name}"):
         return _read_interface(path, path.stat().st_mtime_ns if path.is_file() else 0)
-    except UserError as error:
-        raise UserError(f"member {member.name}: {error}") from error
 
 
 @lru_cache(maxsize=64)
@@ -137,11 +135,9 @@ def _check_connection(system: System, models: Mapping[str, Model], connection: C
     source = connection.source
     target = connection.target
     where = f"{source} -> {target}"
-    try:
+    with error_context(where):
         output = _find_end(system, models, source, "output")
         input_ = _find_end(system, models, target, "input")
-    except UserError as error:
-        raise UserError(f"{where}: {error}") from error
     if source.member == target.member:
         raise UserError(f"{where}: a member cannot be connected with itself")
     if output.type != input_.type:

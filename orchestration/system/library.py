@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from fmus.kit import Component, registry, stack
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit.errors import UserError, find, suggestion
 from orchestration.system.model import Connection, Member, Port, System, connect
 from orchestration.system.voltmeter import Voltmeter
 
@@ -29,9 +29,7 @@ def system(name: str, runtime: str = "native") -> System:
     UserError
         If there is no such system or runtime, or an FMU cannot be built.
     """
-    declared = registry.systems().get(name)
-    if declared is None:
-        raise UserError(f"no system named {name!r}{suggestion(name, NAMES)}")
+    declared = find(name, registry.systems(), "no system")
     outputs = [_port(text) for text in declared.outputs]
     return System(
         name=name,

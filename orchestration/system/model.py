@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit.errors import UserError, find
 from orchestration.fmu import Value
 
 if TYPE_CHECKING:
@@ -149,11 +149,8 @@ class System:
         UserError
             If there is none.
         """
-        for member in self.members:
-            if member.name == name:
-                return member
-        names = [member.name for member in self.members]
-        raise UserError(f"system {self.name}: no member named {name!r}{suggestion(name, names)}")
+        members = {member.name: member for member in self.members}
+        return find(name, members, f"system {self.name}: no member")
 
     def port(self, text: str) -> Port:
         """Return the port that a text ``member.variable`` names.

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Signals
 from fmus.kit.declare import InputDeclaration
 from orchestration.experiment import waveforms
 
@@ -44,7 +44,7 @@ class Stimulus:
 
 
 def limits_of_inputs(
-    inputs: Sequence[InputDeclaration], recorded: Mapping[str, Array], limits: Limits
+    inputs: Sequence[InputDeclaration], recorded: Signals, limits: Limits
 ) -> dict[str, tuple[float, float]]:
     """Return the limits of every real input: those given or declared, else of the record.
 

@@ -8,13 +8,13 @@ the coupling makes or loses, and needs no reference.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Signals
 from orchestration.system import Connection, System, interface
 
 
@@ -73,7 +73,7 @@ def mechanical(system: System) -> list[Mechanical]:
 
 
 def imbalance(
-    couplings: Sequence[Mechanical], signals: Mapping[str, Array], extrapolation: int = 0
+    couplings: Sequence[Mechanical], signals: Signals, extrapolation: int = 0
 ) -> dict[str, Imbalance]:
     """Compute the energy that mechanical couplings make.
 
@@ -96,7 +96,7 @@ def imbalance(
     return {str(c): _imbalance(c, signals, extrapolation) for c in couplings}
 
 
-def _imbalance(coupling: Mechanical, signals: Mapping[str, Array], extrapolation: int) -> Imbalance:
+def _imbalance(coupling: Mechanical, signals: Signals, extrapolation: int) -> Imbalance:
     """Return the energy that a coupling makes and the work that it transfers, see `imbalance`.
 
     The works of both receivers in each step differ by the energy that the coupling makes.

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from xml.etree.ElementTree import Element
 
-from fmus.kit import UserError
+from fmus.kit.errors import UserError, error_context
 from orchestration.fmu.wrapping import MOST_ELEMENTS, DeclaredVariable, element_names
 from orchestration.system.checking import conversion, interface
 from orchestration.system.model import Connection, Member, Port
@@ -240,10 +240,8 @@ class _ConnectionReader:
             raise UserError(
                 f"{where}: {side}Indices {' '.join(indices)[:40]!r} are no whole numbers"
             )
-        try:
+        with error_context(f"{where}: {name}"):
             element = element_at(whole, tuple(map(int, indices)))
-        except UserError as error:
-            raise UserError(f"{where}: {name}: {error}") from error
         return DeclaredVariable(whole.kind, (), (element,))
 
     def _converting(self, connection: Connection, where: str) -> Connection:
