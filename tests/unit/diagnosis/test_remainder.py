@@ -30,7 +30,7 @@ def test_what_is_left_is_the_noise_that_was_added():
 
 
 def test_what_a_converter_rounds_off_is_noise():
-    """Of a slow output most second differences are zero; steps of 1 have deviations of 1 / sqrt 12."""
+    """Of a slow output most second differences are zero; steps of 1 deviate by 1 / sqrt 12."""
     record = oscillator_record(1, noise=0.0)
     position = record.signals["position"]
     step = 0.1 * np.ptp(position)
