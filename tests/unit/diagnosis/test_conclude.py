@@ -494,3 +494,29 @@ def test_the_reading_comes_before_terms_in_it_where_no_part_explains_half_alone(
     ]
     found = SimpleNamespace(compared=lambda: ranked, structure=0.0)
     assert _in_order(both, found) == (reading, term)
+
+
+def test_of_parts_none_of_which_explains_half_alone_the_first_adds_most_over_all_orders() -> None:
+    """A pump is late by a sample and slower when it is off: the delay helps only beside the latter,
+    and then its loss costs more.
+    """
+    slower, late, curved = (
+        Term("friction", signal, Shape.LINEAR) for signal in ("velocity", "force", "position")
+    )
+    fitted = SimpleNamespace(problem=SimpleNamespace(model=LawModel(Oscillator)))
+    gains = {
+        (slower,): 0.7,
+        (curved,): 0.5,
+        (slower, late): 1.3,
+        (slower, curved): 0.8,
+        (slower, late, curved): 2.1,
+    }
+    ranked = [
+        SimpleNamespace(
+            judged=SimpleNamespace(parts=parts), comparison=SimpleNamespace(gain=gain, columns=0.0)
+        )
+        for parts, gain in gains.items()
+    ]
+    found = SimpleNamespace(compared=lambda: ranked, structure=0.0)
+    whole = SimpleNamespace(parts=(late, curved, slower), fit=fitted)
+    assert _in_order(whole, found) == (slower, late, curved)
