@@ -18,6 +18,7 @@ from orchestration.diagnosis.fitting import (
     effective_samples,
     fit,
     fit_base,
+    fit_from_pieces,
     fit_start,
     joined_by,
     variance_of,
@@ -51,6 +52,7 @@ _SHORTEST = _MOST // 2  # of one of many, to which it is cut at most
 _STILL = 0.01  # standard deviations, by which an input moves at most that drives nothing
 _DECAY = 1.0  # e-folds over a record, by which each mode decays of a model that forgets errors
 _ROUNDS = 3  # of observers and fits by turns
+_ASTRAY = 0.5  # misfit in spreads, from which on a fit may be near a frequency that is not there
 _UNSEEN = 0.002  # of the spread, by which a run over fewer samples may differ
 _COARSE = 0.01  # the same, of a record of which the end would be lost
 _IN_NOISE = 0.1  # of the noise of an output, by which it may differ at most: ten nats of thousands
@@ -538,6 +540,8 @@ def _fitted(problem: Problem, left_out: tuple[LeftOut, ...]) -> Subject | None:
     None if it runs away in either way.
     """
     base = fit_base(problem)
+    if base is not None and problem.model.states and base.misfit > _ASTRAY:
+        base = fit_from_pieces(base)
     if growth_of(_place(problem, left_out, base)) <= -np.log(_UNSEEN):
         return None if base is None else Subject(problem, left_out, base)
     subject = _observed(problem, left_out, None)

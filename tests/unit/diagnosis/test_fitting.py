@@ -22,6 +22,7 @@ from orchestration.diagnosis.fitting import (
     effective_samples,
     fit,
     fit_base,
+    fit_from_pieces,
     fit_start,
     independent_weights,
     mean_squares,
@@ -182,6 +183,19 @@ def test_the_model_without_terms_is_fitted_in_its_own_noise() -> None:
     values = np.array([M, K, D]) * np.exp(expected.x[:3])
     assert problem.parameters(found.point.q)[:3] == pytest.approx(values, rel=0.015)
     assert found.misfit * problem.spread[0] == pytest.approx(0.01, rel=0.1)
+
+
+def test_a_resonance_far_from_nominal_is_found_along_pieces() -> None:
+    """A quarter of the natural frequency, little damping: no slope of a whole run leads there."""
+    truth, record = (M, K / 16.0, 0.02 * D), pushed(2000)
+    push = np.random.default_rng(6).normal(0.0, 5.0, len(record.time))
+    outputs = exact(record, truth, START, push)[:, :1]
+    problem = problem_of([replace(record, inputs=push[:, None], outputs=outputs)])
+    base = fit_base(problem)
+    assert base is not None
+    assert base.misfit > 0.5
+    found = fit_from_pieces(base)
+    assert problem.parameters(found.point.q)[:3] == pytest.approx(truth, rel=1e-3)
 
 
 def test_priors_do_not_hold_parameters_back_where_the_model_misses_something_slow() -> None:
