@@ -9,7 +9,7 @@ from __future__ import annotations
 import ast
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -73,6 +73,10 @@ _UNIT_SYNTAX = re.compile(
 # Modelica's grammar: a name directly followed by its power, and divisors in brackets
 _FACTOR = re.compile(r"([^\W\d_]+)([+-]?\d{1,2}(?!\w))?")
 _DIVISORS = re.compile(r"/\(([^()/]*)\)")
+# what an FMU defines and nobody has a name for, such as 0.0254*m
+_SCALED = re.compile(r"(\d[\d.]*(?:e[+-]?\d+)?)\*(.+)")
+# names for what an FMU defines under another name
+_USUAL = ("rpm", "rpm/s", "deg", "deg/s", "turn", "degC", "degF", "percent", "bar", "min", "h", "d")
 
 
 @cache
@@ -80,7 +84,9 @@ def registry() -> pint.UnitRegistry[Any]:
     """Return the pint registry of this process."""
     import pint
 
-    return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
+    made: pint.UnitRegistry[Any] = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
+    made.define("@alias turn = rev")  # rev/min is the speed of the Modelica Standard Library
+    return made
 
 
 @dataclass(frozen=True)
@@ -107,6 +113,10 @@ def _common_base_unit(unit: str) -> BaseUnit | None:
     """
     if unit == "1":
         return BaseUnit({}, 1.0, 0.0)
+    scaled = _SCALED.fullmatch(unit)
+    if scaled:
+        product = _common_base_unit(scaled[2])
+        return product and replace(product, factor=float(scaled[1]) * product.factor)
     if not unit.isascii() or len(unit) > _LONGEST or not _UNIT_SYNTAX.fullmatch(unit):
         return None
     try:
@@ -161,10 +171,7 @@ def powers_of_names(unit: str) -> dict[str, int]:
             powers = _powers(_parsed(spelt))
         except (SyntaxError, ValueError):
             continue
-        return {
-            f"delta_{name}" if base_unit(name).offset else name: power
-            for name, power in powers.items()
-        }
+        return {difference_unit(name): power for name, power in powers.items()}
     return {unit: 1}
 
 
@@ -198,12 +205,23 @@ def parse(unit: str) -> pint.Unit:
 
 def _parse_or_none(unit: str) -> pint.Unit | None:
     """Return the unit that pint reads; None if it cannot read it."""
-    if len(unit) > _LONGEST or not _UNIT_SYNTAX.fullmatch(unit):
+    scaled = _SCALED.fullmatch(unit)
+    if len(unit) > _LONGEST or not _UNIT_SYNTAX.fullmatch(scaled[2] if scaled else unit):
         return None  # pint would evaluate any power, such as 9**9**9**9
     try:
+        if scaled:
+            return registry().Unit(_scaled(unit))
         return registry().Unit(unit.replace("%", "percent").replace("Ω", "ohm").replace("·", "*"))
     except Exception:
         return None
+
+
+@cache
+def _scaled(unit: str) -> str:
+    """Return the name that pint is given for a unit with a factor, which it has no units of."""
+    name = f"scaled_{unit.encode().hex()}"
+    registry().define(f"{name} = {unit}")
+    return name
 
 
 @lru_cache
@@ -223,6 +241,64 @@ def to_familiar(unit: str) -> str:
     spelt = from_modelica(unit[:_LONGEST])
     is_known = _common_base_unit(spelt) is not None or _parse_or_none(spelt) is not None
     return spelt if is_known else unit
+
+
+def defined_unit(name: str, meaning: BaseUnit | None) -> str:
+    """Return a unit that an FMU names and defines, in a spelling that `parse` reads.
+
+    Where pint reads the name with another meaning, or not at all, the definition decides (FMI
+    2.0.4, 2.2.2). ``1/min`` of Modelica, which is 2 pi / 60 rad/s there, is ``rpm``.
+
+    Parameters
+    ----------
+    name : str
+        Name in the FMU.
+    meaning : BaseUnit or None
+        Its definition, if there is one.
+
+    Returns
+    -------
+    str
+        The name itself if it is neither known nor defined.
+    """
+    spelt = to_familiar(name)
+    if meaning is None:
+        return spelt
+    if not meaning.exponents and meaning.factor == 1.0:  # nothing is defined
+        return "1" if _parse_or_none(spelt) is None else spelt
+    for known in (spelt, *_COHERENT, *_USUAL):
+        if _means(known, meaning):
+            return known
+    if meaning.offset:
+        return spelt
+    factors = [b if n == 1 else f"{b}^{n}" for b, n in meaning.exponents.items()]
+    product = "*".join(factors) or "1"
+    return product if meaning.factor == 1.0 else f"{meaning.factor!r}*{product}"
+
+
+def _means(unit: str, meaning: BaseUnit) -> bool:
+    """Return whether a unit is defined as pint knows it; FMUs may leave out the angle."""
+    try:
+        known = base_unit(unit)
+    except UserError:
+        return False
+    without_angle = {base: n for base, n in known.exponents.items() if base != "rad"}
+    return (
+        meaning.exponents in (known.exponents, without_angle)
+        and math.isclose(known.factor, meaning.factor, rel_tol=1e-5)
+        and math.isclose(known.offset, meaning.offset, rel_tol=1e-5)
+    )
+
+
+def difference_unit(unit: str) -> str:
+    """Return the unit of differences of values in a unit: ``delta_degC`` for ``degC``.
+
+    Raises
+    ------
+    UserError
+        See `base_unit`.
+    """
+    return f"delta_{unit}" if base_unit(unit).offset else unit
 
 
 @lru_cache

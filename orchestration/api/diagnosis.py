@@ -31,6 +31,7 @@ from orchestration.diagnosis.systems import SystemOptions, diagnose_system
 from orchestration.experiment.system_model import find_system
 from orchestration.fmu import Model
 from orchestration.fmu.signal import numeric
+from orchestration.identify.comparison import with_measured
 from orchestration.records import refuse_same
 from orchestration.reporting import flag, option
 from orchestration.system import System
@@ -100,9 +101,10 @@ def diagnose(
     require("threadpoolctl")
     if system is not None:
         return _of_system(record, model, system, options)
-    subject = as_declared(model)
+    subject = as_declared(model).with_units(options["units"] or {})
     refuse_without_laws(subject, options)
     measured, unseen = held_out(record, subject, options)
+    subject = with_measured(subject, *measured)
     chosen = _chosen(subject, options, fit=options["fit"], laws=options["laws"])
     compare = options["compare"]
     later = None if compare is None else matching_record(compare, subject, options)

@@ -170,7 +170,8 @@ def _read_mapping(texts: Sequence[str], flag: str) -> dict[str, str]:
 def _read_settings(texts: Sequence[str], flag: str) -> dict[str, str]:
     settings = {}
     for text in texts:
-        name, equals, value = text.partition("=")
+        # the name may have such signs in it, and a text too: the model knows its names
+        name, equals, value = text.rpartition("=")
         if not equals:
             raise UserError(f"{flag} {text!r}: write name=value or name=value[unit]")
         if name.strip() in settings:

@@ -73,7 +73,7 @@ def frequency_response(
     """
     if model is None:
         return _responses_of_columns(record, options)
-    return _responses_with_model(record, as_measured(model), options)
+    return _responses_with_model(record, as_measured(model).with_options(options), options)
 
 
 def _responses_of_columns(record: Data, options: FrequencyKeywords) -> FrequencyResponse:
@@ -116,7 +116,7 @@ def _signals_of_model(record: Record, model: Model) -> Record:
 
 def _refuse_without_model(options: FrequencyKeywords) -> None:
     """Raise UserError for options that need a model."""
-    for name in ("mapping", "settings"):
+    for name in ("mapping", "settings", "units"):
         if options[name]:
             raise UserError(f"{option(name)}: there is no model; name it with {option('model')}")
 

@@ -48,7 +48,7 @@ def compare(
     >>> bool(compared.after["voltage"].fit_percent > compared.before["voltage"].fit_percent)
     True
     """
-    declared = as_measured(model).with_tolerance(options["tolerance"])
+    declared = as_measured(model).with_options(options)
     given = values_of(declared, options["settings"])
     data = matching_record(record, declared, options)
     subject = built(declared)
@@ -96,10 +96,10 @@ def fit(
     >>> sorted(fitted.values)
     ['C', 'R1']
     """
-    declared = as_measured(model).with_tolerance(options["tolerance"])
+    declared = as_measured(model).with_options(options)
     given = values_of(declared, options["settings"])
     data = matching_record(record, declared, options)
-    subject = built(declared)
+    subject = comparison.with_measured(built(declared), data)
     inputs = {name: values for name, values in data.signals.items() if name in subject.inputs}
     measured = {name: values for name, values in data.signals.items() if name in subject.outputs}
     return comparison.fit_model(

@@ -173,6 +173,20 @@ class SettingsOption(TypedDict, total=False):
     ]
 
 
+class UnitsOption(TypedDict, total=False):
+    """Units that an FMU does not declare."""
+
+    units: Annotated[
+        Mapping[str, str] | None,
+        Option(
+            "Unit of a variable of which the FMU declares none, e.g. omega=rad/s. Repeatable.",
+            "Units of variables of which the FMU declares none.",
+            metavar="NAME=UNIT",
+            form=SETTINGS,
+        ),
+    ]
+
+
 class RecordOptions(MappingOption, total=False):
     """Records of a diagnosis: columns, runs, common parameters, validation data."""
 
@@ -255,7 +269,7 @@ class ProgressOption(TypedDict, total=False):
 # --- diagnose and laws ---------------------------------------------------------------------------
 
 
-class DiagnoseOptions(RecordOptions, SearchOptions, total=False):
+class DiagnoseOptions(RecordOptions, SearchOptions, UnitsOption, total=False):
     """Options of ``diagnose`` besides the record and the model."""
 
     effects: Annotated[
@@ -335,8 +349,23 @@ class LawsKeywords(LawsOptions, ProgressOption, total=False):
 _TIMES = "such as 30s, 10ms or 2min, plain numbers in s; default the record's, else the FMU's own."
 
 
-class ToleranceOption(TypedDict, total=False):
-    """Accuracy of the integration inside of an FMU."""
+class OutputsOption(TypedDict, total=False):
+    """Variables that are recorded."""
+
+    outputs: Annotated[
+        Sequence[str],
+        Option(
+            "What is recorded: outputs, states, locals, parameters, or all; default the outputs.",
+            "Variables that are recorded: outputs, states, locals, parameters, or ``all`` of them;"
+            " by default the outputs.",
+            default=(),
+            form=NAMES,
+        ),
+    ]
+
+
+class ToleranceOption(UnitsOption, total=False):
+    """Accuracy of the integration inside of an FMU, and units that it does not declare."""
 
     tolerance: Annotated[
         float | None,
@@ -401,7 +430,13 @@ class IsolateKeyword(TypedDict, total=False):
 
 
 class SimulateKeywords(
-    PointsOption, GridOptions, SettingsOption, ToleranceOption, IsolateKeyword, total=False
+    PointsOption,
+    GridOptions,
+    SettingsOption,
+    OutputsOption,
+    ToleranceOption,
+    IsolateKeyword,
+    total=False,
 ):
     """Keyword arguments of ``simulate``."""
 
@@ -541,7 +576,7 @@ class ResponseOptions(TypedDict, total=False):
     ]
 
 
-class FrequencyKeywords(MappingOption, SettingsOption, ResponseOptions, total=False):
+class FrequencyKeywords(MappingOption, SettingsOption, UnitsOption, ResponseOptions, total=False):
     """Keyword arguments of ``frequency_response``."""
 
 
@@ -811,7 +846,7 @@ class LineariseKeywords(LineariseOptions, BandOptions, PointsOption, total=False
 # --- sweeps --------------------------------------------------------------------------------------
 
 
-class SweepDesignOptions(TypedDict, total=False):
+class SweepDesignOptions(OutputsOption, total=False):
     """Cases of a sweep, and the reductions that are kept."""
 
     kind: Annotated[
@@ -843,15 +878,6 @@ class SweepDesignOptions(TypedDict, total=False):
         ),
     ]
     seed: Annotated[int, Option("Seed of random numbers.", default=0, least=0)]
-    outputs: Annotated[
-        Sequence[str],
-        Option(
-            "Outputs that are kept, e.g. voltage,charge.",
-            "Outputs that are kept; by default all.",
-            default=(),
-            form=NAMES,
-        ),
-    ]
     keep: Annotated[
         Sequence[str] | None,
         Option(

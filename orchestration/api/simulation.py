@@ -14,7 +14,6 @@ from fmus.kit import Component, registry
 from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.symbolic import check_component
-from fmus.kit.units import format_value
 from orchestration.api.declaration import takes
 from orchestration.api.forms import seconds
 from orchestration.api.options import SimulateKeywords
@@ -30,6 +29,7 @@ from orchestration.fmu.model import built, declared_model, declared_model_of
 from orchestration.fmu.simulation import (
     EndedSimulation,
     draw_signals,
+    extremes,
     grid,
     points_before,
     source_of,
@@ -75,9 +75,7 @@ class Simulation(Displayable):
         columns = ("smallest", "largest", "last")
         table = plain_table(None, "output", *columns, right=columns)
         for name, values in self.outputs.items():
-            signal = self.model.outputs[name]
-            shown = (values.min(), values.max(), values[-1])
-            table.add_row(name, *(format_value(value, signal) for value in shown))
+            table.add_row(name, *extremes(values, self.model.outputs[name]))
         yield (
             f"{self.model.name}: {self.time.size} points from {self.time[0]:g} s to"
             f" {self.time[-1]:g} s"
@@ -119,7 +117,8 @@ class Simulation(Displayable):
         """
         signals = self.inputs | self.outputs
         known = {**self.model.inputs, **self.model.outputs}
-        write_record(Path(path), self.time, signals, {name: known[name].unit for name in signals})
+        units = {name: known[name].unit_in_files for name in signals}
+        write_record(Path(path), self.time, signals, units)
         return Path(path)
 
     def draw(self) -> Figure:
@@ -162,7 +161,7 @@ def simulate(
     >>> round(float(step["charge"][-1]), 2)
     5.59
     """
-    subject = as_model(model).with_tolerance(options["tolerance"])
+    subject = as_model(model).with_options(options).with_texts(options["outputs"])
     points = points_of(subject, options["time"], options["stop"], options["step"])
     driven = inputs_over(subject, inputs or {}, points)
     try:
@@ -202,7 +201,8 @@ def inputs_over(model: Model, inputs: Inputs, points: Array) -> dict[str, Array]
             raise UserError(
                 f"{model.name}: no input named {name!r}{suggestion(name, model.inputs)}"
             )
-        given = np.asarray(values(points) if callable(values) else values, dtype=float)
+        kind = str if model.inputs[name].type == "string" else float
+        given = np.asarray(values(points) if callable(values) else values, dtype=kind)
         if given.shape not in ((), points.shape):
             raise UserError(f"{name}: shape {given.shape} for {points.size} points in time")
         driven[name] = np.broadcast_to(given, points.shape)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Unpack
 
 from fmus.kit.arrays import Array
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit.errors import UserError
 from orchestration.api.declaration import takes
 from orchestration.api.options import NoteOption, SweepFileKeywords, SweepKeywords
 from orchestration.api.simulation import (
@@ -68,8 +68,8 @@ def sweep(
     >>> found["voltage_last"].units
     'V'
     """
-    subject = as_model(model).with_tolerance(options["tolerance"])
-    _refuse_unfit(subject, options)
+    subject = as_model(model).with_options(options)
+    _refuse_unfit(options)
     kind = options["kind"]
     ranges = ranges_over(over, subject)
     points = points_of(subject, options["time"], options["stop"], options["step"])
@@ -88,7 +88,7 @@ def sweep(
         settings,
         points,
         driven,
-        tuple(options["outputs"] or subject.kept or subject.outputs),
+        subject.kept or tuple(subject.outputs),
         tuple(keep),
         choose_equations(subject, options["engine"]),
         (options["limits"] or Limits()) if isolate else None,
@@ -121,7 +121,7 @@ def _starts(
     ranges: Sequence[Range], settings: Mapping[str, Value], model: Model
 ) -> dict[str, float]:
     """Return the value of each parameter while another is varied: its setting, or its start."""
-    known = {**model.parameters, **model.inputs}
+    known = model.settable
     return {one.name: float(settings.get(one.name, known[one.name].start)) for one in ranges}
 
 
@@ -142,8 +142,8 @@ def _refuse_set_twice(swept: Sequence[str], given: Container[str]) -> None:
         raise UserError(f"{twice} is swept, and set to one value besides")
 
 
-def _refuse_unfit(subject: Model, options: SweepKeywords) -> None:
-    """Raise UserError for a wrong number of workers, or an output that the model does not have."""
+def _refuse_unfit(options: SweepKeywords) -> None:
+    """Raise UserError for a wrong number of workers."""
     workers = options["workers"]
     scheduler = options["scheduler"]
     if not 1 <= workers <= MOST_WORKERS:
@@ -151,11 +151,6 @@ def _refuse_unfit(subject: Model, options: SweepKeywords) -> None:
     if scheduler is not None and workers > 1:
         raise UserError(
             f"workers {workers}: they are of this machine; the cluster at {scheduler} has its own"
-        )
-    unknown = next((name for name in options["outputs"] if name not in subject.outputs), None)
-    if unknown is not None:
-        raise UserError(
-            f"{subject.name}: no output named {unknown!r}{suggestion(unknown, subject.outputs)}"
         )
 
 

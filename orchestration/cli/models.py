@@ -37,7 +37,7 @@ def open_measured(options: MeasuredOptions, runtime: str | None = None) -> Measu
     from orchestration.reporting.console import tell_repairs
 
     found = as_measured(options["model"], options["laid_over"], runtime)
-    declared = found.with_tolerance(options.get("tolerance"))  # frequency has none
+    declared = found.with_options(options)
     parameters = values_of(declared, options["settings"], options["preset"])
     record = read_for(declared, source_of(options["record"], options), options["mapping"])
     tell_repairs(record.repairs)
@@ -99,7 +99,7 @@ def check_inputs(model: Model, signals: Collection[str], parameters: Collection[
     ------
     UserError
     """
-    from fmus.kit.units import format_value
+    from orchestration.fmu.signal import start_of
 
     for name, signal in model.inputs.items():
         if name in signals and name in parameters:
@@ -107,9 +107,8 @@ def check_inputs(model: Model, signals: Collection[str], parameters: Collection[
                 f"--set {name}: the record has a column for it; leave out one of the two"
             )
         if name not in signals and name not in parameters:
-            warn(
-                f"no values for the input {name}; it stays at {format_value(signal.start, signal)}"
-            )
+            start = start_of(signal) or "what its FMU begins with, which declares no start value"
+            warn(f"no values for the input {name}; it stays at {start}")
 
 
 def note_neutral(model: Model, parameters: Collection[str]) -> None:

@@ -11,6 +11,7 @@ _PANELS = {
         "of_model",
         "laid_over",
         "settings",
+        "units",
         "preset",
         "runtime",
         "fmi",

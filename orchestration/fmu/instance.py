@@ -26,7 +26,14 @@ from orchestration.fmu.archive import first_line, read_description, unpack
 from orchestration.fmu.isolation import activity, noting
 from orchestration.fmu.message_log import MessageLog
 from orchestration.fmu.signal import Value, check_type, is_text, type_of
+from orchestration.records.tables import Words
 
+_C_TYPES: Mapping[str, Any] = {
+    "real": ctypes.c_double,
+    "integer": ctypes.c_int,
+    "boolean": ctypes.c_int,
+    "string": ctypes.c_char_p,
+}
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 
 
@@ -94,24 +101,17 @@ def prepare_transfers(
     Returns
     -------
     list of ValueTransfer
-
-    Raises
-    ------
-    UserError
-        If a variable is text.
     """
     positions_of: dict[str, list[int]] = {}
     for position, name in enumerate(names):
         positions_of.setdefault(type_of(variables[name]), []).append(position)
-    if "string" in positions_of:
-        raise UserError(f"the variable {names[positions_of['string'][0]]} is text, not a number")
     transfers = []
     for kind, positions in positions_of.items():
         count = len(positions)
         typed_names = [names[position] for position in positions]
         value_references = [variables[name].valueReference for name in typed_names]
         references = (ctypes.c_uint * count)(*value_references)
-        array = (ctypes.c_double if kind == "real" else ctypes.c_int) * count
+        array = _C_TYPES[kind] * count
         function = f"fmi2{verb}{kind.capitalize()}"
         call = bind_function(library, function, ctypes.c_uint * count, ctypes.c_size_t, array)
         is_contiguous = positions[-1] - positions[0] == count - 1
@@ -154,6 +154,8 @@ class Fmu:
         Whether a call returned fatal, after which the instance must not be called again.
     label : str
         Name of the instance in messages about several FMUs.
+    words : Words
+        Numbers that stand for texts in rows of values.
     """
 
     def __init__(
@@ -180,6 +182,7 @@ class Fmu:
         self._is_initialized = False
         self.warnings = 0
         self.corrupted = False
+        self.words = Words()
 
     @property
     def complaints(self) -> str:
@@ -267,7 +270,7 @@ class Fmu:
         self,
         time: float = 0.0,
         stop: float | None = None,
-        inputs: Mapping[str, float] = MappingProxyType({}),
+        inputs: Mapping[str, Value] = MappingProxyType({}),
     ) -> None:
         """Set the parameters and the first values of inputs, and initialize.
 
@@ -275,7 +278,7 @@ class Fmu:
         ----------
         time, stop : float
             Start time, and stop time if there is one, in seconds.
-        inputs : Mapping of str to float
+        inputs : Mapping of str to float or str
             Values at the start time, from which an FMU may compute its start state.
 
         Raises
@@ -285,7 +288,8 @@ class Fmu:
         """
         self.enter_initialization(time, stop)
         if inputs:
-            self._setter(tuple(inputs))(np.array([*inputs.values()], dtype=float))
+            row = [self.in_numbers(name, [value])[0] for name, value in inputs.items()]
+            self._setter(tuple(inputs))(np.array(row))
         self.exit_initialization()
 
     def enter_initialization(self, time: float = 0.0, stop: float | None = None) -> None:
@@ -304,22 +308,19 @@ class Fmu:
 
     def _causality(self, name: str) -> str:
         """Return the causality of a variable that is to be set; UserError if it cannot be."""
-        causality = str(self.variable(name).causality or "local")
-        if causality not in ("parameter", "input"):
-            where = f"{self.path.name}: {name}"
-            raise UserError(f"{where} is {causality}, only parameters and inputs can be set")
+        variable = self.variable(name)
+        causality = str(variable.causality or "local")
+        is_start = variable.initial in ("exact", "approx") and variable.variability != "constant"
+        if causality not in ("parameter", "input") and not is_start:
+            raise UserError(
+                f"{self.path.name}: {name} is {causality}, only parameters, inputs and start values"
+                " can be set"
+            )
         return causality
 
     def _set_start_value(self, name: str) -> None:
         """Set a parameter or input to its start value; UserError if it is of another type."""
-        variable = self.variable(name)
-        value = self.parameters[name]
-        where = f"{self.path.name}: {name}"
-        if is_text(type_of(variable), value, where):
-            references = [variable.valueReference]
-            self._checked(f"setting {name}", self._slave.setString, references, [value])
-            return
-        self._setter((name,))(np.array([value]))
+        self._setter((name,))(self.in_numbers(name, [self.parameters[name]]))
 
     def _setter(self, names: tuple[str, ...]) -> Callable[[Array], None]:
         """Return the function that sets variables, which is kept."""
@@ -456,6 +457,29 @@ class Fmu:
             )
         return self.variables[name]
 
+    def in_numbers(self, name: str, values: Sequence[Value] | Array) -> Array:
+        """Return values (n,) of a variable as numbers, which stand for them if they are texts.
+
+        Raises
+        ------
+        UserError
+            If one is a number for a text, or a text for another variable.
+        """
+        kind = type_of(self.variable(name))
+        if kind != "string" and isinstance(values, np.ndarray) and values.dtype.kind in "biuf":
+            return values
+        where = f"{self.path.name}: {name}"
+        found = []
+        for value in values:
+            is_word = is_text(kind, value if isinstance(value, str) else float(value), where)
+            found.append(self.words[str(value)] if is_word else float(value))
+        return np.array(found)
+
+    def as_values(self, name: str, numbers: Array) -> Any:
+        """Return numbers (n,) of a row as values of a variable: texts (n,) if it is one."""
+        is_word = type_of(self.variable(name)) == "string"
+        return self.words.texts(numbers) if is_word else numbers
+
     def writer(self, names: Sequence[str]) -> Callable[[Array], None]:
         """Return a function that sets variables to a row of numbers.
 
@@ -474,7 +498,9 @@ class Fmu:
         def write(row: Array) -> None:
             for call, kind, typed_names, indices, references, values in transfers:
                 numbers = row[indices].tolist()
-                if kind != "real":
+                if kind == "string":
+                    numbers = [text.encode() for text in self.words.texts(row[indices]).tolist()]
+                elif kind != "real":
                     for name, value in zip(typed_names, numbers, strict=True):
                         check_type(kind, value, f"{self.path.name}: {name}")
                     numbers = [int(value) for value in numbers]
@@ -501,12 +527,15 @@ class Fmu:
         transfers = self._transfers("Get", names)
 
         def read(row: Array) -> None:
-            for call, _, _, indices, references, values in transfers:
+            for call, kind, _, indices, references, values in transfers:
                 status = call(self._slave.component, references, len(values), values)
                 if status > fmi2.fmi2Warning:
                     raise self.failed(f"reading {', '.join(names)}", status)
                 self.warnings += status
-                row[indices] = values[:]
+                read_now = values[:]
+                if kind == "string":
+                    read_now = [self.words[(text or b"").decode()] for text in read_now]
+                row[indices] = read_now
 
         return read
 

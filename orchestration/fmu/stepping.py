@@ -115,8 +115,9 @@ def plan_course(fmu: Fmu, time: Array, inputs: Mapping[str, Array]) -> Course:
     wanted = np.ascontiguousarray(time, dtype=float)
     points = communication_points(fmu.description, wanted)
     table = np.empty((len(points), len(inputs)))
-    for k, values in enumerate(inputs.values()):
-        table[:, k] = values if points is wanted else values[_last_before(wanted, points)]
+    for k, (name, values) in enumerate(inputs.items()):
+        held = values if points is wanted else values[_last_before(wanted, points)]
+        table[:, k] = fmu.in_numbers(name, held)
     return Course(points, list(inputs), table, wanted)
 
 

@@ -13,7 +13,7 @@ from fmus.kit.arrays import Array, Signals
 from fmus.kit.errors import UserError, find
 from orchestration.fmu import Model, Value
 from orchestration.fmu.isolation import limits_of
-from orchestration.fmu.signal import numeric
+from orchestration.fmu.signal import join_names, numeric
 from orchestration.fmu.simulation import simulate, source_of
 from orchestration.identify import presentation
 from orchestration.identify.fitting import FmuWithDifferences
@@ -150,7 +150,7 @@ def read_for(model: Model, path: Source, mapping: Mapping[str, str] | None = Non
     UserError
         If the file is refused, or holds none of the model's outputs.
     """
-    record = read_record(path, _signals(model), mapping=mapping, inputs=list(model.inputs))
+    record = read_record(path, mapping=mapping, **_signals(model))
     _check_outputs(record, model)
     return record
 
@@ -175,22 +175,34 @@ def read_runs_for(
     UserError
         If the file is refused, or a run holds none of the model's outputs.
     """
-    runs = read_runs(
-        path, _signals(model), mapping=mapping, inputs=list(model.inputs), column=column
-    )
+    runs = read_runs(path, mapping=mapping, column=column, **_signals(model))
     for record in runs:
         _check_outputs(record, model)
     return runs
 
 
-def _signals(model: Model) -> dict[str, str]:
-    """Return inputs and outputs of a model with their units."""
-    return {s.name: s.unit for s in (*model.inputs.values(), *model.outputs.values())}
+def _signals(model: Model) -> dict[str, Any]:
+    """Return the signals of a model that a record may have, as arguments of `read_record`."""
+    signals = {**model.inputs, **model.outputs}
+    others = {} if model.cls else model.others  # a law is fitted to outputs
+    return {
+        "signals": {name: signal.unit_of_records for name, signal in signals.items()},
+        "others": {name: signal.unit_of_records for name, signal in others.items()},
+        "inputs": [*model.inputs],
+        "words": {name: dict(signal.items) for name, signal in signals.items() if signal.items},
+    }
+
+
+def with_measured(model: Model, *records: Record) -> Model:
+    """Return a model whose outputs include all that was measured in any of some records."""
+    measured = dict.fromkeys(name for record in records for name in record.signals)
+    found = [name for name in measured if name in model.others and name not in model.outputs]
+    return model.recording([*model.outputs, *found]) if found else model
 
 
 def _check_outputs(record: Record, model: Model) -> None:
     """Refuse a record without any output of the model."""
-    if not any(name in model.outputs for name in record.signals):
+    if not any(name not in model.inputs for name in record.signals):
         known = ", ".join(model.outputs)
         raise UserError(
             f"{record.source}: no column is an output of {model.name} ({known}); say which is, with"
@@ -231,7 +243,8 @@ def compare(
         If the FMU fails, or a parameter cannot be fitted.
     """
     given = dict(parameters or {})
-    _check_names(model, names, f"{option('fit', [*names])}: ")
+    model = with_measured(model, record)
+    names = _checked_names(model, names, f"{option('fit', [*names])}: ")
     inputs = {name: values for name, values in record.signals.items() if name in model.inputs}
     measured = {name: values for name, values in record.signals.items() if name in model.outputs}
     progress(f"simulating {source_of(model).name} over {record.time.size} samples")
@@ -276,31 +289,41 @@ def fit_model(
     UserError
         If a parameter is unknown or cannot be fitted, or the model cannot be simulated.
     """
+    names = _checked_names(model, names)
     constant = {
         name: np.full(time.size, value) for name, value in given.items() if name in model.inputs
     }
     all_inputs = constant | dict(inputs)
-    fixed = {name: value for name, value in given.items() if name in model.parameters}
+    fixed = {name: value for name, value in given.items() if name not in model.inputs}
     if model.cls is not None:
         return fit_grey_box(model.cls, time, all_inputs, measured, names, numeric(fixed))
-    _check_names(model, names)
     others = {name: value for name, value in fixed.items() if name not in names}
-    numbers = {
-        name: value for name, value in fixed.items() if model.parameters[name].type != "string"
-    }
+    numbers = {name: value for name, value in fixed.items() if not isinstance(value, str)}
     with FmuWithDifferences(model, names, list(measured), others, workers) as fmu:
         fit = fit_grey_box(fmu, time, all_inputs, measured, names, numeric(numbers))
         return replace(fit, evaluations=fmu.runs)
 
 
-def _check_names(model: Model, names: Sequence[str], option: str = "") -> None:
-    """Refuse parameters that cannot be fitted, before any work is done."""
+def _checked_names(model: Model, words: Sequence[str], fit: str = "") -> list[str]:
+    """Return the parameters to fit; refuse some that cannot be, before any work is done.
+
+    A tolerance, too, which nothing but an FMU is told.
+    """
+    known = model.constants
+    names = join_names(words, known)
+    if names and model.cls is not None and model.tolerance is not None:
+        given = option("tolerance", model.tolerance)
+        raise UserError(
+            f"{given}: {model.name} is fitted by its equations, whose accuracy is fixed; leave it"
+            " out"
+        )
     for k, name in enumerate(names):
-        kind = find(name, model.parameters, f"{option}{model.name} has no parameter").type
+        kind = find(name, known, f"{fit}{model.name} has no parameter").type
         if kind != "real":
-            raise UserError(f"{option}{name} is {kind}; only real parameters can be fitted")
+            raise UserError(f"{fit}{name} is {kind}; only real parameters can be fitted")
         if name in names[:k]:
-            raise UserError(f"{option}{name} is named twice in {','.join(names)}")
+            raise UserError(f"{fit}{name} is named twice in {','.join(names)}")
+    return names
 
 
 def _assess(

@@ -2,6 +2,8 @@
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +24,13 @@ from orchestration.records.sampling import (
 )
 from orchestration.records.selection import open_table
 from orchestration.records.source import Readable, Reading, Source
-from orchestration.records.tables import Table, numbers, unit_in_name
+from orchestration.records.tables import (
+    Table,
+    numbers,
+    read_words,
+    split_header_cell,
+    unit_in_name,
+)
 from orchestration.records.times import (
     FORMS,
     holds_instants,
@@ -33,6 +41,8 @@ from orchestration.records.times import (
 )
 from orchestration.reporting import option
 
+_NONE: Mapping[str, Any] = MappingProxyType({})
+
 
 def read_record(
     path: Readable,
@@ -41,6 +51,8 @@ def read_record(
     mapping: Mapping[str, str] | None = None,
     required: Collection[str] = (),
     inputs: Collection[str] = (),
+    others: Mapping[str, str] = _NONE,
+    words: Mapping[str, dict[str, float]] = _NONE,
     jumps: bool = False,
 ) -> Record:
     """Read a measured record.
@@ -51,7 +63,8 @@ def read_record(
         CSV, Parquet, LabVIEW TDMS or text, or MATLAB file, recognised by its content; or the
         columns themselves, see `orchestration.records.frames.table_of`.
     signals : mapping of str to str
-        The model's signals and the SI unit of each, as pint understands it: ``{"current": "A"}``.
+        The model's signals and the SI unit of each, as pint understands it: ``{"current": "A"}``;
+        an empty unit is that of the column.
     mapping : mapping of str to str, optional
         Signal by file column, with a unit that replaces the one in the file if given:
         ``{"strain": "displacement[m]"}``. The signal ``time`` names the time column.
@@ -60,6 +73,10 @@ def read_record(
     inputs : collection of str
         Inputs of the model: their short holes are interpolated and long ones refused. Holes in
         other signals stay NaN.
+    others : mapping of str to str
+        Further signals, with their units, for columns of exactly their names.
+    words : mapping of str to dict of str to float
+        By signal, numbers for cells that are words; `Words` has one for any text.
     jumps : bool
         True if rows of equal time are a jump, as in prescribed inputs: the last one is used. False
         if they are repeated measurements: their mean is used.
@@ -76,7 +93,8 @@ def read_record(
     """
     source = Source.of(path)
     table = _checked_table(source, signals, required, inputs)
-    samples = _unrepaired_samples(table, signals, mapping or {}, required, source.reading)
+    signals = {**signals, **_named_in(table, others, mapping or {})}
+    samples = _unrepaired_samples(table, signals, mapping or {}, required, source.reading, words)
     return _repaired_record(samples, signals, required, inputs, source.reading, jumps=jumps)
 
 
@@ -121,12 +139,14 @@ def read_runs(
     mapping: Mapping[str, str] | None = None,
     inputs: Collection[str] = (),
     column: str | None = None,
+    others: Mapping[str, str] = _NONE,
+    words: Mapping[str, dict[str, float]] = _NONE,
 ) -> list[Record]:
     """Read a file of one or several runs, each of which becomes a record.
 
     Parameters
     ----------
-    path, signals, mapping, inputs
+    path, signals, mapping, inputs, others, words
         See :func:`read_record`.
     column : str, optional
         Column with the label of the run. Without it a run begins where the clock restarts.
@@ -143,11 +163,12 @@ def read_runs(
     """
     source = Source.of(path)
     table = _checked_table(source, signals, (), inputs)
+    signals = {**signals, **_named_in(table, others, mapping or {})}
     labels = None
     if column is not None:
         labels = run_labels(table, column, mapping or {})
         table.columns = [c for c in table.columns if c.name != column]
-    samples = _unrepaired_samples(table, signals, mapping or {}, (), source.reading)
+    samples = _unrepaired_samples(table, signals, mapping or {}, (), source.reading, words)
     runs = divide_at_restarts(samples) if labels is None else divide_by_label(samples, labels)
     return [
         _repaired_record(run, signals, (), inputs, source.reading, label) for label, run in runs
@@ -167,18 +188,35 @@ def _checked_table(
     return split_arrays(open_table(source), signals)
 
 
+def _named_in(
+    table: Table, signals: Mapping[str, str], mapping: Mapping[str, str]
+) -> dict[str, str]:
+    """Return those signals that a column has the name of, or that a column is mapped to."""
+    named = {name for column in table.columns for name in (column.name, column.title)}
+    named |= {*mapping.values(), *(split_header_cell(target)[0] for target in mapping.values())}
+    return {name: signals[name] for name in named if name in signals}
+
+
 def _unrepaired_samples(
     table: Table,
     signals: Mapping[str, str],
     mapping: Mapping[str, str],
     required: Collection[str],
     reading: Reading,
+    words: Mapping[str, dict[str, float]] = _NONE,
 ) -> Samples:
     """Return the samples of the matched signals in the units of the model, before any repair."""
     matches = match_columns(table, signals, mapping, required)
     clock, *others = matches
     time = time_in_seconds(table, clock, reading.discard)
-    values = {m.signal: _column_in_unit(table, m, signals[m.signal]) for m in others}
+    values = {}
+    for match in others:
+        in_words = words.get(match.signal)
+        values[match.signal] = (
+            _column_in_unit(table, match, signals[match.signal])
+            if in_words is None
+            else read_words(table, match.column, in_words)
+        )
     return Samples(table.path, time, values, table.rows, table.repairs)
 
 
@@ -221,7 +259,7 @@ def _repaired_record(
         mask_infinite(samples)
         repair_clock(samples, reading.discard, jumps)
         repair_holes(samples, inputs, required)
-        signal_units = {name: signals[name] for name in samples.values}
+        signal_units = {name: signals[name] or "1" for name in samples.values}
         notice_channels(samples, signal_units, inputs)
     return Record(samples.time, samples.values, signal_units, samples.path, samples.repairs, label)
 
@@ -230,6 +268,14 @@ def _column_in_unit(table: Table, match: Match, unit: str) -> np.ndarray:
     """Return the values of a column in a unit; without a unit in the file this one is assumed."""
     column = match.column
     stated = match.unit or column.unit
+    if not unit:
+        if stated not in (None, "1"):
+            message = (
+                f"column '{column.name}' is taken in {stated}, as the model declares no unit of"
+                f" {match.signal}"
+            )
+            table.repairs.append(Repair("unit assumed", message))
+        return numbers(table, column)
     if stated is None:
         _refuse_other_unit_in_name(table, match, unit)
         stated = unit
@@ -290,8 +336,12 @@ def _convert(
     UserError
         If the unit is not known or of another dimension.
     """
+    if unit == expected:  # of an FMU, which may be in a unit that nobody else knows
+        return values
     try:
         units.check(unit)
+        if expected.startswith("delta_"):
+            unit = units.difference_unit(unit)
     except UserError as error:
         raise refuse(
             path,

@@ -12,19 +12,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmus.kit import UserError, files
-from orchestration.records.tables import INDEX
 from orchestration.reporting import BackgroundWriter
 
 _EVERY = 2.0  # s between two writes of a journal
 
 
-def header(units: Mapping[str, str]) -> list[str]:
+def header(units: Mapping[str, str | None]) -> list[str]:
     """Return the header cells ``name [unit]`` of time and signals.
 
     Parameters
     ----------
     units : mapping of str to str
-        Unit by signal.
+        Unit by signal; None for texts.
 
     Returns
     -------
@@ -37,19 +36,22 @@ def header(units: Mapping[str, str]) -> list[str]:
     """
     cells = ["time [s]"]
     for name, stated in units.items():
-        unit = stated or "1"
-        plain = INDEX.sub("", name) + unit
-        if not name or name != name.strip() or any(mark in plain for mark in "[]\r\n"):
+        unit = "1" if stated == "" else stated
+        is_split = any(mark in name for mark in "\r\n") or any(mark in "[]" for mark in unit or "")
+        if not name or name != name.strip() or is_split:
             raise UserError(
-                f"signal {name!r} [{unit}]: brackets, line ends and outer spaces cannot stand in a"
-                " CSV header; write .nc or .parquet"
+                f"signal {name!r} [{unit}]: line ends, outer spaces and brackets in units cannot"
+                " stand in a CSV header; write .nc or .parquet"
             )
-        cells.append(f"{name} [{unit}]")
+        cells.append(name if unit is None else f"{name} [{unit}]")
     return cells
 
 
 def write_record(
-    path: str | Path, time: ArrayLike, signals: Mapping[str, ArrayLike], units: Mapping[str, str]
+    path: str | Path,
+    time: ArrayLike,
+    signals: Mapping[str, ArrayLike],
+    units: Mapping[str, str | None],
 ) -> None:
     """Write a record as CSV: a header ``name [unit]``, time in seconds first, a row per sample.
 
@@ -64,7 +66,7 @@ def write_record(
     signals : mapping of str to array_like, shape (n,)
         Values by signal.
     units : mapping of str to str
-        Unit by signal.
+        Unit by signal; None for texts.
 
     Raises
     ------
@@ -78,11 +80,11 @@ def write_record(
         raise ValueError("time must be one-dimensional, finite and strictly increasing")
     columns = [clock]
     for name, values in signals.items():
-        array = np.asarray(values, dtype=float)
-        if array.shape != clock.shape:
-            raise ValueError(f"signal '{name}' has shape {array.shape}, time has {clock.shape}")
         if name not in units:
             raise ValueError(f"signal '{name}' has no unit")
+        array = np.asarray(values, dtype=str if units[name] is None else float)
+        if array.shape != clock.shape:
+            raise ValueError(f"signal '{name}' has shape {array.shape}, time has {clock.shape}")
         columns.append(array)
     lists = [column.tolist() for column in columns]
     rows = [header({name: units[name] for name in signals})]
@@ -97,8 +99,10 @@ def _text(rows: Iterable[Iterable[str]]) -> str:
     return text.getvalue()
 
 
-def _cell(value: float) -> str:
-    """Return the shortest text that reads back as the same double; an empty text for NaN."""
+def _cell(value: float | str) -> str:
+    """Return a text, or the shortest one that reads back as the same double; none for NaN."""
+    if isinstance(value, str):
+        return value
     return "" if math.isnan(value) else repr(value)
 
 

@@ -90,8 +90,12 @@ def _compile(model: Model) -> Equations:
         raise UserError(
             f"{model.name} is run as an FMU; native builds of components here can be compiled"
         )
-    path, tolerance = plain_library(cls)
     layout = cls.layout
+    computed = {v.name for v in (*layout.states, *layout.discretes, *layout.outputs)}
+    for name in model.outputs:
+        if name not in computed:
+            raise UserError(f"{name} is none of what compiled equations compute")
+    path, tolerance = plain_library(cls)
     return Equations(
         path,
         {p.name: (float(p.start), p.min, p.max) for p in layout.parameters},

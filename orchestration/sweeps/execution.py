@@ -205,7 +205,7 @@ def dataset(model: Model, task: Task, design: Design, journal: SweepJournal) -> 
 
 def _coordinates(model: Model, design: Design) -> dict[str, _Variable]:
     """Return the parameters of a design as coordinates: dimensions of a grid, or values by case."""
-    signals = {**model.parameters, **model.inputs}
+    signals = model.settable
     coordinates: dict[str, _Variable] = {}
     for parameter, column in zip(design.ranges, design.cases.T, strict=True):
         name = parameter.name

@@ -14,7 +14,7 @@ import numpy as np
 from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError, suggestion
 from orchestration.fmu import Model, Signal
-from orchestration.fmu.signal import read_setting
+from orchestration.fmu.signal import check_value, read_setting, split_assignment
 from orchestration.reporting import option
 
 MOST = 10_000_000  # values of one parameter
@@ -74,8 +74,8 @@ def read_range(text: str, model: Model) -> Range:
     UserError
         If the text is not of this form, the model has no such parameter, or a value is not allowed.
     """
-    name, equals, notation = (part.strip() for part in text.partition("="))
-    if not equals or not notation:
+    name, notation = split_assignment(text, model.settable) or ("", "")
+    if not notation:
         raise UserError(f"{_option(text)}: write name=from..to:count or name=value, value, ...")
     signal = _swept_signal(name, model, text)
     match = _RANGE.match(notation)
@@ -93,11 +93,18 @@ def read_range(text: str, model: Model) -> Range:
         raise UserError(
             f"{_option(text)}: equal ratios need positive ends, not {low:g} {signal.unit}"
         )
+    if match["count"] is None and signal.type != "real":
+        raise UserError(
+            f"{_option(text)}: {name} is {signal.type}, of which no design can choose values"
+            " between others: list them"
+        )
     if match["count"] is None:
         ends = np.array((low, high))
         return Range(name, signal.unit, ends, is_logarithmic, counted=False)
     spaced = np.geomspace if is_logarithmic else np.linspace
     values = spaced(low, high, _read_count(match["count"].strip(), text))
+    for value in values.tolist() if signal.type != "real" else ():
+        check_value(signal, value, _option(text))
     return Range(name, signal.unit, values, is_logarithmic)
 
 
@@ -122,22 +129,21 @@ def given_range(name: str, values: Sequence[float] | Array, model: Model) -> Ran
         raise UserError(f"{name}: values of shape {array.shape}; a row of them is swept")
     if not np.isfinite(array).all():
         raise UserError(f"{name}: a value is not a number, or not finite")
-    for extreme in (array.min(), array.max()):  # if both are allowed, so are values between them
-        _read_value(repr(float(extreme)), signal, f"{name}={extreme:g}")
+    # if both extremes of reals are allowed, so are values between them
+    for value in (array.min(), array.max()) if signal.type == "real" else array:
+        check_value(signal, float(value), _option(f"{name}={value:g}"))
     return Range(name, signal.unit, array)
 
 
 def _swept_signal(name: str, model: Model, text: str) -> Signal:
     """Return the real parameter or input of a name; raise if the model has none."""
-    known = {**model.parameters, **model.inputs}
+    known = model.settable
     if name not in known:
         raise UserError(
             f"{model.name}: no parameter or input named {name!r}{suggestion(name, known)}"
         )
-    if known[name].type != "real":
-        raise UserError(
-            f"{_option(text)}: {name} is of type {known[name].type}; real numbers can be swept"
-        )
+    if known[name].type == "string":
+        raise UserError(f"{_option(text)}: {name} is a text; only numbers can be swept")
     return known[name]
 
 

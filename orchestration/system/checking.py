@@ -140,7 +140,7 @@ def _check_connection(system: System, models: Mapping[str, Model], connection: C
         input_ = _find_end(system, models, target, "input")
     if source.member == target.member:
         raise UserError(f"{where}: a member cannot be connected with itself")
-    if output.type != input_.type:
+    if output.type != input_.type and (output.type, input_.type) != ("integer", "real"):
         raise UserError(
             f"{where}: {source} is {output.type} and {target} is {input_.type}; types must be the"
             " same"
@@ -150,8 +150,10 @@ def _check_connection(system: System, models: Mapping[str, Model], connection: C
         raise UserError(
             f"{where}: factor {connection.factor} and offset {connection.offset} must be finite"
         )
-    if connection.passes_on:
+    if connection.passes_on and output.declares_unit and input_.declares_unit:
         _check_units(connection, output.unit, input_.unit)
+    elif connection.passes_on:
+        return
     elif output.type != "real":
         raise UserError(
             f"{where}: {_describe(transformation)} is for real variables, these are {output.type}"
@@ -251,8 +253,14 @@ def _unit_warnings(system: System, connection: Connection) -> Iterator[str]:
     """Yield a warning if factor and offset of a connection are not those of its units."""
     source = connection.source
     target = connection.target
-    unit = interface(system.member(source.member)).outputs[source.variable].unit
-    to = interface(system.member(target.member)).inputs[target.variable].unit
+    output = interface(system.member(source.member)).outputs[source.variable]
+    input_ = interface(system.member(target.member)).inputs[target.variable]
+    unit, to = output.unit, input_.unit
+    if output.declares_unit != input_.declares_unit:
+        without, other = (target, unit) if output.declares_unit else (source, to)
+        if other != "1":
+            yield f"{source} -> {target}: {without} has no unit; it is taken in {other!r}"
+        return
     needed = conversion(unit, to)
     actual = (connection.factor, connection.offset)
     if needed is not None and unit != to and not _are_close(needed, actual):

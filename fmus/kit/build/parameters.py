@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from typing import Protocol
 from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
 
@@ -61,7 +62,8 @@ def to_ssv(
         declaration = declared[key]
         if declaration.type == "real":
             real = SubElement(node, f"{{{SSV}}}Real", value=repr(float(value)))
-            if declaration.unit:
+            with suppress(UserError):  # SSV has units that it can define
+                units.base_unit(declaration.unit)
                 real.set("unit", declaration.unit)
                 used.add(declaration.unit)
         else:

@@ -86,7 +86,7 @@ def _write(comparison: Comparison, options: IdentifyCommand) -> None:
     assert comparison.fit is not None
     if ssv is not None:
         doc = f"identified from {comparison.record.source.name} for {comparison.model.title}"
-        parameter_set.write(ssv, comparison.fit.values, comparison.model.parameters, doc)
+        parameter_set.write(ssv, comparison.fit.values, comparison.model.constants, doc)
         wrote(ssv)
     if plot is not None:
         comparison.plot(plot)

@@ -96,7 +96,13 @@ def _facts_of(name: str, effects: Sequence[str]) -> _Facts:
         return _facts_of_class(name, model.cls)
     described = read_description(model.path)
     step = getattr(described.defaultExperiment, "stepSize", None)
-    groups = {"inputs": model.inputs, "outputs": model.outputs, "parameters": model.parameters}
+    known = model.with_texts(())
+    groups = {
+        "inputs": known.inputs,
+        "outputs": known.outputs,
+        "parameters": known.parameters,
+        "others": known.others,
+    }
     signals = {group: list(signals.values()) for group, signals in groups.items()}
     return _Facts(name, described.description or "", signals, float(step) if step else None)
 
@@ -181,7 +187,8 @@ def _signal_as_json(signal: Signal, sources: Mapping[str, str]) -> dict[str, Any
     """Return the attributes of a signal, with the source of its value if there is one."""
     from dataclasses import asdict
 
-    known = asdict(signal) | {"start": signal.default}
+    known = asdict(signal)
+    known["start"] = signal.default if signal.declares_start else None
     del known["text"]  # a text begins with its start value
     if signal.name in sources:
         known["source"] = sources[signal.name]
@@ -196,8 +203,7 @@ def _show(known: _Facts) -> None:
     """Print the facts of a model: summary, signals, sources, presets, effects and step."""
     from rich.text import Text
 
-    from fmus.kit.units import format_range
-    from orchestration.fmu.signal import show
+    from orchestration.fmu.signal import allowed, start_of
     from orchestration.reporting import plain_table
     from orchestration.reporting.console import out
 
@@ -210,13 +216,13 @@ def _show(known: _Facts) -> None:
     for title in ("inputs", "outputs"):
         table = plain_table(title, "name", "unit", "meaning")
         for signal in known.signals[title]:
-            table.add_row(signal.name, signal.unit, signal.doc)
+            unit = allowed(signal) if signal.items or signal.type == "string" else signal.unit
+            table.add_row(signal.name, unit, signal.doc)
         out.print(table)
         out.print()
     table = plain_table("parameters", "name", "default", "allowed", "meaning")
     for signal in known.signals["parameters"]:
-        allowed = "any text" if signal.type == "string" else format_range(signal)
-        table.add_row(signal.name, show(signal.default, signal), allowed, signal.doc)
+        table.add_row(signal.name, start_of(signal), allowed(signal), signal.doc)
     out.print(table)
     for source in dict.fromkeys(known.sources.values()):
         names = ", ".join(name for name, other in known.sources.items() if other == source)

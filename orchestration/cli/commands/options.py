@@ -20,6 +20,7 @@ from orchestration.api.options import (
     LineariseOptions,
     MappingOption,
     OptimiseOptions,
+    OutputsOption,
     ReadingOptions,
     ResponseOptions,
     SamplePeriodOption,
@@ -28,6 +29,7 @@ from orchestration.api.options import (
     SweepDesignOptions,
     SweepEngineOptions,
     ToleranceOption,
+    UnitsOption,
     WorkersOption,
 )
 from orchestration.cli.options import (
@@ -203,6 +205,7 @@ class SimulateCommand(
     PresetOption,
     MappingOption,
     GridOptions,
+    OutputsOption,
     ToleranceOption,
     SignalsOption,
     PlotOption,
@@ -509,6 +512,7 @@ class FrequencyCommand(
     MappingOption,
     SettingsOption,
     PresetOption,
+    UnitsOption,
     ResponseOptions,
     ResponsesOption,
     JsonOption,

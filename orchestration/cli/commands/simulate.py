@@ -42,8 +42,9 @@ def simulate(options: SimulateCommand) -> None:
     ).check()
     name = options["model"]
     if Path(name).suffix.lower() in _SYSTEMS or (name in NAMES and name not in registry.models()):
-        if options["tolerance"] is not None:
-            raise UserError("--tolerance is for one FMU; those of a system have what they declare")
+        for option in ("tolerance", "units", "outputs"):
+            if options[option]:
+                raise UserError(f"{flag(option)} is for one FMU; this is a system")
         _simulate_system(options)
     else:
         _simulate_model(options)
@@ -71,7 +72,7 @@ def _simulate_model(options: SimulateCommand) -> None:
     out = options["out"]
     plot = options["plot"]
     found = declared_model(options["model"], options["laid_over"])
-    declared = found.with_tolerance(options["tolerance"])
+    declared = found.with_options(options).with_texts(options["outputs"])
     parameters = values_of(declared, options["settings"], options["preset"])
     recorded = _read_inputs(declared, parameters, options)
     model = build_model(declared, options["runtime"])
@@ -164,16 +165,26 @@ def _read_inputs(
     """Read the record of inputs, if one is given."""
     from orchestration.cli.models import check_inputs
     from orchestration.records import read_record
+    from orchestration.records.tables import Words
     from orchestration.reporting.console import tell_repairs
 
     file = options["input_file"]
     if file is None:
         return None
-    units = {signal.name: signal.unit for signal in model.inputs.values()}
-    mapping = options["mapping"]
+    units = {signal.name: signal.unit_of_records for signal in model.inputs.values()}
+    texts = {name: Words() for name, signal in model.inputs.items() if signal.type == "string"}
+    items = {name: dict(signal.items) for name, signal in model.inputs.items() if signal.items}
     record = read_record(
-        source_of(file, options), units, mapping=mapping, inputs=list(units), jumps=True
+        source_of(file, options),
+        units,
+        mapping=options["mapping"],
+        inputs=list(units),
+        words={**items, **texts},
+        jumps=True,
     )
+    for name in texts.keys() & record.signals.keys():
+        coded = record.signals[name]
+        record.signals[name] = texts[name].texts(coded)  # type: ignore[assignment]
     tell_repairs(record.repairs)
     check_inputs(model, record.signals, parameters)
     return record
@@ -211,15 +222,14 @@ def _stimulus(
 
 
 def _show(model: Model, time: Array, outputs: Mapping[str, Array]) -> None:
-    from fmus.kit.units import format_value
+    from orchestration.fmu.simulation import extremes
     from orchestration.reporting import plain_table
     from orchestration.reporting.console import out
 
     columns = ("smallest", "largest", "last")
     table = plain_table(None, "output", *columns, right=columns)
     for name, values in outputs.items():
-        shown = (values.min(), values.max(), values[-1])
-        table.add_row(name, *(format_value(value, model.outputs[name]) for value in shown))
+        table.add_row(name, *extremes(values, model.outputs[name]))
     out.print(f"{model.title}: {time.size} points from {time[0]:g} s to {time[-1]:g} s")
     out.print(table)
 
@@ -250,7 +260,7 @@ def _write(
     if path.suffix.lower() == ".csv":  # half a second sooner than through a dataset
         from orchestration.records import write_record
 
-        write_record(path, time, values, {name: signals[name].unit for name in values})
+        write_record(path, time, values, {name: signals[name].unit_in_files for name in values})
         return
     from orchestration.experiment import results
 

@@ -156,7 +156,8 @@ def _sweep_of_options(options: SweepCommand) -> Work:
     from orchestration.reporting.console import note
     from orchestration.sweeps.fitted import read_fitted
 
-    model = open_model(options["model"], options["runtime"], options["laid_over"])
+    opened = open_model(options["model"], options["runtime"], options["laid_over"])
+    model = opened.with_units(options["units"] or {})
     fit = None if options["fitted"] is None else read_fitted(options["fitted"], model)
     cases: SweepKeywords = {
         **only(GridOptions, options),
@@ -169,6 +170,7 @@ def _sweep_of_options(options: SweepCommand) -> Work:
         for line in fit.differences(settings):
             note(line)
     cases["settings"] = settings
+    cases["units"] = None  # they are in the model
 
     def work(how: SweepFileKeywords) -> SweepResult:
         keywords: SweepKeywords = {**cases, **how}
@@ -240,7 +242,7 @@ def ranges_of(over: Sequence[str]) -> dict[str, Any]:
     """
     ranges: dict[str, Any] = {}
     for text in over:
-        name, equals, values = (part.strip() for part in text.partition("="))
+        name, equals, values = (part.strip() for part in text.rpartition("="))
         if not equals:
             raise UserError(f"--over {text!r}: write name=from..to:count or name=value, value, ...")
         if name in ranges:

@@ -9,6 +9,7 @@ are those of somebody else's FMU.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
@@ -83,6 +84,11 @@ class Names:
         derivatives = {pair: next(made) for pair in slopes}
         return cls(variables, simulated, run, in_fmu, recorded, at, derivatives)
 
+    def in_words_of_fmu(self, message: str) -> str:
+        """Return a message about the component with the names that the FMU has for variables."""
+        own = {made: line(name) for name, made in self.variables.items()}
+        return re.sub(r"\w+", lambda word: own.get(word[0], word[0]), message)
+
 
 class Fitted(NamedTuple):
     """A parameter of an FMU that may change: its nominal value, and its magnitude."""
@@ -127,7 +133,7 @@ def output_correction(
         body[names.recorded[name]] = Input(_unit(model.inputs[name]), doc=doc)
         laws[names.in_fmu[name]] = _law_in_fmu(name, names.variables[name])
     for name, fitted in fit.items():
-        signal = model.parameters[name]
+        signal = model.constants[name]
         body[names.variables[name]] = _parameter(signal, fitted)
         body[names.at[name]] = Input(_unit(signal), doc=f"{name} with which the FMU was simulated")
     for output, signal in outputs.items():

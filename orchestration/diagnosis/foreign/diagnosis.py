@@ -90,7 +90,7 @@ def diagnose_fmu(
         If the FMU cannot be simulated over a record, or a parameter cannot be fitted.
     """
     settings, options = settings or {}, options or Options()
-    options.held(fmu.parameters)
+    options.held(fmu.constants)
     measured = _measured_outputs(fmu, [*records, *holdouts])
     at = {}
     if options.fit:
@@ -99,8 +99,11 @@ def diagnose_fmu(
         at = _first_fit(fmu, records[0], settings, [*options.fit], is_alone)
     for _ in range(_RESPONSES):
         subject = _Subject(fmu, measured, settings, at, records[0], progress)
-        found = subject.diagnosed(records, holdouts, options)
         names = subject.names
+        try:
+            found = subject.diagnosed(records, holdouts, options)
+        except UserError as error:
+            raise UserError(names.in_words_of_fmu(str(error))) from error
         estimates = {name: found.parameters[names.variables[name]].value for name in at}
         is_fed = any(term.law in names.in_fmu.values() for term in found.final.fit.terms)
         far = max((abs(estimates[p] / v - 1.0) for p, v in at.items() if v), default=0.0)
@@ -155,7 +158,7 @@ class _Subject:
         given = numeric(settings)
         fit = {}
         for name, value in at.items():
-            nominal = float(given.get(name, fmu.parameters[name].start))
+            nominal = float(given.get(name, fmu.constants[name].start))
             # one that starts at zero may be of any magnitude
             fit[name] = Fitted(nominal, abs(nominal) or abs(value) or 1.0)
         self._cls = output_correction(

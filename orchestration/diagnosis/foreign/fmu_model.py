@@ -43,7 +43,7 @@ class FmuRuns:
 
     def __init__(self, model: Model, names: Sequence[str], settings: Mapping[str, Value]):
         self.model = model
-        self._others = {p: v for p, v in settings.items() if p in model.parameters}
+        self._others = {p: v for p, v in settings.items() if p not in model.inputs}
         for name in names:
             self._others.pop(name, None)
         self._fmu = FmuWithDifferences(model, names, [*reals(model.outputs)], self._others)

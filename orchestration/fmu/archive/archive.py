@@ -22,6 +22,7 @@ from orchestration.fmu.archive.bounded import (
     parse_xml,
 )
 from orchestration.fmu.archive.default_experiment import experiment_faults
+from orchestration.fmu.archive.unit_definitions import spell_units
 from orchestration.fmu.wrapping import (
     DeclaredVariable,
     Translation,
@@ -218,12 +219,14 @@ def read_description(path: Path) -> Any:
         archive.check_interfaces()
         source = str(path) if archive.version == 2 else _packed(archive.as_fmi2)
         interface = archive.description.find("CoSimulation")
+        root = archive.as_fmi2
     try:
         description = fmpy.read_model_description(source, validate=False)
     except Exception as error:
         raise UserError(f"{path}: {_DESCRIPTION} cannot be read ({first_line(error)})") from error
     if description.coSimulation is None:
         description.coSimulation = solved(description.modelExchange)
+    spell_units(description, root)
     if interface is not None:  # FMI 2.0 has no place for it
         description.coSimulation.fixedInternalStepSize = interface.get("fixedInternalStepSize")
     return description

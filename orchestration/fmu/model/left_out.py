@@ -33,9 +33,6 @@ def _reason(node: Element) -> str:
         return "is binary, which is not exchanged here"
     if causality == "structuralParameter":
         return f"is a structural parameter, which keeps its start value {node.get('start')} here"
-    is_text = node.tag == "String" or node.find("String") is not None
-    if is_text and causality in ("input", "output"):
-        return f"is a text, which no {causality} can be here"
     dimensions = len(node.findall("Dimension"))
     if dimensions and causality in ("parameter", "input", "output"):
         element = f"{node.get('name')}[{','.join('1' * dimensions)}]"

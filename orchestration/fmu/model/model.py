@@ -14,15 +14,25 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit.build import Provenance, read_provenance
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit.errors import UserError, find, suggestion
 from fmus.kit.files import is_file, is_folder
 from fmus.kit.law_terms import LawTerm, check_term, law_term_effect
-from fmus.kit.units import format_range, format_value
+from fmus.kit.units import check as check_unit
 from orchestration.fmu.archive import Archive, read_description
 from orchestration.fmu.model.effects import check_catalogue, find_effects
 from orchestration.fmu.model.left_out import left_out
 from orchestration.fmu.model.loading import load_class, names_class, remarks_on
-from orchestration.fmu.signal import Signal, Value, declared_signal, read_setting, read_signal
+from orchestration.fmu.signal import (
+    Signal,
+    Value,
+    allowed,
+    declared_signal,
+    join_names,
+    read_setting,
+    read_signal,
+    split_assignment,
+    start_of,
+)
 from orchestration.fmu.source import Source
 from orchestration.reporting import Displayable, one_line, option
 
@@ -33,6 +43,13 @@ if TYPE_CHECKING:
     from fmus.kit.declare import Declaration
 
 _NOT_BUILT = Path()
+# groups of a model's signals by causality: of numbers, and of texts
+_GROUPS = {
+    "input": ("inputs", "text_inputs"),
+    "output": ("outputs", "text_outputs"),
+    "parameter": ("parameters", "parameters"),
+    "local": ("others", "text_outputs"),
+}
 
 
 @dataclass(frozen=True)
@@ -63,6 +80,12 @@ class Model(Displayable):
         Reasons why other variables can be neither set nor read, by name.
     tolerance : float, optional
         Relative tolerance of the FMU's integration; default the one that it declares.
+    others : dict of str to Signal
+        Other variables that can be recorded, such as states and locals.
+    starts : dict of str to Signal
+        Outputs and others whose start values can be set (``initial`` of FMI is exact or approx).
+    text_inputs, text_outputs : dict of str to Signal
+        Inputs and outputs that are texts, which only simulations exchange; see `with_texts`.
     """
 
     name: str
@@ -78,6 +101,10 @@ class Model(Displayable):
     of_others: bool = False
     left_out: Mapping[str, str] = field(default_factory=dict)
     tolerance: float | None = None
+    others: Mapping[str, Signal] = field(default_factory=dict)
+    starts: Mapping[str, Signal] = field(default_factory=dict)
+    text_inputs: Mapping[str, Signal] = field(default_factory=dict)
+    text_outputs: Mapping[str, Signal] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         inputs = ", ".join(self.inputs) or "no inputs"
@@ -93,9 +120,19 @@ class Model(Displayable):
         groups = {"input": self.inputs, "output": self.outputs, "parameter": self.parameters}
         for kind, signals in groups.items():
             for signal in signals.values():
-                table.add_row(signal.name, kind, *_start_and_range(signal), signal.doc)
+                table.add_row(signal.name, kind, start_of(signal), allowed(signal), signal.doc)
         yield table
         yield from self.notes
+
+    @property
+    def constants(self) -> dict[str, Signal]:
+        """Variables with a value for a whole run: parameters, and start values of others."""
+        return {**self.parameters, **self.starts}
+
+    @property
+    def settable(self) -> dict[str, Signal]:
+        """Variables that can be set to a value: `constants` and inputs."""
+        return {**self.constants, **self.inputs, **self.text_inputs}
 
     @property
     def title(self) -> str:
@@ -161,15 +198,67 @@ class Model(Displayable):
                     f" {', '.join(presets) or 'none'}"
                 )
             values |= dict(presets[preset].values)
-        settable = {**self.parameters, **self.inputs}
-        return values | read_settings(self.name, texts, settable, self.left_out)
+        return values | read_settings(self.name, texts, self.settable, self.left_out)
 
+    def recording(self, names: Sequence[str]) -> Model:
+        """Return the model with some of its variables as its outputs.
 
-def _start_and_range(signal: Signal) -> tuple[str, str]:
-    """Return the start value and the range for display; a text has no range."""
-    if signal.type == "string":
-        return signal.text, ""
-    return format_value(signal.start, signal), format_range(signal)
+        Parameters
+        ----------
+        names : sequence of str
+            Outputs, states, parameters or any others, or ``all``; the outputs as they are if empty.
+
+        Raises
+        ------
+        UserError
+            If there is no such variable.
+        """
+        if not names:
+            return self
+        numbers = {name: s for name, s in self.parameters.items() if s.type != "string"}
+        known = {**self.outputs, **self.others, **numbers, **self.inputs, **self.text_outputs}
+        chosen = join_names(names, known)
+        if chosen == ["all"] and "all" not in known:
+            chosen = [*known]
+        outputs = {name: find(name, known, f"{self.name}: no output") for name in chosen}
+        return replace(self, outputs=outputs, kept=())
+
+    def with_options(self, options: Mapping[str, Any]) -> Model:
+        """Return the model with units, tolerance and outputs as options state them, if they do."""
+        known = self.with_units(options.get("units") or {})
+        stated = known.with_tolerance(options.get("tolerance"))
+        return stated.recording(options.get("outputs") or ())
+
+    def with_texts(self, chosen: Sequence[str]) -> Model:
+        """Return the model with inputs that are texts, and outputs unless some were chosen."""
+        outputs = self.outputs if chosen else {**self.outputs, **self.text_outputs}
+        return replace(self, inputs={**self.inputs, **self.text_inputs}, outputs=outputs)
+
+    def with_units(self, units: Mapping[str, str]) -> Model:
+        """Return the model with units of variables of which its FMU declares none.
+
+        Raises
+        ------
+        UserError
+            If there is no such variable, it declares a unit, or nobody knows this one.
+        """
+        changed = {}
+        known = {**self.outputs, **self.others, **self.settable}
+        for name, unit in units.items():
+            given = option("units", {name: unit})
+            signal = find(name, known, f"{given}: {self.name} has no variable")
+            if signal.declares_unit or signal.type != "real":
+                stated = f"declared in {signal.unit}" if signal.declares_unit else signal.type
+                raise UserError(f"{given}: {name} is {stated}")
+            check_unit(unit)
+            changed[name] = replace(signal, unit=unit, display=unit, declares_unit=True)
+        groups: dict[str, Any] = {
+            group: {
+                name: changed.get(name, signal) for name, signal in getattr(self, group).items()
+            }
+            for group in ("inputs", "outputs", "parameters", "others", "starts")
+        }
+        return replace(self, **groups) if changed else self
 
 
 def read_settings(
@@ -200,11 +289,14 @@ def read_settings(
     UserError
         For an unknown variable, a wrong unit or a value out of range.
     """
-    values = {}
+    values: dict[str, Value] = {}
     for text in texts:
-        name, equals, value = (part.strip() for part in text.partition("="))
-        if not equals:
+        split = split_assignment(text, known)
+        if split is None:
             raise UserError(f"{option('settings', text)}: write name=value or name=value[unit]")
+        name, value = split
+        if name in values:
+            raise UserError(f"{option('settings', text)}: {name} has a value already")
         if name in left_out:
             raise UserError(f"{model_name}: {name} {left_out[name]}")
         if name not in known:
@@ -313,6 +405,7 @@ def declared_model_of(cls: type[Component]) -> Model:
         cls,
         inputs=_declared_signals(layout.inputs),
         outputs=_declared_signals(layout.shown),
+        others=_declared_signals((*layout.states, *layout.discretes)),
         parameters=_declared_signals((*layout.parameters, *layout.texts)),
     )
 
@@ -367,7 +460,7 @@ def model_of(cls: type[Component], runtime: str = "native") -> Model:
     """Return the model of a component; its FMU is built if it is not in the cache."""
     from fmus.kit.build import build_cached
 
-    return replace(_read_signals(build_cached(cls, runtime)), name=cls.name, cls=cls)
+    return replace(_read_signals(build_cached(cls, runtime)), name=cls.name, cls=cls, starts={})
 
 
 def _read_model(name: str) -> Model:
@@ -395,26 +488,39 @@ def _read_model(name: str) -> Model:
         if made_from is None:
             return model
         origin = f"{path.name} was made from {made_from.place}"
-        return replace(model, cls=restore_class(model_name, made_from, model.parameters))
+        cls = restore_class(model_name, made_from, model.parameters)
+        return replace(model, cls=cls, starts={})
     except UserError as error:
         note = f"{origin}, but {error}; it serves as an FMU without equations"
         return replace(model, notes=(note,))
 
 
 def _read_signals(path: Path) -> Model:
-    """Return the model of an FMU without its class; texts can be parameters only."""
-    groups: dict[str, dict[str, Signal]] = {"input": {}, "output": {}, "parameter": {}}
-    for variable in read_description(path).modelVariables:
-        causality = variable.causality
-        if causality in groups and (variable.type != "String" or causality == "parameter"):
-            try:
-                groups[causality][variable.name] = read_signal(variable)
-            except UserError as error:
-                raise UserError(f"{path}: {error}") from error
-    inputs, outputs, parameters = groups.values()
+    """Return the model of an FMU without its class."""
     with Archive(path) as archive:
         reasons = left_out(archive.description)
-    return Model(path.name, path, None, inputs, outputs, parameters, left_out=reasons)
+        wide = {name for v in archive.declared.values() if v.is_wide for name in v.elements}
+    groups: dict[str, Any] = {
+        name: {} for name in ("starts", *(name for pair in _GROUPS.values() for name in pair))
+    }
+    for variable in read_description(path).modelVariables:
+        name, causality = variable.name, variable.causality
+        if causality == "independent":
+            continue
+        role = causality if causality in _GROUPS else "local"
+        try:
+            signal = read_signal(variable)
+        except UserError as error:
+            if role == "local":
+                continue
+            raise UserError(f"{path}: {error}") from error
+        if name in wide:
+            signal = replace(signal, type="integer")
+        groups[_GROUPS[role][signal.type == "string"]][name] = signal
+        is_start = variable.initial in ("exact", "approx") and variable.variability != "constant"
+        if is_start and role in ("output", "local"):
+            groups["starts"][name] = signal
+    return Model(path.name, path, None, left_out=reasons, **groups)
 
 
 def restore_class(

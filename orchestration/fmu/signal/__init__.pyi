@@ -1,8 +1,11 @@
+from .names import join_names as join_names
+from .names import split_assignment as split_assignment
 from .signal import Signal as Signal
 from .signal import Value as Value
 from .signal import declared_signal as declared_signal
 from .signal import read_signal as read_signal
 from .signal import type_of as type_of
+from .values import allowed as allowed
 from .values import check_type as check_type
 from .values import check_value as check_value
 from .values import is_text as is_text
@@ -11,3 +14,4 @@ from .values import read_amount as read_amount
 from .values import read_quantity as read_quantity
 from .values import read_setting as read_setting
 from .values import show as show
+from .values import start_of as start_of

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
-from fmus.kit import UserError, units
+from fmus.kit import UserError
 from fmus.kit.declare import Declaration, DiscreteDeclaration, OutputDeclaration, StateDeclaration
 
 # value of a variable: a number in the FMU's unit (0 or 1 for a boolean), or a text
@@ -40,6 +41,12 @@ class Signal:
         Start value of a string, for which `start` is 0.
     declares_start : bool
         Whether the FMU declares a start value; `start` is 0 without one.
+    declares_unit : bool
+        Whether the FMU declares a unit.
+    is_relative : bool
+        Whether values are differences, such as of temperatures (``relativeQuantity`` of FMI).
+    items : dict of str to float
+        Values of an enumeration, which is an integer, by name.
     """
 
     name: str
@@ -52,6 +59,24 @@ class Signal:
     doc: str = ""
     text: str = ""
     declares_start: bool = True
+    declares_unit: bool = True
+    is_relative: bool = False
+    items: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def unit_of_records(self) -> str:
+        """Unit to which columns and settings are converted: none if the FMU declares none.
+
+        A temperature in degC that is a difference is one in K.
+        """
+        if not self.declares_unit:
+            return ""
+        return "delta_degC" if self.is_relative and self.unit == "K" else self.unit
+
+    @property
+    def unit_in_files(self) -> str | None:
+        """Unit in a header; None for a text, which has none."""
+        return None if self.type == "string" else self.unit
 
     @property
     def default(self) -> Value:
@@ -68,6 +93,7 @@ def read_signal(variable: Any) -> Signal:
         If its start value or an end of its range is no number.
     """
     kind = type_of(variable)
+    declared = variable.declaredType
     doc = variable.description or ""
     if kind == "string":
         return Signal(
@@ -81,27 +107,32 @@ def read_signal(variable: Any) -> Signal:
             doc=doc,
             text=variable.start or "",
         )
-    unit = _attribute(variable, "unit") or "1"
-    display = _attribute(variable, "displayUnit") or unit
+    stated = getattr(variable, "unit", None)
+    unit = stated or "1"
+    display = getattr(variable, "displayUnit", None) or unit
     low = _number(variable, "min", _attribute(variable, "min"), -math.inf)
     high = _number(variable, "max", _attribute(variable, "max"), math.inf)
     start = _number(variable, "start", variable.start, 0.0)
     return Signal(
         variable.name,
         kind,
-        units.to_familiar(unit),
-        units.to_familiar(display),
+        unit,
+        display,
         start,
         low,
         high,
         doc,
         declares_start=bool(variable.start),
+        declares_unit=bool(stated),
+        is_relative=bool(_attribute(variable, "relativeQuantity")),
+        items={item.name: float(item.value) for item in getattr(declared, "items", ())},
     )
 
 
-def _attribute(variable: Any, name: str) -> str | None:
+def _attribute(variable: Any, name: str) -> Any:
     """Return an attribute of a scalar variable, or that of its declared type."""
-    return getattr(variable, name, None) or getattr(variable.declaredType, name, None)
+    own = getattr(variable, name, None)
+    return getattr(variable.declaredType, name, None) if own is None else own
 
 
 def _number(variable: Any, name: str, text: str | None, default: float) -> float:
@@ -131,6 +162,7 @@ def declared_signal(variable: Declaration) -> Signal:
         doc=variable.doc,
         text=str(start) if is_string else "",
         declares_start=not isinstance(variable, _CALCULATED),
+        declares_unit=variable.type == "real",
     )
 
 

@@ -6,6 +6,7 @@ from .repeated import steps_of_its_own as steps_of_its_own
 from .simulation import EndedSimulation as EndedSimulation
 from .simulation import UnfinishedSimulation as UnfinishedSimulation
 from .simulation import draw_signals as draw_signals
+from .simulation import extremes as extremes
 from .simulation import grid as grid
 from .simulation import held as held
 from .simulation import points as points

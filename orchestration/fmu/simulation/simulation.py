@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from orchestration.fmu.instance import EndRequested, Fmu
 from orchestration.fmu.isolation import Ended, Limits, Process, allocate_rows
 from orchestration.fmu.kernel import library, one_fmu
 from orchestration.fmu.model import Model
-from orchestration.fmu.signal import Value
+from orchestration.fmu.signal import Signal, Value, show, type_of
 from orchestration.fmu.source import Source
 from orchestration.records import Record
 from orchestration.reporting import option
@@ -208,6 +208,9 @@ def simulate(
             if end.interrupted:
                 raise KeyboardInterrupt from end
             rows = process.progress.read_rows(end.state.point)
+            # of texts the process has left nothing but numbers
+            numeric = [name for name in outputs if model.outputs[name].type != "string"]
+            rows = rows if len(numeric) == len(outputs) else None
             names = process.progress.rows_description() or outputs
             points = stepping.communication_points(read_description(model.path), time)
             message = f"{end.state.describe(points, model.path.name)}: {end.reason}"
@@ -256,7 +259,7 @@ def begin_run(fmu: Fmu, time: Array, inputs: Mapping[str, Array]) -> None:
         If a name is no input, or the FMU refuses.
     """
     check_inputs(fmu, inputs)
-    first = {name: float(values[0]) for name, values in inputs.items()}
+    first = {name: values[0] for name, values in inputs.items()}
     last = stepping.communication_points(fmu.description, time)[-1]
     fmu.start(float(time[0]), float(last), first)
 
@@ -345,12 +348,12 @@ def unfinished(
     end = failure.__cause__
     done = failure.point
     if not isinstance(end, EndRequested):
-        return _unfinished(str(failure), time, names, result[:done])
+        return _unfinished(str(failure), time, names, result[:done], fmu.as_values)
     if end.reached is not None and done and time[done - 1] < end.reached < time[done]:
         fmu.reader(names)(result[done])
         time = np.append(time[:done], end.reached)
         done += 1
-    return _unfinished(str(failure), time, names, result[:done], EndedSimulation)
+    return _unfinished(str(failure), time, names, result[:done], fmu.as_values, EndedSimulation)
 
 
 def _unfinished(
@@ -358,6 +361,7 @@ def _unfinished(
     time: Array,
     names: Sequence[str],
     rows: Array | None,
+    read: Callable[[str, Array], Any] = lambda name, numbers: numbers,
     kind: type[UnfinishedSimulation] = UnfinishedSimulation,
 ) -> UserError:
     """Return the error of a failed simulation, with its results if there are any.
@@ -370,11 +374,13 @@ def _unfinished(
         Outputs in the columns of `rows`.
     rows : ndarray, shape (m, outputs), or None
         Outputs at the completed points.
+    read : callable
+        Returns values from the name of an output and numbers of its column.
     kind : type of UnfinishedSimulation
     """
     if rows is None or not len(rows):
         return UserError(message)
-    outputs = {name: rows[:, k].copy() for k, name in enumerate(names)}
+    outputs = {name: read(name, rows[:, k].copy()) for k, name in enumerate(names)}
     return kind(message, time[: len(rows)], outputs)
 
 
@@ -416,7 +422,8 @@ def simulate_instance(
     names = list(fmu.outputs if outputs is None else outputs)
     check_inputs(fmu, inputs)
     course = stepping.plan_course(fmu, time, inputs)
-    has_kernel = library.load_stepper() is not None
+    has_texts = any(type_of(fmu.variable(name)) == "string" for name in (*names, *inputs))
+    has_kernel = not has_texts and library.load_stepper() is not None
     follow_course = one_fmu.follow_course if has_kernel else stepping.follow_course
     points = len(course.time)
     result = allocate_rows((points, len(names)))
@@ -430,7 +437,7 @@ def simulate_instance(
         raise unfinished(failure, fmu, course.time, names, result) from failure
     progress(len(time))
     table = course.at_wanted(result, stepping.is_continuous(fmu, names))
-    return {name: table[:, i] for i, name in enumerate(names)}
+    return {name: fmu.as_values(name, table[:, i]) for i, name in enumerate(names)}
 
 
 def check_inputs(fmu: Fmu, names: Iterable[str]) -> None:
@@ -445,6 +452,13 @@ def check_inputs(fmu: Fmu, names: Iterable[str]) -> None:
         if fmu.variable(name).causality != "input":
             known = ", ".join(fmu.inputs) or "none"
             raise UserError(f"{fmu.path.name}: {name} is not an input; inputs are {known}")
+
+
+def extremes(values: Array, signal: Signal) -> tuple[str, str, str]:
+    """Return the smallest, the largest and the last value for display; of texts the last."""
+    if signal.type == "string":
+        return "", "", show(str(values[-1]), signal)
+    return show(values.min(), signal), show(values.max(), signal), show(values[-1], signal)
 
 
 def draw_signals(
@@ -469,8 +483,9 @@ def draw_signals(
     from orchestration.reporting import pictures
 
     known = {**model.inputs, **model.outputs}
-    figure, panels = pictures.panels(len(signals), title or model.name)
-    for panel, (name, values) in zip(panels, signals.items(), strict=True):
+    numbers = {name: v for name, v in signals.items() if known[name].type != "string"}
+    figure, panels = pictures.panels(len(numbers), title or model.name)
+    for panel, (name, values) in zip(panels, numbers.items(), strict=True):
         signal = known[name]
         style = "steps-post" if name in model.inputs else "default"  # zero-order hold
         panel.plot(

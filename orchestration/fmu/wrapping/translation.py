@@ -21,9 +21,10 @@ from orchestration.fmu.wrapping.variables import (
 )
 
 _COUNT = "1"  # unit of wide integers
-# ranges of the integers, as far as the 32 bits of FMI 2.0 hold them
+_EXACT = 2**53 - 1  # largest of the whole numbers that a real has, each
 _RANGES = {"Int8": (-128, 127), "UInt8": (0, 255), "Int16": (-(2**15), 2**15 - 1)}
-_RANGES |= {"UInt16": (0, 2**16 - 1)} | dict.fromkeys(("UInt32", "UInt64"), (0, 2**31 - 1))
+_RANGES |= {"UInt16": (0, 2**16 - 1), "UInt32": (0, 2**32 - 1)}
+_RANGES |= {"Int64": (-_EXACT, _EXACT), "UInt64": (0, _EXACT)}
 _MOST_DEPENDENCIES = 1_000_000  # above, none are declared, so that FMI 2.0 assumes all
 
 # names of attributes in FMI 2.0 by those in FMI 3.0
@@ -280,7 +281,7 @@ class _Translator:
             del given["displayUnit"]
         kind = variable.scalar_type
         attributes = {}
-        if kind == "Integer" and variable.kind in _RANGES:
+        if variable.kind in _RANGES:
             low, high = _RANGES[variable.kind]
             attributes = {"min": str(low), "max": str(high)}
         attributes |= {name: given[name] for name in _OF_TYPE[kind] if name in given}

@@ -50,6 +50,11 @@ class DeclaredVariable(NamedTuple):
     shape: tuple[int, ...]
     elements: tuple[str, ...]
 
+    @property
+    def is_wide(self) -> bool:
+        """True if values may exceed the integers of FMI 2.0."""
+        return self.kind in _WIDE
+
 
 class Fmi3Variable:
     """A variable of FMI 3.0 with the attributes of its declared type.
@@ -96,9 +101,8 @@ class Fmi3Variable:
 
     @property
     def is_wide(self) -> bool:
-        """True if values may exceed the integers of FMI 2.0; False for variables that hosts set."""
-        is_set = self.causality in ("parameter", "input", "structuralParameter")
-        return self.kind in _WIDE and not is_set
+        """True if values may exceed the integers of FMI 2.0."""
+        return self.kind in _WIDE
 
     @property
     def scalar_type(self) -> str:

@@ -70,7 +70,7 @@ class FmuWithDifferences:
         workers: int = 1,
     ):
         sizes = source_of(model).nominal
-        numbers = [s for s in model.parameters.values() if s.type != "string"]
+        numbers = [s for s in model.constants.values() if s.type != "string"]
         self.layout = SimpleNamespace(
             parameters=[_declared(s, sizes.get(s.name, 0.0)) for s in numbers]
         )

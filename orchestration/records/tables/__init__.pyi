@@ -8,8 +8,10 @@ from .table import MISSING_CELLS as MISSING_CELLS
 from .table import Column as Column
 from .table import Reader as Reader
 from .table import Table as Table
+from .table import Words as Words
 from .table import as_numbers as as_numbers
 from .table import is_no_value as is_no_value
 from .table import numbers as numbers
 from .table import parse_cell as parse_cell
+from .table import read_words as read_words
 from .table import split_header_cell as split_header_cell

@@ -309,6 +309,41 @@ def numbers(table: Table, column: Column) -> Array:
     return _without_marks(table, column, values)
 
 
+class Words(dict[str, float]):
+    """Numbers that stand for texts, each of which gets the next one when it is first met."""
+
+    def __missing__(self, text: str) -> float:
+        self[text] = float(len(self))
+        return self[text]
+
+    def texts(self, numbers: Array) -> NDArray[np.str_]:
+        """Return the texts (n,) that numbers (n,) stand for."""
+        return np.array([*self], dtype=str)[numbers.astype(int)]
+
+
+def read_words(table: Table, column: Column, known: dict[str, float]) -> Array:
+    """Return the numbers (n,) that the cells of a column stand for.
+
+    Parameters
+    ----------
+    table, column
+        See `numbers`.
+    known : dict of str to float
+        Numbers by word, such as those of the items of an enumeration. Cells that are no word of it
+        must be numbers, unless it is one of `Words`.
+
+    Raises
+    ------
+    UserError
+        If a cell is neither.
+    """
+    texts = [str(cell).strip() for cell in column.cells]
+    if isinstance(known, Words):
+        return np.array([known[text] for text in texts])
+    cells = [repr(known[text]) if text in known else text for text in texts]
+    return numbers(table, replace(column, cells=cells))
+
+
 def _without_marks(table: Table, column: Column, values: Array) -> Array:
     """Return values (n,) with NaN for numbers that mark a missing one."""
     known = values[np.isfinite(values)]

@@ -117,6 +117,7 @@ def check_type_and_unit(connector: Element, scalar: Any, where: str) -> None:
         unit = node.get("unit")
         if unit is None:
             continue
-        actual = read_signal(scalar).unit
-        if conversion(unit, actual) != (1.0, 0.0):
+        signal = read_signal(scalar)
+        actual = signal.unit
+        if signal.declares_unit and conversion(unit, actual) != (1.0, 0.0):
             raise UserError(f"{where} is declared in {unit!r}, but in the FMU it is in {actual!r}")

@@ -38,7 +38,7 @@ def write_parameters(member: Member) -> bytes:
     """
     variables = declared(member)
     if not variables:
-        signals = {name: known_unit(variable(member, name)) for name in member.parameters}
+        signals = {name: variable(member, name) for name in member.parameters}
         return to_ssv(PARAMETER_SET, member.parameters, signals)
     root = Element(tag("ssv:ParameterSet"), version="2.0", name=PARAMETER_SET)
     parameters = SubElement(root, tag("ssv:Parameters"))

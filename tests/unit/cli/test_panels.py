@@ -24,6 +24,7 @@ def test_panels_are_shown(tmp_path):
         "Record",
         "Model",
         "Time",
+        "Signals",
         "Results",
         "FMUs of others",
     }

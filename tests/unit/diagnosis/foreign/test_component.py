@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from orchestration.diagnosis.foreign.component import (
     output_correction,
 )
 from orchestration.diagnosis.foreign.response import FmuResponse
+from orchestration.fmu import Model, Signal
 
 STEP = 0.1
 TIME = STEP * np.arange(50)
@@ -89,3 +92,11 @@ def test_names_and_descriptions_are_no_code(lag, tmp_path):
     assert not (tmp_path / "ran").exists()
     assert f"{x} of the FMU" in {v.doc for v in layout.inputs}
     assert " ".join(doc.split()) in {v.doc for v in layout.parameters}
+
+
+def test_messages_name_variables_as_the_fmu_does():
+    output = Signal("w 1", "real", "1", "1", 0.0, -inf, inf)
+    names = Names.of(Model("x.fmu", Path("x.fmu"), None, {}, {"w 1": output}, {}), [])
+    made = names.variables["w 1"]
+    assert made != "w 1"
+    assert names.in_words_of_fmu(f"{made}: no sample of {made}") == "w 1: no sample of w 1"

@@ -5,7 +5,7 @@ import pytest
 from fmus.kit import UserError
 from orchestration.fmu import Archive, find_model
 from orchestration.fmu.model.left_out import left_out
-from tests.support.fmi3_fmus import changed, foreign
+from tests.support.fmi3_fmus import foreign
 from tests.support.hosts import build_one_state_fmu
 
 
@@ -29,13 +29,6 @@ def test_arrays_sizes_and_binaries_are():
         },
     }
     assert reasons(foreign("types"))["blob"] == "is binary, which is not exchanged here"
-
-
-def test_texts_are_unless_they_are_parameters(tmp_path):
-    old = '<String name="word" valueReference="25" causality="parameter">'
-    path = changed("types", tmp_path, old, old.replace("parameter", "input"))
-    assert reasons(path)["word"] == "is a text, which no input can be here"
-    assert "word" not in reasons(foreign("types"))
 
 
 def test_nothing_is_in_an_fmu_of_fmi_2(tmp_path):

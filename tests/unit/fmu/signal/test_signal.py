@@ -55,12 +55,16 @@ def test_former_and_present_fmus_are_read_alike_and_as_declared(fmu, tmp_path, n
                 ), variable
 
 
-def test_unit_that_nobody_knows_is_left_as_it_is(fmu, tmp_path):
-    def strange(name: str, contents: bytes) -> tuple[str, bytes]:
-        return name, contents.replace(
-            b'"Ohm"', b'"rev/min.x"'
-        ) if name == "modelDescription.xml" else contents
+def test_a_unit_that_nobody_knows_is_what_its_definition_says(fmu, tmp_path):
+    """Without one it stays as it is."""
 
-    assert find_model(
-        str(edited(fmu("ppy_actuator", "native"), tmp_path / "x.fmu", strange))
-    ).parameters["R1"].unit == ("rev/min.x")
+    def strange(name: str, contents: bytes) -> tuple[str, bytes]:
+        return name, contents.replace(b'"Ohm"', b'"rev/min.x"')
+
+    def undefined(name: str, contents: bytes) -> tuple[str, bytes]:
+        return name, re.sub(rb"(?s)<UnitDefinitions>.*</UnitDefinitions>", b"", contents)
+
+    defined = edited(fmu("ppy_actuator", "native"), tmp_path / "x.fmu", strange)
+    bare = edited(defined, tmp_path / "y.fmu", undefined)
+    for path, unit in ((defined, "ohm"), (bare, "rev/min.x")):
+        assert find_model(str(path)).parameters["R1"].unit == unit

@@ -116,7 +116,7 @@ def test_types_become_those_that_hold_their_values():
     for kind in ("i8", "u8", "i16", "u16", "i32"):
         assert scalars[f"{kind}_in"] == scalars[f"{kind}_out"] == "Integer"
     for kind in ("u32", "i64", "u64"):
-        assert (scalars[f"{kind}_in"], scalars[f"{kind}_out"]) == ("Integer", "Real")
+        assert (scalars[f"{kind}_in"], scalars[f"{kind}_out"]) == ("Real", "Real")
     assert (scalars["mood_in"], scalars["bool_in"]) == ("Enumeration", "Boolean")
     assert (scalars["word"], scalars["words[2]"]) == ("String", "String")
 

@@ -16,14 +16,14 @@ from scipy.linalg import expm
 
 from fmus.kit import UserError
 from fmus.kit.build import toolchain
-from orchestration.fmu import Fmu, unpack
+from orchestration.fmu import Fmu, find_model, unpack
 from orchestration.fmu.check.shared_library import read_library
 from orchestration.fmu.exchange import ExchangeFmu
 from orchestration.fmu.kernel import library
 from orchestration.fmu.simulation import EndedSimulation, RepeatedFmu, simulate_instance
 from orchestration.fmu.wrapping import wrapping
 from tests.support.archive import edited
-from tests.support.fmi3_fmus import build, build_wide, changed, foreign
+from tests.support.fmi3_fmus import build, build_wide, foreign
 
 STEP = 0.05
 TIME = STEP * np.arange(41)
@@ -270,22 +270,26 @@ def test_a_value_that_a_type_cannot_hold_is_refused(settings, message):
 
 
 def test_the_size_of_an_array_cannot_be_set():
-    with pytest.raises(UserError, match="n is local, only parameters and inputs can be set"):
+    with pytest.raises(UserError, match="n is local, only parameters, inputs and start"):
         run(foreign("arrays"), {"n": 4})
 
 
-def test_an_integer_beyond_those_of_fmi_2_is_refused_as_it_is_read(tmp_path):
-    path = changed(
-        "types",
-        tmp_path,
-        'u64_out" valueReference="20" causality="output"',
-        'u64_out" valueReference="20" causality="parameter" start="0"',
-    )
-    with Fmu(path) as fmu:
+@pytest.mark.parametrize(
+    ("name", "value", "refused"),
+    [("i64", -(2.0**40), 2.0**53), ("u64", 2.0**53 - 1.0, -1.0), ("u32", 2.0**32 - 1.0, 2.0**32)],
+)
+def test_an_integer_of_up_to_64_bits_is_set_and_read(name, value, refused):
+    model = find_model(str(foreign("types")))
+    assert model.inputs[f"{name}_in"].type == "integer"
+    values = model.settings([f"{name}_in={value:.0f}"])
+    with Fmu(foreign("types"), values) as fmu:
         fmu.start()
-        read = fmu.reader(["u64_out"])
-        with pytest.raises(UserError, match=r"beyond the integers of FMI 2\.0"):
-            read(np.empty(1))
+        row = np.empty(1)
+        fmu.reader([f"{name}_in"])(row)
+    assert row[0] == value
+    for given in (f"{refused:.0f}", "0.5"):
+        with pytest.raises(UserError, match=f"{name}_in"):
+            model.settings([f"{name}_in={given}"])
 
 
 def test_states_are_saved_restored_and_written_down():
