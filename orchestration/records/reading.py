@@ -274,7 +274,7 @@ def _column_in_unit(table: Table, match: Match, unit: str) -> np.ndarray:
                 f"column '{column.name}' is taken in {stated}, as the model declares no unit of"
                 f" {match.signal}"
             )
-            table.repairs.append(Repair("unit assumed", message))
+            table.note("unit assumed", message)
         return numbers(table, column)
     if stated is None:
         _refuse_other_unit_in_name(table, match, unit)

@@ -119,5 +119,6 @@ def check_type_and_unit(connector: Element, scalar: Any, where: str) -> None:
             continue
         signal = read_signal(scalar)
         actual = signal.unit
-        if signal.declares_unit and conversion(unit, actual) != (1.0, 0.0):
+        has_unit = signal.declares_unit or signal.type != "real"
+        if has_unit and conversion(unit, actual) != (1.0, 0.0):
             raise UserError(f"{where} is declared in {unit!r}, but in the FMU it is in {actual!r}")
