@@ -8,6 +8,7 @@ from math import isfinite
 from fmus.kit.units import format_value
 from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.changes import Changed
+from orchestration.diagnosis.comparison import WEIGHTS
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.remainder import Remainder
@@ -131,7 +132,10 @@ def headline(diagnosis: Diagnosis) -> str:
     parts = [f"{percent(c.probability)} {cause_with_size(diagnosis, c)}" for c in diagnosis.causes]
     other = 1.0 - sum(c.probability for c in diagnosis.causes)
     answer = "; ".join([*parts, f"{percent(other)} something else"])
-    return answer if diagnosis.is_named else f"no cause is sure; best guesses: {answer}"
+    if diagnosis.is_named:
+        return answer
+    lead = "no cause is sure" if 1.0 - other < WEIGHTS.group else "no cause explains enough"
+    return f"{lead}; best guesses: {answer}"
 
 
 def support(diagnosis: Diagnosis) -> str:

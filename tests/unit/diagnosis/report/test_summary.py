@@ -22,6 +22,8 @@ def test_guesses_are_no_causes(dry):
     assert [one["probability"] for one in figures["group"]] == [0.5, 0.2]
     assert figures["gain"]["holdout_nrmse_after"] == figures["gain"]["holdout_nrmse_before"]
     assert wording.headline(unexplained).startswith("no cause is sure; best guesses: 50 %")
+    likely = with_group(dry, "unexplained", 0.94, 0.03)
+    assert wording.headline(likely).startswith("no cause explains enough; best guesses: 94 %")
 
 
 def test_the_json_has_the_keys_of_the_contract(dry):
