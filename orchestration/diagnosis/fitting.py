@@ -32,6 +32,8 @@ _PHASE = 1.0  # prior deviation of the phase of a clock, in periods: nobody know
 _PHASES = 24  # of a clock, from which a fit may start: within 2 % of a period of the nearest
 _SHORT_PIECES = 40  # of a record, at most
 _SHORTEST = 12  # samples of a piece
+_STEPS_OF_PIECES = 20
+_BEGINNING = 10.0  # weight of squared errors, in spreads, before any fit has left some
 _WIDE_START = 30.0  # nominal values of a state, within which a piece begins
 _LONGEST = 1.5  # step of a coordinate, in prior deviations of a logarithm
 FLAT = 1e-4  # relative fall of the cost that ends a search, twice in a row
@@ -448,8 +450,7 @@ class Fit:
     @property
     def misfit(self) -> float:
         """Root mean square of all errors, in spreads of the outputs."""
-        squares = np.concatenate([e[np.isfinite(e)] ** 2 for e in self.errors])
-        return float(np.sqrt(squares.mean()))
+        return _misfit(self.errors)
 
     @property
     def distance(self) -> float:
@@ -466,6 +467,12 @@ class Fit:
                 return self.point.values[at : at + width]
             at += width
         raise KeyError(str(term))
+
+
+def _misfit(errors: Sequence[Array]) -> float:
+    """Return the root mean square of all errors."""
+    squares = np.concatenate([e[np.isfinite(e)] ** 2 for e in errors])
+    return float(np.sqrt(squares.mean()))
 
 
 def joined_by(fitted: Fit, record: Record) -> Fit:
@@ -790,7 +797,7 @@ def fit_base(problem: Problem, q: Array | None = None) -> Fit | None:
     """
     point = nominal_point(problem)
     points = list(_at_phases(problem, point)) if q is None else [replace(point, q=q)]
-    weights = [np.ones(len(problem.spread)) * 10.0 for _ in problem.records]
+    weights = [np.full(len(problem.spread), _BEGINNING)] * len(problem.records)
     best = None
     for _ in range(_ROUNDS):
         found = fit(problem, (), points, weights, _BASE_STEPS)
@@ -809,15 +816,28 @@ def fit_from_pieces(base: Fit) -> Fit:
     parameter identification techniques for O.D.E., 1983).
     """
     problem = base.problem
+    if not problem.model.states:
+        return base
     wide = _WIDE_START * problem.model.nominal_states
-    pieces, starts = [], []
+    pieces: list[Record] = []
+    starts: list[StartPrior] = []
+    first: list[int] = []
     for record, prior in zip(problem.records, problem.starts, strict=True):
         count = min(_SHORT_PIECES, len(record.time) // _SHORTEST)
         ends = np.linspace(0, len(record.time), max(count, 1) + 1).astype(int).tolist()
-        pieces += [record.part(first, last) for first, last in pairwise(ends)]
+        first.append(len(pieces))
+        pieces += [record.part(begin, end) for begin, end in pairwise(ends)]
         starts += [replace(prior, deviation=np.maximum(prior.deviation, wide))] * (len(ends) - 1)
-    short = fit_base(replace(problem, records=tuple(pieces), starts=tuple(starts)))
-    other = short and fit_base(problem, short.point.q)
+    short = replace(problem, records=tuple(pieces), starts=tuple(starts))
+    weights = [np.full(len(problem.spread), _BEGINNING)] * len(pieces)
+    near = fit(short, (), [nominal_point(short)], weights, _STEPS_OF_PIECES)
+    if near is None:
+        return base
+    begun = replace(near.point, starts=tuple(near.point.starts[k] for k in first))
+    errors = problem.errors(begun)
+    if errors is None or _misfit(errors) > base.misfit:
+        return base
+    other = fit_base(problem, begun.q)
     return other if other is not None and other.misfit < base.misfit else base
 
 

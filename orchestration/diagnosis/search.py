@@ -51,7 +51,7 @@ from orchestration.diagnosis.screening import (
     screen_of,
     with_shorter_lags,
 )
-from orchestration.diagnosis.subject import Subject, read_again
+from orchestration.diagnosis.subject import Subject, nearer, read_again
 from orchestration.diagnosis.terms import NamedTerm, SensorTerm, Term, effects_in
 
 _PIECES = (8, 40)  # of a record, along which terms are proposed if the whole hides some
@@ -219,6 +219,7 @@ def search(
         Whether to propose along pieces of the record, to read the file otherwise, and to look for a
         second term where the best leaves noise alone.
     """
+    subject = nearer(subject)
     base = subject.judge(subject.base)
     if base is None:
         return None

@@ -540,12 +540,17 @@ def _fitted(problem: Problem, left_out: tuple[LeftOut, ...]) -> Subject | None:
     None if it runs away in either way.
     """
     base = fit_base(problem)
-    if base is not None and problem.model.states and base.misfit > _ASTRAY:
-        base = fit_from_pieces(base)
     if growth_of(_place(problem, left_out, base)) <= -np.log(_UNSEEN):
         return None if base is None else Subject(problem, left_out, base)
     subject = _observed(problem, left_out, None)
     return subject and predicted(subject)
+
+
+def nearer(subject: Subject) -> Subject:
+    """Return a subject with a fit that starts along pieces, if that from nominal is far astray."""
+    base = subject.base
+    is_astray = subject.observer is None and base.misfit > _ASTRAY
+    return replace(subject, base=fit_from_pieces(base)) if is_astray else subject
 
 
 def predicted(subject: Subject, fitted: Fit | None = None) -> Subject | None:

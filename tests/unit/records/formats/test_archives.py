@@ -26,7 +26,7 @@ def zipped(*names):
 @pytest.mark.parametrize(
     ("ending", "content"),
     [
-        ("gz", gzip.compress(PLAIN.encode())),
+        ("gz", gzip.compress(PLAIN.encode(), mtime=0)),
         ("bz2", bz2.compress(PLAIN.encode())),
         ("xz", lzma.compress(PLAIN.encode())),
         ("zip", zipped("r.csv")),
