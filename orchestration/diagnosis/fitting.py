@@ -818,27 +818,42 @@ def fit_from_pieces(base: Fit) -> Fit:
     problem = base.problem
     if not problem.model.states:
         return base
+    parts = [
+        [record.part(*ends) for ends in pairwise(piece_ends(record, _SHORT_PIECES))]
+        for record in problem.records
+    ]
+    pieces = tuple(piece for own in parts for piece in own)
     wide = _WIDE_START * problem.model.nominal_states
-    pieces: list[Record] = []
-    starts: list[StartPrior] = []
-    first: list[int] = []
-    for record, prior in zip(problem.records, problem.starts, strict=True):
-        count = min(_SHORT_PIECES, len(record.time) // _SHORTEST)
-        ends = np.linspace(0, len(record.time), max(count, 1) + 1).astype(int).tolist()
-        first.append(len(pieces))
-        pieces += [record.part(begin, end) for begin, end in pairwise(ends)]
-        starts += [replace(prior, deviation=np.maximum(prior.deviation, wide))] * (len(ends) - 1)
-    short = replace(problem, records=tuple(pieces), starts=tuple(starts))
+    starts = tuple(
+        replace(prior, deviation=np.maximum(prior.deviation, wide))
+        for own, prior in zip(parts, problem.starts, strict=True)
+        for _ in own
+    )
+    short = replace(problem, records=pieces, starts=starts)
     weights = [np.full(len(problem.spread), _BEGINNING)] * len(pieces)
     near = fit(short, (), [nominal_point(short)], weights, _STEPS_OF_PIECES)
     if near is None:
         return base
+    first = np.cumsum([0, *map(len, parts[:-1])])
     begun = replace(near.point, starts=tuple(near.point.starts[k] for k in first))
     errors = problem.errors(begun)
     if errors is None or _misfit(errors) > base.misfit:
         return base
     other = fit_base(problem, begun.q)
     return other if other is not None and other.misfit < base.misfit else base
+
+
+def piece_ends(record: Record, most: int) -> list[int]:
+    """Return the samples at which pieces of a record begin, as long as each other, and its end.
+
+    Parameters
+    ----------
+    record : Record
+    most : int
+        Pieces; fewer of a short record.
+    """
+    count = max(1, min(most, len(record.time) // _SHORTEST))
+    return [int(end) for end in np.linspace(0, len(record.time), count + 1)]
 
 
 def vague(problem: Problem) -> Problem:

@@ -36,6 +36,7 @@ from orchestration.diagnosis.fitting import (
     fit_start,
     located,
     not_fitted,
+    piece_ends,
     variance_of,
     weights_of,
 )
@@ -76,7 +77,6 @@ _SUBSETS, _SHAPES = 6, 2  # of the best fits, that are fitted with fewer terms, 
 _FAULTS = 4  # of sensors, that are fitted alone where the model is linearised anew
 _LINEARISATIONS = 3  # of a model that is linear in its parameters, at most
 _LEADING, _FINALISTS = 8, 12  # best sets and fits that are fitted to all samples
-_SHORTEST = 12  # samples of a piece
 _PIECE_WEIGHT = 0.5 / 0.1**2 / 5.0  # of squared errors of a piece: within a tenth of the spread
 
 
@@ -784,9 +784,7 @@ def _pieces(fitted: Fit, count: int) -> tuple[list[Record], list[Array]]:
         course = problem.run(record, fitted.point, (), start, False)
         if course is None:
             return [], []
-        cuts = max(1, min(count, len(record.time) // _SHORTEST))
-        ends = np.linspace(0, len(record.time), cuts + 1).astype(int)
-        for first, last in itertools.pairwise(ends.tolist()):
+        for first, last in itertools.pairwise(piece_ends(record, count)):
             piece = record.part(first, last)
             prior = _prior_at(problem.model, record, course.states, first, start)
             own = fit_start(problem, fitted.point, (), piece, prior, weight)
