@@ -18,7 +18,7 @@ from orchestration.diagnosis.fitting import Fit, Point
 from orchestration.diagnosis.search import search
 from orchestration.diagnosis.term_names import sentence
 from orchestration.diagnosis.terms import Memory, NamedTerm, SensorTerm
-from tests.support.diagnosed_mass import START, D, K, M, integrated, mass, pushed
+from tests.support.diagnosed_mass import START, D, K, M, exact, integrated, mass, pushed
 from tests.support.dry_mass import NOISE, drawn, dry, nothing, outside, searched, small_search
 
 NAMES = sys.modules["orchestration.diagnosis.search"]
@@ -221,6 +221,46 @@ def test_effects_are_tried_alone_where_parameters_went_far(monkeypatch: pytest.M
     monkeypatch.setattr(screen, "propose", lambda most: [(-30.0, (0,))])
     assert list(NAMES._by_quota(screen, {1: 3}, 2, ())) == []
     assert list(NAMES._by_quota(screen, {1: 3}, 2, (), (NamedTerm,))) == [(0,)]
+
+
+def point_of(found: Found, term: Term) -> tuple[Array, Array, tuple[Array, ...]]:
+    """Return the point of the base with a small term."""
+    point = found.base.fit.point
+    return point.q, term.values(0.1), point.starts
+
+
+def test_effects_in_the_law_of_a_term_and_of_its_signal_are_tried_in_its_place(
+    found: Found, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In place of a term of best sets; not what is of another law or of another signal."""
+    rounds = NAMES._Rounds(Found(found.subject, found.base), print)
+    braked = NamedTerm("friction", "v", Shape.LINEAR, effect="braked", family="braked")
+    others = [replace(braked, law="spring"), replace(braked, signal="x"), replace(braked, law="")]
+    rounds._terms = [Term("friction", "v", Shape.DRY), *others, braked, braked]
+    heated = Term("friction", "v", Shape.LINEAR, Memory.HEAT, (1.0,), "friction")
+    assert list(rounds._effects_like(heated)) == [braked]
+    fitted = replace(found.base.fit, terms=(heated,), point=Point(*point_of(found, heated)))
+    best = [replace(found.base, fit=fitted)]
+    monkeypatch.setattr(type(rounds.found), "best", lambda self, count: best)
+    asked: list[Any] = []
+    monkeypatch.setattr(rounds, "_fit_all", lambda sets, most: asked.extend(sets))
+    rounds.owners()
+    assert (braked,) in [terms for terms, _ in asked]
+
+
+def test_a_search_begins_along_pieces_where_a_model_is_astray() -> None:
+    """A quarter of the natural frequency, and little damping."""
+    record = pushed(2000)
+    push = np.random.default_rng(6).normal(0.0, 5.0, len(record.time))
+    truth = (M, K / 16.0, 0.02 * D)
+    outputs = exact(record, truth, START, push)[:, :1]
+    subject = subject_of(mass(), [replace(record, inputs=push[:, None], outputs=outputs)])
+    assert subject is not None
+    assert subject.base.misfit > 0.5
+    found = search(subject, is_over=lambda: True)
+    assert found is not None
+    fitted = found.base.fit
+    assert fitted.problem.parameters(fitted.point.q)[:3] == pytest.approx(truth, rel=1e-2)
 
 
 def test_a_model_that_runs_away_over_what_is_left_out_is_not_searched() -> None:
