@@ -508,7 +508,8 @@ def test_of_parts_none_of_which_explains_half_alone_the_first_adds_most_over_all
         (slower,): 0.7,
         (curved,): 0.5,
         (slower, late): 1.3,
-        (slower, curved): 0.8,
+        (slower, curved): 0.75,
+        (late, curved): 1.0,
         (slower, late, curved): 2.1,
     }
     ranked = [
