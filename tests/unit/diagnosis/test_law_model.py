@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from fmus.kit import Output, Parameter, State
+from fmus.kit import Component, Input, Output, Parameter, State
 from fmus.kit.arrays import Array
 from orchestration.diagnosis import LawModel, Record, Shape, Term, law_model
 from orchestration.diagnosis.runs import Course, Setting
@@ -507,3 +507,33 @@ def test_a_law_reads_the_laws_that_it_calls_beside_what_it_is_a_function_of() ->
         *("elongation", "velocity", "force"),
         *("spring_force", "friction"),
     }
+
+
+class Scaled(Component):
+    """A strain that its caller gives a charge, of a film that grows."""
+
+    name = "scaled"
+    experiment = (1.0, 0.1)
+    alpha = Parameter(2.0, "m/C", doc="strain over charge")
+    charge = Input("C", nominal=1.0, doc="of the film")
+    growth = State("1", rate="growth_rate", nominal=1.0, doc="of the film")
+
+    def growth_rate(self):
+        """Of the film."""
+        return 0.1 - self.growth / 5.0
+
+    def strain(self, charge):
+        """Of so much charge."""
+        return self.alpha * charge * (1.0 + self.growth)
+
+    @Output("m", nominal=1.0)
+    def displacement(self):
+        """Of the tip."""
+        return self.strain(self.charge) + 0.1 * self.charge
+
+
+def test_a_law_that_its_caller_gives_a_value_is_no_signal_of_a_term() -> None:
+    """Only its callers know of what it is: no other law can have its value."""
+    model = LawModel(Scaled)
+    assert "strain" in model.laws
+    assert "strain" not in model.arguments
