@@ -39,6 +39,23 @@ def deferred() -> Iterator[Interrupt]:
         signal.signal(signal.SIGINT, before)
 
 
+def raise_interrupt(error: BaseException) -> None:
+    """Raise the Ctrl-C that an exception stems from, if it does.
+
+    Python 3.11 raises a RuntimeError from an interrupt while a class is made.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If one is among the causes of `error`.
+    """
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, KeyboardInterrupt):
+            raise cause
+        cause = cause.__cause__
+
+
 @contextmanager
 def uninterrupted() -> Iterator[None]:
     """Defer a Ctrl-C within this context, or a decorated function, to its end.

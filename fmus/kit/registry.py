@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .errors import UserError, find
+from .interrupt import raise_interrupt
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -277,6 +278,7 @@ def _load_packages(entries: Any) -> Iterator[tuple[EntryPoint, ComponentPackage]
         try:
             package = entry.load()
         except Exception as error:  # foreign code may raise any exception
+            raise_interrupt(error)
             _warn_omitted(entry, f"{type(error).__name__}: {error}")
             continue
         if isinstance(package, ComponentPackage):
@@ -386,6 +388,7 @@ def load(place: str) -> Any:
     try:
         return getattr(import_module(module), name)
     except Exception as error:  # foreign code may raise any exception
+        raise_interrupt(error)
         raise UserError(f"{place} cannot be imported: {type(error).__name__}: {error}") from error
 
 

@@ -19,6 +19,7 @@ from typer.core import TyperGroup
 
 from fmus.kit import UserError, quoting
 from fmus.kit.extras import optional
+from fmus.kit.interrupt import raise_interrupt
 from fmus.kit.registry import RegistryWarning
 from orchestration.cli.ending import INTERRUPTED, end_interrupted, end_unloadable, is_of_import
 from orchestration.cli.examples import epilog
@@ -147,6 +148,7 @@ def _groups() -> _Groups:
                     if name not in _OWN:
                         groups.setdefault(title, {})[name] = (summary, function)
         except Exception as error:
+            raise_interrupt(error)
             from orchestration.reporting.console import warn
 
             warn(f"commands of {entry.value} are left out: {type(error).__name__}: {error}")
@@ -224,7 +226,7 @@ def main() -> None:
             stream.reconfigure(errors="backslashreplace")
     try:
         with in_shell(), optional(), _registry_warnings_as_remarks():
-            code = app(standalone_mode=False, prog_name="ppy")
+            code = _run()
         if code == INTERRUPTED:  # typer has taken the interrupt for itself
             raise KeyboardInterrupt
     except (KeyboardInterrupt, typer.Abort) as ended:
@@ -235,12 +237,25 @@ def main() -> None:
         if isinstance(error, OSError) and error.filename is None and _output_fails():
             _drop_output()
             _fail(f"standard output: {error.strerror}")
-        if isinstance(error.__cause__, KeyboardInterrupt):  # in a class that Python 3.11 makes
-            end_interrupted()
         if os.environ.get("PPY_DEBUG") and not _is_expected(error):
             raise
         _fail(_message(error), 1 if isinstance(error, IncompleteRecord) else 2)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _run() -> object:
+    """Run the command that is asked for, and return the exit code that it asks for.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        After a Ctrl-C, also if another error was raised from it.
+    """
+    try:
+        return app(standalone_mode=False, prog_name="ppy")
+    except Exception as error:
+        raise_interrupt(error)
+        raise
 
 
 def _output_fails() -> bool:

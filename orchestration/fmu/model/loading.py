@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from fmus.kit import quoting
 from fmus.kit.errors import UserError, suggestion
+from fmus.kit.interrupt import raise_interrupt
 from orchestration.fmu.model.authoring import check_names, describe, line_of, remarks
 
 if TYPE_CHECKING:
@@ -161,7 +162,8 @@ def _load(path: Path) -> ModuleType:
         exec(compile(text, spec.origin, "exec", dont_inherit=True), vars(module))
     except BaseException as error:
         del sys.modules[name]
-        if isinstance(error, (KeyboardInterrupt, GeneratorExit)):
+        raise_interrupt(error)
+        if isinstance(error, GeneratorExit):
             raise
         raise UserError(describe(path, text, error)) from error
     _LOADED.add(spec.origin)

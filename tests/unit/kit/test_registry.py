@@ -5,6 +5,7 @@ that says which and why.
 import re
 import subprocess
 import sys
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
@@ -95,3 +96,33 @@ def test_a_component_that_is_not_there_is_named(place, message):
     tank = ComponentPackage(components={"tank": place})
     with registered(tank=tank), pytest.raises(UserError, match=re.escape(message)):
         registry.component("tank")
+
+
+PRESSED = """
+class Pressed:
+    def __set_name__(self, owner, name):
+        raise KeyboardInterrupt
+
+
+class Tank:
+    level = Pressed()
+
+
+PACKAGE = Tank
+"""
+
+
+@pytest.fixture
+def pressed(tmp_path, monkeypatch):
+    """A package of components, in which Ctrl-C is pressed while it is imported."""
+    (tmp_path / "pressed_models.py").write_text(PRESSED)
+    monkeypatch.syspath_prepend(tmp_path)
+    return EntryPoint("pressed", "pressed_models:PACKAGE", registry.GROUP)
+
+
+def test_ctrl_c_in_an_import_is_no_other_error(pressed):
+    """Python 3.11 makes a RuntimeError of it."""
+    with pytest.raises(KeyboardInterrupt):
+        registry.load(pressed.value)
+    with pytest.raises(KeyboardInterrupt):
+        list(registry._load_packages([pressed]))
