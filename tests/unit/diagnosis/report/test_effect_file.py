@@ -20,11 +20,12 @@ from tests.support.oscillator_model import Oscillator
 
 def written(fit: Fit) -> tuple[type[Component], str]:
     """Return the model with the classes of the file laid over, and its text."""
-    text = effect_source(fit, stems(Oscillator, fit.terms), 'a "quoted" \udcff.csv')
+    cls = fit.problem.model.cls
+    text = effect_source(fit, stems(cls, fit.terms), 'a "quoted" \udcff.csv')
     names: dict[str, Any] = {}
     exec(compile(text, "law.py", "exec"), names)
     (line,) = (line for line in text.splitlines() if "better = stack" in line)
-    exec(line.removeprefix("# "), names | {"stack": stack, "Oscillator": Oscillator}, names)
+    exec(line.removeprefix("# "), names | {"stack": stack, cls.__name__: cls}, names)
     return names["better"], text
 
 
@@ -93,6 +94,31 @@ def test_a_term_sees_laws_without_what_terms_add(terms, values):
     made, text = written(fit)
     assert np.abs(run_fmu(fit, made) - kernel(fit)).max() < 1e-6
     assert "base_value(" in text
+
+
+class GuidedOscillator(Oscillator):
+    """Its friction is a law of the velocity that it is called with."""
+
+    def friction(self, velocity):
+        return self.damping * velocity
+
+    def acceleration(self):
+        pull = self.force - self.friction(1.5 * self.velocity) - self.spring_force()
+        return pull / self.mass
+
+
+def test_terms_of_a_law_with_arguments_run_as_they_were_fitted():
+    terms = [
+        Term("friction", "velocity", Shape.SQUARE, factor="friction"),
+        Term("friction", "elongation", Shape.SQUARE, factor="friction", scale=0.3),
+        Term("friction", "force", Shape.LINEAR, Memory.LAG, (0.3,), size=5.0, scale=4.0),
+    ]
+    fit = fitted(GuidedOscillator, terms, [[0.02], [0.2], [0.1, np.log(0.3)]])
+    made, text = written(fit)
+    assert "arguments=arguments" in text
+    plain = run_fmu(fit, GuidedOscillator)
+    assert np.abs(run_fmu(fit, made) - kernel(fit)).max() < 1e-6
+    assert np.abs(kernel(fit) - plain).max() > 1e-3
 
 
 def test_a_fault_of_a_sensor_is_a_class_of_the_output():
