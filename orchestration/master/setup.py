@@ -52,10 +52,11 @@ def open_members(system: System, opened: ExitStack) -> list[Instance]:
             opened.callback(scratch.remove, folders[path])
         fmu = Fmu(member.fmu, member.parameters, member.name, folders[path])
         only_once = fmu.description.coSimulation.canBeInstantiatedOnlyOncePerProcess
-        if only_once and any(other.fmu.path.resolve() == path for other in members):
+        same = [other.name for other in members if other.fmu.path.resolve() == path]
+        if only_once and same:
             raise UserError(
-                f"{member.name}: {path.name} can run once only"
-                " (canBeInstantiatedOnlyOncePerProcess)"
+                f"{member.name}: {path.name} can run once in a process, which the members of a"
+                f" system share, and is {same[0]} already (canBeInstantiatedOnlyOncePerProcess)"
             )
         with error_context(member.name):
             members.append(Instance(member.name, opened.enter_context(fmu)))

@@ -1,5 +1,6 @@
 """Mapping of columns to signals of a model: by equal names, or by ``--map column=signal[unit]``."""
 
+import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -15,6 +16,9 @@ from orchestration.records.times import (
     merge_date_and_time,
 )
 from orchestration.reporting import option
+
+
+_EQUALS = re.compile(r"\s*=\s*")
 
 
 @dataclass(frozen=True)
@@ -65,9 +69,7 @@ def parse_mapping(entries: Iterable[str]) -> dict[str, str]:
             mapping[column] = target
             continue
         # brackets are either the index of an array element, as in A[2,1], or around a unit
-        has_other_bracket = set("[]") & set(INDEX.sub("", signal)) or (
-            unit is None and "[" in target
-        )
+        has_other_bracket = bool(set("[]") & set(INDEX.sub("", signal)))
         if not (equals and column and signal) or has_other_bracket:
             raise UserError(
                 f"{option('mapping', entry)}: the form is file_column=signal or"
@@ -180,23 +182,40 @@ def _stated_matches(
     """Return the matches that the user states, by signal, and the columns of formulas."""
     matches: dict[str, Match] = {}
     computed: list[Column] = []
-    for name, target in mapping.items():
+    for entry in mapping.items():
+        name, target = _split_at_names(table, signals, *entry)
         signal, unit = (target, None) if target in signals else split_header_cell(target)
-        entry = option("mapping", {name: target})
+        argument = option("mapping", {name: target})
         if signal not in signals and name in (*signals, TIME) and is_formula(signal):
             is_index = unit is not None and unit.replace(",", "").isdigit()  # of a column u[2]
-            formula = Formula(table, target if is_index else signal, entry)
+            formula = Formula(table, target if is_index else signal, argument)
             matches[name] = Match(formula.column(name), name, None if is_index else unit)
             computed += formula.columns
             continue
         if signal != TIME and signal not in signals:
             raise UserError(
-                f"{entry}: the model has no signal '{signal}'{suggestion(signal, signals)}"
+                f"{argument}: the model has no signal '{signal}'{suggestion(signal, signals)}"
             )
         if signal in matches:
-            raise UserError(f"{entry}: signal '{signal}' is mapped twice")
-        matches[signal] = Match(_find_column(table, name, entry), signal, unit)
+            raise UserError(f"{argument}: signal '{signal}' is mapped twice")
+        matches[signal] = Match(_find_column(table, name, argument), signal, unit)
     return matches, computed
+
+
+def _split_at_names(
+    table: Table, signals: Mapping[str, str], name: str, target: str
+) -> tuple[str, str]:
+    """Return the column and the target of an entry; names of either may hold equals signs."""
+    parts = _EQUALS.split(f"{name}={target}")
+    columns = {_EQUALS.sub("=", text): text for c in table.columns for text in (c.title, c.name)}
+    known = {_EQUALS.sub("=", signal): signal for signal in (*signals, TIME)}
+    for k in range(1, len(parts)):
+        column = columns.get("=".join(parts[:k]))
+        text = "=".join(parts[k:])
+        signal, unit = (text, None) if text in known else split_header_cell(text)
+        if column is not None and signal in known:
+            return column, known[signal] + (f"[{unit}]" if unit else "")
+    return name, target
 
 
 def _unmatched(table: Table, matched: list[Column]) -> list[Column]:

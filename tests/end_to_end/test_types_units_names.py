@@ -102,6 +102,44 @@ def test_integers_booleans_and_enumerations_are_swept(typed):
         assert words in str(refusal.value)
 
 
+def test_a_record_has_items_of_an_enumeration_by_name_or_number_and_no_others(typed, tmp_path):
+    file = tmp_path / "modes.csv"
+    head = "time [s],mode_out\n"
+    file.write_text(head + "0,off\n0.1,7\n0.2,\n0.3,slow\n")
+    record = ppy.compare(str(file), str(typed)).record
+    assert record.signals["mode_out"][[0, 1, 3]].tolist() == [1.0, 7.0, 3.0]
+    for wrong in ("turbo", "2", "1.5"):
+        file.write_text(f"{head}0,off\n0.1,{wrong}\n0.2,slow\n")
+        with pytest.raises(UserError) as refusal:
+            ppy.compare(str(file), str(typed))
+        words = f"row 3, column 'mode_out': '{wrong}' is none of off (1), slow (3), fast (7)"
+        assert words in str(refusal.value)
+
+
+def test_a_unit_declared_counts_in_sweeps_and_fits(typed, tmp_path):
+    swept = ppy.sweep(
+        str(typed), {"bare": "60 rpm, 120 rpm"}, units={"bare": "rad/s"}, keep=["last"]
+    )
+    assert swept["bare_out_last"].values == pytest.approx([2.0 * math.pi, 4.0 * math.pi])
+    file = tmp_path / "record.csv"
+    file.write_text("time [s],bare_out [rpm]\n0,30\n0.1,60\n0.2,90\n")
+    fitted = ppy.compare(
+        str(file), str(typed), fit=["bare"], units={"bare": "rad/s", "bare_out": "rad/s"}
+    )
+    assert fitted.fit.values["bare"] == pytest.approx(2.0 * math.pi)
+    for units, words in (
+        ({"n_out": "rpm"}, "n_out is declared in rev/min"),
+        ({"nothing": "rpm"}, "has no variable named 'nothing'"),
+    ):
+        for refused in (
+            lambda units=units: ppy.sweep(str(typed), {"bare": "1, 2"}, units=units),
+            lambda units=units: ppy.diagnose(str(file), model=str(typed), units=units),
+            lambda units=units: ppy.compare(str(file), str(typed), fit=["bare"], units=units),
+        ):
+            with pytest.raises(UserError, match=words):
+                refused()
+
+
 def test_a_unit_that_an_fmu_does_not_declare_is_that_of_the_record_or_is_declared(typed, tmp_path):
     file = tmp_path / "record.csv"
     file.write_text("time [s],bare_out [rad/s],rise_out [degC]\n0,1,5\n0.1,2,6\n0.2,3,7\n")

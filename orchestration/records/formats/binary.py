@@ -53,8 +53,9 @@ def _arrow_table(path: Path, content: bytes, kind: str, read: Callable[[io.Bytes
 def read_netcdf(path: Path, content: bytes) -> Table:
     """Read a NetCDF 3 file, such as a result of ``ppy run``; a `Reader`.
 
-    One column per vector over the first dimension; units come from the attribute ``units``.
-    A damaged file and one without vectors are refused.
+    One column per vector over the first dimension, and per text, whose characters are along a
+    second; units come from the attribute ``units``. A damaged file and one without vectors are
+    refused.
     """
     from scipy.io import netcdf_file
 
@@ -65,10 +66,19 @@ def read_netcdf(path: Path, content: bytes) -> Table:
     ):
         first = next(iter(file.dimensions), None)
         for name, variable in file.variables.items():
-            if variable.dimensions == (first,):
+            is_text = variable.typecode() == "c"
+            if is_text and variable.dimensions[:1] == (first,) and len(variable.dimensions) <= 2:
+                columns.append(Column.read(name, _texts(variable.data), ""))
+            elif not is_text and variable.dimensions == (first,):
                 unit = plain_unit(getattr(variable, "units", b"").decode())
                 columns.append(Column(name, unit, as_numbers(np.ma.array(variable[:]))))
     return Table.of(path, columns, "the NetCDF file holds no vectors")
+
+
+def _texts(characters: np.ndarray) -> list[str]:
+    """Return the texts of characters, shape (n,) or (n, length)."""
+    rows = characters.reshape(len(characters), -1)
+    return [row.tobytes().rstrip(b"\0").decode(errors="replace") for row in rows]
 
 
 def read_mat(path: Path, content: bytes) -> Table:

@@ -330,7 +330,7 @@ def read_words(table: Table, column: Column, known: dict[str, float]) -> Array:
         See `numbers`.
     known : dict of str to float
         Numbers by word, such as those of the items of an enumeration. Cells that are no word of it
-        must be numbers, unless it is one of `Words`.
+        must be one of its numbers, unless it is one of `Words`.
 
     Raises
     ------
@@ -340,8 +340,25 @@ def read_words(table: Table, column: Column, known: dict[str, float]) -> Array:
     texts = [str(cell).strip() for cell in column.cells]
     if isinstance(known, Words):
         return np.array([known[text] for text in texts])
+    strange = {text for text in {*texts} - {*known} if parse_cell(text) is None}
+    if strange:
+        raise _no_item(table, column, [text in strange for text in texts].index(True), known)
     cells = [repr(known[text]) if text in known else text for text in texts]
-    return numbers(table, replace(column, cells=cells))
+    values = numbers(table, replace(column, cells=cells))
+    is_item = np.isin(values, [*known.values()])
+    if not np.all(is_item | np.isnan(values)):
+        raise _no_item(table, column, int(np.argmin(is_item | np.isnan(values))), known)
+    return values
+
+
+def _no_item(table: Table, column: Column, index: int, known: Mapping[str, float]) -> UserError:
+    """Return the error of a cell that is no item of an enumeration."""
+    items = ", ".join(f"{name} ({number:g})" for name, number in known.items())
+    return refuse(
+        table.path,
+        f"row {table.rows[index]}, column '{column.name}': '{str(column.cells[index]).strip()}' is"
+        f" none of {items}",
+    )
 
 
 def _without_marks(table: Table, column: Column, values: Array) -> Array:

@@ -69,6 +69,29 @@ def test_mapping_renames_and_reinterprets(tmp_path):
     assert kinds.count("unit assumed") == 1
 
 
+@pytest.mark.parametrize(
+    ("column", "signal"),
+    [
+        ("a=b", "der(x[1,2])"),
+        ("a=b", "x[1].y"),
+        ("a", "k=1"),
+        ("a=b", "u = 1"),
+        ("a = b", "u = 1 = 2"),
+        ('say "a,b"', "p[3] = 'c,d'"),
+    ],
+)
+@pytest.mark.parametrize(("unit", "factor"), [("", 1.0), ("[mm]", 1e-3)])
+def test_names_with_brackets_commas_and_equals_signs_are_mapped(
+    tmp_path, column, signal, unit, factor
+):
+    quoted = column.replace('"', '""')
+    path = write(tmp_path, f'time [s],"{quoted}"\n0,5\n1,6\n')
+    mapping = parse_mapping([f"{column}={signal}{unit}"])
+    record = read_record(path, {"b": "m", "1": "m", "2": "m", signal: "m"}, mapping=mapping)
+    np.testing.assert_allclose(record.signals[signal], [5.0 * factor, 6.0 * factor])
+    assert [*record.signals] == [signal]
+
+
 def test_an_explicit_mapping_wins_over_an_equal_name(tmp_path):
     path = write(tmp_path, "time [s],current [A],current_2 [A]\n0,1,5\n1,2,6\n")
     record = read_record(path, SIGNALS, mapping={"current_2": "current"})

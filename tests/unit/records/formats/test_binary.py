@@ -123,3 +123,27 @@ def test_netcdf_with_missing_values_and_times_since(tmp_path):
     record = read_record(tmp_path / "r.nc", SIGNALS)
     np.testing.assert_array_equal(record.time, TIME)
     assert np.flatnonzero(np.isnan(record.signals["current"])).tolist() == [1]
+
+
+def test_texts_in_netcdf_are_columns_of_texts(tmp_path):
+    from scipy.io import netcdf_file
+
+    words = ["off", "Heating", "off", "Heizen ½"]
+    size = max(len(word.encode()) for word in words)
+    with netcdf_file(tmp_path / "r.nc", "w") as file:
+        file.createDimension("time", 4)
+        file.createDimension("length", size)
+        file.createVariable("time", "d", ("time",))[:] = TIME
+        file.createVariable("current", "d", ("time",))[:] = CURRENT
+        texts = np.array([word.encode() for word in words], dtype=f"S{size}")
+        characters = texts.view("S1").reshape(4, size)
+        file.createVariable("mode", "c", ("time", "length"))[:] = characters
+        file.createVariable("flag", "c", ("time",))[:] = characters[:, 0]
+    items = {"off": 1.0, "Heating": 3.0, "Heizen ½": 4.0}
+    flags = {"o": 0.0, "H": 1.0}
+    signals = {"current": "A", "mode": "1", "flag": "1"}
+    record = read_record(tmp_path / "r.nc", signals, words={"mode": items, "flag": flags})
+    assert record.signals["mode"].tolist() == [1.0, 3.0, 1.0, 4.0]
+    assert record.signals["flag"].tolist() == [0.0, 1.0, 0.0, 1.0]
+    message = refusal(tmp_path / "r.nc", signals={"mode": "1"})
+    assert "row 1, column 'mode': 'off' is not a number" in message
