@@ -23,7 +23,7 @@ from orchestration.experiment.stimulus import DrivenInput
 from orchestration.experiment.subjects import Subject, known
 from orchestration.fmu import Signal, Value
 from orchestration.fmu import simulation as simulate
-from orchestration.fmu.signal import check_type, is_text, read_setting
+from orchestration.fmu.signal import check_type, is_text, read_setting, split_assignment
 from orchestration.fmu.simulation import LimitOutputs
 from orchestration.system import checking
 
@@ -190,7 +190,10 @@ def points(experiment: Experiment, where: str, start: float = 0.0) -> Array:
 def _resolve_settings(experiment: Experiment, subject: Subject, where: str) -> dict[str, Value]:
     """Return the parameters that an experiment sets, in the FMU's units."""
     values = {}
-    for name, given in experiment.parameters.items():
+    for key, stated in experiment.parameters.items():
+        name, given = key, stated
+        if key not in subject.parameters and isinstance(stated, str):
+            name, given = split_assignment(f"{key}={stated}", subject.parameters) or (key, stated)
         if name in subject.why_not_settable:
             raise UserError(
                 f"{where}: parameters.{name}: it is an input; {subject.why_not_settable[name]}"

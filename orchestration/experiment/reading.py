@@ -154,7 +154,11 @@ def _set(given: dict[str, Any], setting: str) -> None:
             raise UserError(
                 f"{option('settings', {key: text})}: {name} is a value, not a table with keys"
             )
-    table[last] = _parse_value(text)
+    value = _parse_value(text)
+    if tables == ["parameters"] and value == text and "=" in text:
+        # of a name or of a text, which only the model can tell
+        last, value = (part.strip() for part in f"{last}={text}".rsplit("=", 1))
+    table[last] = value
 
 
 def _split_key(key: str, given: dict[str, Any]) -> list[str]:

@@ -17,7 +17,6 @@ from orchestration.records.times import (
 )
 from orchestration.reporting import option
 
-
 _EQUALS = re.compile(r"\s*=\s*")
 
 
@@ -62,7 +61,7 @@ def parse_mapping(entries: Iterable[str]) -> dict[str, str]:
     mapping: dict[str, str] = {}
     for entry in entries:
         column, equals, target = (part.strip() for part in entry.rpartition("="))
-        signal, unit = split_header_cell(target)
+        signal, _ = split_header_cell(target)
         if is_formula(signal):
             if column in mapping:
                 raise UserError(f"{option('mapping', entry)}: signal '{column}' is mapped twice")

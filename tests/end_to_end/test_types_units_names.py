@@ -15,6 +15,8 @@ import orchestration as ppy
 from fmus.kit.errors import UserError
 from orchestration.fmu import find_model
 from orchestration.records import read_record
+from orchestration.system import Member, System
+from orchestration.system.ssp import write
 from tests.support.command import works
 from tests.support.mirror import mirror, variable
 
@@ -106,38 +108,42 @@ def test_a_record_has_items_of_an_enumeration_by_name_or_number_and_no_others(ty
     file = tmp_path / "modes.csv"
     head = "time [s],mode_out\n"
     file.write_text(head + "0,off\n0.1,7\n0.2,\n0.3,slow\n")
-    record = ppy.compare(str(file), str(typed)).record
+    record = ppy.read_record(str(file), model=str(typed))
     assert record.signals["mode_out"][[0, 1, 3]].tolist() == [1.0, 7.0, 3.0]
     for wrong in ("turbo", "2", "1.5"):
         file.write_text(f"{head}0,off\n0.1,{wrong}\n0.2,slow\n")
         with pytest.raises(UserError) as refusal:
-            ppy.compare(str(file), str(typed))
+            ppy.read_record(str(file), model=str(typed))
         words = f"row 3, column 'mode_out': '{wrong}' is none of off (1), slow (3), fast (7)"
         assert words in str(refusal.value)
 
 
-def test_a_unit_declared_counts_in_sweeps_and_fits(typed, tmp_path):
+WRONG_UNITS = (
+    ({"n_out": "rpm"}, "n_out is declared in rev/min"),
+    ({"nothing": "rpm"}, "has no variable named 'nothing'"),
+)
+
+
+def test_a_unit_declared_counts_in_sweeps(typed):
     swept = ppy.sweep(
         str(typed), {"bare": "60 rpm, 120 rpm"}, units={"bare": "rad/s"}, keep=["last"]
     )
     assert swept["bare_out_last"].values == pytest.approx([2.0 * math.pi, 4.0 * math.pi])
+    for units, words in WRONG_UNITS:
+        with pytest.raises(UserError, match=words):
+            ppy.sweep(str(typed), {"bare": "1, 2"}, units=units)
+
+
+def test_a_unit_declared_counts_in_fits(typed, tmp_path):
     file = tmp_path / "record.csv"
     file.write_text("time [s],bare_out [rpm]\n0,30\n0.1,60\n0.2,90\n")
     fitted = ppy.compare(
         str(file), str(typed), fit=["bare"], units={"bare": "rad/s", "bare_out": "rad/s"}
     )
     assert fitted.fit.values["bare"] == pytest.approx(2.0 * math.pi)
-    for units, words in (
-        ({"n_out": "rpm"}, "n_out is declared in rev/min"),
-        ({"nothing": "rpm"}, "has no variable named 'nothing'"),
-    ):
-        for refused in (
-            lambda units=units: ppy.sweep(str(typed), {"bare": "1, 2"}, units=units),
-            lambda units=units: ppy.diagnose(str(file), model=str(typed), units=units),
-            lambda units=units: ppy.compare(str(file), str(typed), fit=["bare"], units=units),
-        ):
-            with pytest.raises(UserError, match=words):
-                refused()
+    for units, words in WRONG_UNITS:
+        with pytest.raises(UserError, match=words):
+            ppy.diagnose(str(file), model=str(typed), units=units)
 
 
 def test_a_unit_that_an_fmu_does_not_declare_is_that_of_the_record_or_is_declared(typed, tmp_path):
@@ -226,3 +232,20 @@ def test_locals_are_recorded_compared_set_and_fitted(tmp_path):
     compared = ppy.compare(str(tmp_path / "r.csv"), fmu, fit=["T0"])
     assert compared.before["wall.T"].fit_percent == pytest.approx(100.0)
     assert compared.fit.values["T0"] == pytest.approx(7.0)
+
+
+def test_names_with_equals_signs_are_set_in_a_system(tmp_path):
+    names = ("u = 1", "u = 2", "u", "der(x[1,2])", "a,b")
+    variables = [variable(n, k, "parameter", '<Real start="0"/>') for k, n in enumerate(names)]
+    variables.append(variable("s", 50, "parameter", '<String start="abc"/>'))
+    variables += [variable(f"{n}!", 100 + k, "output", "<Real/>") for k, n in enumerate(names)]
+    mirror(tmp_path / "names.fmu", variables)
+    system = System("named", (Member("m", tmp_path / "names.fmu"),), ())
+    write(system, tmp_path / "named.ssp")
+    given = {name: float(k) for k, name in enumerate(names, 3)}
+    settings = {f"m.{name}": value for name, value in given.items()}
+    more = {"m.s": "a=b", "duration": "0.2s"}
+    done = ppy.run(str(tmp_path / "named.ssp"), settings=settings | more)
+    assert {name: float(done[f"m.{name}!"][-1]) for name in names} == given
+    with pytest.raises(UserError, match=r"no parameter named 'm\.v'"):
+        ppy.run(str(tmp_path / "named.ssp"), settings={"m.v": "1=2", "duration": "0.2s"})

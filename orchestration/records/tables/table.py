@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmus.kit.arrays import Array, Indices, Mask
+from fmus.kit.errors import UserError
 from orchestration.records.record import Repair, Repaired, list_rows, refuse
 from orchestration.records.tables.header import plain_unit, read_header_cell
 
