@@ -7,7 +7,7 @@ RUN := $(BIN)/python -m tests.support.target
 # the tests start Python some thousand times, and each start would compile our modules anew
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: fuzz fuzz-models demo hil-demo test test-slow test-slow-part foreign-study hidden-study public-study misuse-study bench-study laws-study extended-study hil-faults hil-faults-all proxy-faults hil-latency soak check benchmark docs docs-version chromium dist clean help
+.PHONY: fuzz fuzz-models demo hil-demo test test-untimed test-slow test-slow-part foreign-study hidden-study public-study misuse-study bench-study laws-study extended-study hil-faults hil-faults-all proxy-faults hil-latency soak check benchmark docs docs-version chromium dist clean help
 
 help:
 	@echo "make demo       everything once, with pictures and a report in demo-output/"
@@ -38,9 +38,12 @@ demo: $(VENV)/installed
 	$(BIN)/ppy demo --out demo-output
 
 # what is about milliseconds comes afterwards: beside a suite that uses every core its deadlines are missed
-test: $(VENV)/installed-dev check chromium
-	$(BIN)/pytest -n 3 --dist loadfile -m "not slow and not real_time"
+test:
+	$(MAKE) -j 2 --no-print-directory check test-untimed chromium
 	$(BIN)/pytest -n 2 --dist loadfile -m "not slow and real_time" $$(grep -rl --include='test_*.py' real_time tests)
+
+test-untimed: $(VENV)/installed-dev
+	$(BIN)/pytest -n 3 --dist loadfile -m "not slow and not real_time"
 
 docs: $(VENV)/installed-dev
 	$(BIN)/python -m sphinx -W --keep-going -q -c docs/site -d build/doctrees . build/site

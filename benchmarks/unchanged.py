@@ -169,7 +169,7 @@ def _causes(diagnosis: dict[str, Any]) -> list[str]:
 
 
 def _same_diagnosis(record: str, a: dict[str, Any], b: dict[str, Any]) -> bool:
-    """Whether two diagnoses agree in all but the words; lists where they do not."""
+    """Return whether two diagnoses agree in all but the words; list where they do not."""
     leaves = list(_differences("", a, b))
     texts = [leaf for leaf in leaves if isinstance(leaf[1], str) and isinstance(leaf[2], str)]
     others = [leaf for leaf in leaves if leaf not in texts]

@@ -138,7 +138,7 @@ class Pid(Component):
 
     @Output("1", type="boolean")
     def saturated(self) -> Any:
-        """Whether the unlimited command is beyond the limits."""
+        """True if the unlimited command is beyond the limits."""
         return abs(self.unlimited_command - self.limited(self.unlimited_command)) > 0.0
 
     presets = {

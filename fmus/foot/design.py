@@ -74,6 +74,6 @@ class FootDesign(Foot):
 
     @Output("m", nominal=1e-3, display="mm")
     def toe_stroke(self) -> Any:
-        """How far the unloaded toe goes down while po and pl shorten."""
+        """Travel of the unloaded toe downwards while po and pl shorten."""
         ankle, mtp = self.force_gains()
         return self.actuator_stroke * (1.0 / ankle + 1.0 / mtp)

@@ -287,12 +287,12 @@ class Galvanostat(Component):
 
     @Output("1", type="boolean")
     def saturated(self) -> Any:
-        """Whether the current wanted is beyond what the current limit and the compliance allow."""
+        """True if the current wanted is beyond what the current limit and the compliance allow."""
         return self.is_saturated()
 
     @Output("1", type="boolean")
     def recovering(self) -> Any:
-        """Whether the protection holds the current at zero; a controller freezes its integrator
+        """True if the protection holds the current at zero; a controller freezes its integrator
         meanwhile.
         """
         return self.in_recovery()

@@ -59,12 +59,12 @@ class Cause:
 
     @property
     def is_effect(self) -> bool:
-        """Whether it is an effect of the catalogue."""
+        """True if it is an effect of the catalogue."""
         return isinstance(self.parts[0], NamedTerm)
 
     @property
     def is_of_a_law(self) -> bool:
-        """Whether it is in a law of the model, rather than in a sensor or a file."""
+        """True if it is in a law of the model, rather than in a sensor or a file."""
         return not isinstance(self.parts[0], Reading | SensorTerm | DelayTerm)
 
     @property

@@ -294,7 +294,7 @@ class Comparison:
 
     @property
     def is_worse(self) -> bool:
-        """Whether the error on what is left out rises beyond its own error."""
+        """True if the error on what is left out rises beyond its own error."""
         return self.rise > self.error
 
     @property

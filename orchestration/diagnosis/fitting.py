@@ -188,7 +188,7 @@ class Problem:
 
     @cached_property
     def known_starts(self) -> Mask:
-        """Which states (nx,) start as declared, in every record."""
+        """Mask (nx,) of the states that start as declared in every record."""
         if self.model.begins_as_declared:
             return np.ones(len(self.model.states), dtype=bool)
         names = [self.model.parameters[i].name for i in self.model.start_positions]
@@ -246,7 +246,7 @@ class Problem:
 
     @cached_property
     def phases(self) -> Indices:
-        """Which searched coordinates are shifts of clocks, in their periods."""
+        """Indices (k,) of the searched coordinates that are shifts of clocks, in their periods."""
         return np.array([k for k, i in enumerate(self.free) if i in self.period_of], dtype=int)
 
     @cached_property

@@ -360,7 +360,7 @@ class LawModel:
 
     @property
     def is_dynamic(self) -> bool:
-        """Whether an output depends on what inputs were before."""
+        """True if an output depends on what inputs were before."""
         return bool(self.states)
 
     @cached_property

@@ -221,7 +221,7 @@ class Observer:
 
     @property
     def is_small(self) -> bool:
-        """Whether each disturbance is smaller than the rate that it disturbs."""
+        """True if each disturbance is smaller than the rate that it disturbs."""
         return bool(np.all(self.shares < 1.0))
 
 

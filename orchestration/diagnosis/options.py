@@ -63,7 +63,7 @@ class Options:
 
     @property
     def recalibrates(self) -> bool:
-        """Whether nothing but parameters is fitted."""
+        """True if nothing but parameters is fitted."""
         return not self.laws and self.effects is not None and not self.effects
 
     def held(self, parameters: Collection[str]) -> frozenset[str]:

@@ -61,7 +61,7 @@ class _Kind(NamedTuple):
 
 @unique
 class ReadingKind(Enum):
-    """How a file may be misread."""
+    """One kind of misreading of a file."""
 
     SIGN = _Kind("{column} has the opposite sign", "{change}")
     UNIT = _Kind("{column} is {unit}", "{change}, or write its unit in the header")
@@ -130,7 +130,7 @@ class Reading:
 
     @property
     def is_fitted(self) -> bool:
-        """Whether its shift is estimated."""
+        """True if its shift is estimated."""
         return self.kind.value.is_fitted
 
     @property

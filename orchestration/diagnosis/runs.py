@@ -182,7 +182,7 @@ class Linearisation:
 
     @property
     def actions(self) -> list[Array]:
-        """What additions to the laws do, (..., nl): to rates, outputs, and by updates."""
+        """Effects of additions to the laws (..., nl): on rates, on outputs, and by updates."""
         known = self.rates_by_laws, self.outputs_by_laws, self.steps_by_laws
         return [action for action in known if action is not None]
 

@@ -51,7 +51,7 @@ class Seen:
 
     @property
     def one_sided(self) -> bool:
-        """Whether it is never clearly negative, so that odd and even shapes are the same."""
+        """True if it is never clearly negative, so that odd and even shapes are the same."""
         return bool(self.scaled.min() > -0.05)
 
 

@@ -79,7 +79,7 @@ class LeftOut:
 
     @property
     def is_between(self) -> bool:
-        """Whether fitted samples are before and after those that are left out."""
+        """True if fitted samples are before and after those that are left out."""
         return self.of is not None and not self.first
 
 

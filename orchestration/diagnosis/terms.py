@@ -40,7 +40,7 @@ class Shape(IntEnum):
 
     @property
     def has_width(self) -> bool:
-        """Whether a width is searched with it, in scales of the signal."""
+        """True if a width is searched with it, in scales of the signal."""
         return Shape.DRY <= self <= Shape.STEP
 
 
@@ -67,7 +67,7 @@ class Memory(IntEnum):
 
     @property
     def counts(self) -> bool:
-        """Whether it is an integral since the start, which forgets nothing."""
+        """True if it is an integral since the start, which forgets nothing."""
         return self in (Memory.INTEGRAL, Memory.THROUGHPUT)
 
     @property
@@ -77,12 +77,12 @@ class Memory(IntEnum):
 
     @property
     def is_behind(self) -> bool:
-        """Whether a term sees its signal less what it remembers."""
+        """True if a term sees its signal less what it remembers."""
         return self in (Memory.FADING, Memory.TWO_LAGS, Memory.RATE_LIMIT)
 
     @property
     def is_sampled(self) -> bool:
-        """Whether it has no rate, but follows its signal from sample to sample."""
+        """True if it has no rate, but follows its signal from sample to sample."""
         return self in (Memory.PLAY, Memory.DAHL)
 
 
@@ -138,7 +138,7 @@ FORMS = {
 
 
 class MemoryKind(NamedTuple):
-    """What is known of a memory.
+    """Properties of a memory.
 
     Attributes
     ----------
@@ -237,7 +237,7 @@ class Term:
 
     @property
     def start(self) -> Array:
-        """Where a search starts, but for the coefficients: logarithms of constants and width."""
+        """Start of a search, without the coefficients: logarithms of constants and width."""
         own = [*self.constants, *([self.width] if self.shape.has_width else [])]
         return np.log(np.array(own, dtype=float))
 
@@ -253,12 +253,12 @@ class Term:
 
     @property
     def has_memory(self) -> bool:
-        """Whether it has a state."""
+        """True if it has a state."""
         return self.memory is not Memory.NONE
 
     @property
     def is_instant(self) -> bool:
-        """Whether it is a function of its signal at the same instant."""
+        """True if it is a function of its signal at the same instant."""
         return not self.has_memory
 
     @property
@@ -279,7 +279,7 @@ class Term:
 
     @property
     def is_trend(self) -> bool:
-        """Whether it is a course over time, which is no cause; a change at an instant is one."""
+        """True if it is a course over time, which is no cause; a change at an instant is one."""
         return self.signal == "time" and self.shape is not Shape.STEP
 
     @property
@@ -367,7 +367,7 @@ class NamedTerm(Term):
 
     @property
     def start(self) -> Array:
-        """Where a search starts, but for the switch."""
+        """Start of a search, without the switch."""
         pairs = zip(self.constants, self.released[1:], strict=True)
         return np.array([one.scale.position(value) for value, one in pairs], dtype=float)
 
@@ -390,7 +390,7 @@ class NamedTerm(Term):
 
     @property
     def is_instant(self) -> bool:
-        """Whether it has no time constant."""
+        """True if it has no time constant."""
         return all(one.unit != "s" for one in self.released)
 
     @property

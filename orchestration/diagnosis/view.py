@@ -1,4 +1,4 @@
-"""What is shown of a diagnosis, as plain data: terminal and page draw it, a file keeps it."""
+"""A diagnosis as plain data: terminal and page draw it, a file keeps it."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class CourseView(View):
 
 
 class CurveView(View):
-    """What a term adds over its signal, with values that the record reached."""
+    """The addition of a term over its signal, with values that the record reached."""
 
     added: str
     signal: str
@@ -106,7 +106,7 @@ class LawRow(View):
 
 
 class ChangesView(View):
-    """What changed in a later record, a row for each value, and that record by itself."""
+    """Changes in a later record, a row for each value, and that record by itself."""
 
     before: str
     after: str

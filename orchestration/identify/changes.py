@@ -58,7 +58,7 @@ class Change:
 
     @property
     def lacking(self) -> tuple[bool, bool]:
-        """Whether the earlier and the later record may do without the effect.
+        """Pair of flags: the earlier, and the later record, may do without the effect.
 
         True where the interval of its strength includes the value at which it does nothing.
         """

@@ -1,4 +1,4 @@
-"""What may be hidden in the plants by the book, and the effects that name it rightly.
+"""Effects that may be hidden in the plants by the book, and the names that are right for each.
 
 Declared before any record was judged. In a linear plant of one input and one output a lag of the
 input and one of the sensor are the same, as are offsets of both: either name is right there.

@@ -58,7 +58,7 @@ class Variation:
 
     @property
     def place(self) -> str:
-        """Where it is, whatever its size."""
+        """Its place, of any size."""
         return self.drawn(np.random.default_rng(0), 1.0, 60.0).place
 
     def drawn(self, rng: np.random.Generator, strength: float, duration: float) -> Change:

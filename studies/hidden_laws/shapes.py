@@ -59,7 +59,7 @@ class Kind:
 
 @dataclass(frozen=True)
 class Missing:
-    """What a law of a plant may lack, in several shapes.
+    """A part that a law of a plant may lack, in several shapes.
 
     Attributes
     ----------

@@ -339,7 +339,7 @@ class _Written:
 
     @property
     def is_sampled(self) -> bool:
-        """Whether it follows its signal at the samples."""
+        """True if it follows its signal at the samples."""
         return self.memory in ("play", "dahl")
 
     def start(self, now: float) -> float:

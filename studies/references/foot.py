@@ -223,7 +223,7 @@ FREE_OUTPUTS = (
 
 
 def rods(angles: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
-    """Where the joints, the middles of the rods and the touching points are, from the ankle."""
+    """Places of the joints, the middles of the rods and the touching points, from the ankle."""
     joints, middles, ends = [np.zeros(2)], [], []
     turns = np.cumsum([*BETA[:2] + angles[:2]]).tolist()
     turns += [turns[1] + BETA[2] + angles[2], turns[1] + BETA[2] + angles[3]]

@@ -120,13 +120,13 @@ class FmuModel(LawModel):
 
     @cached_property
     def targets(self) -> list[str]:
-        """What the FMU gives, and what it gets."""
+        """Outputs and inputs of the FMU."""
         own = {o.name for o in self.outputs} | set(self._names.in_fmu.values())
         return [law for law in self.laws if law in own]
 
     @cached_property
     def plain_laws(self) -> frozenset[str]:
-        """What the FMU simulates."""
+        """Names of the simulated outputs of the FMU."""
         return frozenset(self._names.simulated.values())
 
     def depends_on(self, law: str) -> set[str]:
@@ -146,7 +146,7 @@ class FmuModel(LawModel):
 
     @property
     def received(self) -> frozenset[str]:
-        """What the FMU gets of its inputs."""
+        """Inputs as the FMU gets them."""
         return frozenset(self._names.in_fmu.values())
 
     @cached_property

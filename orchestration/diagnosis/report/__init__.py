@@ -1,4 +1,4 @@
-"""What is said of a diagnosis, in words, figures and curves; nothing is decided here."""
+"""Words, figures and curves of a diagnosis; nothing is decided here."""
 
 import lazy_loader
 

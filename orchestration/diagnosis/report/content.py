@@ -1,4 +1,4 @@
-"""What terminal and page show of a diagnosis, gathered from it."""
+"""The content of a diagnosis that terminal and page show."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is known of a sampled member: the constants of its program."""
+"""The constants of the program of a sampled member."""
 
 from __future__ import annotations
 
