@@ -161,7 +161,10 @@ def match_columns(
             f" ({', '.join(signals)}){advice}",
         )
     if ignored:
-        hints = [f"'{name}'{suggestion(name, missing, few=0)}" for name in ignored]
+        hints = [
+            f"'{name}'{suggestion(name, missing, few=0)}" if name else "a column without a name"
+            for name in ignored
+        ]
         table.note("ignored columns", f"not signals of the model, so ignored: {', '.join(hints)}")
     return [time, *(matches[signal] for signal in signals if signal in matches)]
 

@@ -71,12 +71,18 @@ def _is_measured(cell: str) -> bool:
     return is_value(cell) or (number is not None and is_unit(number["unit"].strip()))
 
 
+def _is_one_value(text: str) -> bool:
+    """Return whether a line or a cell is one value, which no delimiter may divide."""
+    return is_value(text) and not any(delimiter in text.strip() for delimiter in DELIMITERS)
+
+
 def find_layout(lines: Sequence[str], columns: Sequence[str] = ()) -> TextLayout | None:
     """Find the header and the data of a text file by the form of the data.
 
     The delimiter is the one that divides most of the last lines into values, and a header into as
     many cells. Data are rows of their most frequent width, with values in the same places; the
-    header is the closest line above them that has words in these places.
+    header is the closest line above them that has words in these places. Lines of one value each
+    are one column.
 
     Parameters
     ----------
@@ -88,13 +94,24 @@ def find_layout(lines: Sequence[str], columns: Sequence[str] = ()) -> TextLayout
     Returns
     -------
     TextLayout or None
-        None if there is no header above rows of at least two values.
+        None if there is no header above rows of values.
     """
+    last = [line for line in lines[-_TAIL:] if line.strip()]
+    if 2 * sum(map(_is_one_value, last)) > len(last):
+        return _find_column(lines, columns)
     for holds in (is_value, _is_measured):
         layout = _find(lines, columns, holds)
         if layout is not None:
             return layout
     return None
+
+
+def _find_column(lines: Sequence[str], columns: Sequence[str]) -> TextLayout | None:
+    """Return the layout of lines of one value; None if a line above them names several columns."""
+    layout = _HeaderSearch(lines, SPACE, 1, [0], _is_one_value).layout(columns)
+    if layout is not None and not columns and re.search("[\\t;,|]", lines[layout.names]):
+        return None
+    return layout
 
 
 def _find(
@@ -258,13 +275,15 @@ class _HeaderSearch:
         return [cells[k] if k < len(cells) else "" for k in self.places]
 
     def _is_whole(self, index: int) -> bool:
-        """Return whether at least two, and half, of the places of a line have values."""
+        """Return whether at least two, and half, of the places of a line, or its one, have values."""
         values = sum(map(self.holds, self._at_places(index)))
-        return values >= 2 and 2 * values >= len(self.places)
+        return values >= min(2, self.width) and 2 * values >= len(self.places)
 
     def _first_whole_row(self) -> int | None:
         """Return the index of the first whole row that another whole row follows."""
-        rows = (k for k, line in enumerate(self.lines) if self.delimiter in line)
+        rows = (
+            k for k, line in enumerate(self.lines) if self.width == 1 or self.delimiter in line
+        )
         before = None
         for index in rows:
             if before is not None and self._is_whole(before) and self._is_whole(index):

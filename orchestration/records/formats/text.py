@@ -171,14 +171,16 @@ def read_lines(text: Lines, reading: Reading = AS_IT_STANDS) -> Table:
         text = text.until(chosen.stop)
     layout = find_layout(text.lines[chosen.start :], stated_header(reading.columns))
     layout = layout.below(chosen.start) if layout else _plain_layout(text)
+    begin, found = layout.names, "header, which is"
+    if reading.columns:
+        begin, found = layout.first, "data, of which the first is"
     above = [
         row
-        for row, line in enumerate(text.lines[: layout.names], start=1)
+        for row, line in enumerate(text.lines[:begin], start=1)
         if line.strip() and not line.lstrip().startswith("#")
     ]
     if above:
-        message = f"skipped above the header, which is row {layout.names + 1}: {list_rows(above)}"
-        text.note("preamble", message)
+        text.note("preamble", f"skipped above the {found} row {begin + 1}: {list_rows(above)}")
     return tabulate(text, layout, reading)
 
 
@@ -220,19 +222,21 @@ def _plain_layout(text: Lines) -> TextLayout:
     if start == len(lines):
         raise refuse(text.path, f"the file holds nothing but comments and blank lines; {EXPECTED}")
     delimiter = _sniff_delimiter(lines[start])
+    header = text.split(start, delimiter) if delimiter else [lines[start]]
+    if all(map(is_value, header)):
+        names = [f"column{k}" for k in range(1, len(header) + 1)]
+        if len(header) > 1:
+            names[0] = "time=s"
+        raise refuse(
+            text.path,
+            f"row {start + 1}: numbers where the header should be; {EXPECTED}, or name the columns:"
+            f" {option('columns', names)}",
+        )
     if delimiter is None:
         raise refuse(
             text.path,
             f"row {start + 1}: '{lines[start].strip()[:60]}' is not a header of several columns;"
             f" {EXPECTED}",
-        )
-    header = text.split(start, delimiter)
-    if all(map(is_value, header)):
-        names = ["time=s", *(f"column{k}" for k in range(2, len(header) + 1))]
-        raise refuse(
-            text.path,
-            f"row {start + 1}: numbers where the header should be; {EXPECTED}, or name the columns:"
-            f" {option('columns', names)}",
         )
     return TextLayout(delimiter, start, header, start + 1)
 

@@ -7,6 +7,7 @@ from collections.abc import Container, Sequence
 import numpy as np
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from fmus.kit.units import measure_alike
 from orchestration.records.record import refuse
 from orchestration.records.tables import Column, Table, numbers
@@ -104,8 +105,20 @@ def _candidates(
             f" {option('mapping', {'column': 'time'})}",
         )
     by_unit = [column for column in columns if column.unit and _is_in_time(column)]
-    usual = [c for c in columns if _plain_name(c) in _NAMES and (c.unit is None or c in by_unit)]
+    usual = [
+        column
+        for column in columns
+        if (column.unit is None and _is_called_time(table, column))
+        or (column in by_unit and _plain_name(column) in _NAMES)
+    ]
     return [*exact, *usual], by_unit, [column for column in columns if holds_instants(column)]
+
+
+def _is_called_time(table: Table, column: Column) -> bool:
+    """Return whether a column without a unit has the name of a time, not of a temperature T."""
+    name = _plain_name(column)
+    steps = _steps(table, column) if len(name) == 1 and name in _NAMES else None
+    return name in _NAMES and (steps is None or _run(steps))
 
 
 def _plain_name(column: Column) -> str:
@@ -120,21 +133,27 @@ def _is_in_time(column: Column) -> bool:
 
 
 def _count_falls(table: Table, column: Column) -> float:
-    """Return the number of steps in which a column falls; infinite if it cannot be a clock.
+    """Return the number of steps in which a column falls; infinite if it cannot be a clock."""
+    steps = _steps(table, column)
+    return float("inf") if steps is None or not _run(steps) else float((steps < 0.0).sum())
 
-    It cannot if it is unreadable, or less than a share `_RISING` of its steps rise.
-    """
+
+def _steps(table: Table, column: Column) -> Array | None:
+    """Return the steps between values of a column; None if it is unreadable."""
     scratch = Table(table.path, table.columns, table.rows)  # collects repairs that nobody reads
     other = complementary_column(column, table.columns)
     merged = column if other is None else merge_date_and_time(scratch, column, other)
     try:
         values = seconds(scratch, merged) if holds_instants(merged) else numbers(scratch, merged)
     except UserError:
-        return float("inf")
-    steps = np.diff(values[np.isfinite(values)])
-    if not steps.size or (steps > 0.0).mean() < _RISING:
-        return float("inf")
-    return float((steps < 0.0).sum())
+        return None
+    return np.diff(values[np.isfinite(values)])
+
+
+def _run(steps: Array) -> bool:
+    """Return whether steps are those of a clock: a share `_RISING` rise, and half as many fall."""
+    rises, falls = (steps > 0.0).sum(), (steps < 0.0).sum()
+    return bool(steps.size and rises >= _RISING * steps.size and 2 * falls <= rises)
 
 
 def _are_complementary(one: Column, other: Column) -> bool:
@@ -157,7 +176,8 @@ def _describe_missing_time(table: Table, columns: Sequence[Column]) -> str:
     advice = (
         f"to state it: {option('mapping', {table.map_name(rising): 'time[s]'})}"
         if rising
-        else "add a column of time, in seconds or as dates"
+        else "add a column of time, in seconds or as dates, or state the rate of the rows:"
+        f" {option('rate', '100Hz')}"
     )
     return (
         f"no time column: the first column is '{first.name}' [{first.unit or 'no unit'}], and none"

@@ -4,8 +4,10 @@ row of units is told from one of names; what is damaged does not move the header
 
 import pytest
 
+from fmus.kit import UserError
 from orchestration.records import read_record
 from orchestration.records.formats.layout import find_layout, is_value
+from orchestration.records.source import Source
 from tests.support.record_forms import PLAIN, SIGNALS, check, write
 
 HEADER, *ROWS = PLAIN.splitlines()
@@ -76,3 +78,37 @@ def test_numbers_in_any_notation_and_dates_are_values(cell):
 @pytest.mark.parametrize("cell", ["", "CH1", "V", "nan", "OVERLOAD", "10 V", "..........."])
 def test_words_and_nothing_are_no_values(cell):
     assert not is_value(cell)
+
+
+ONE_COLUMN = "\n".join(f"{k}.5" for k in range(12))
+
+
+@pytest.mark.parametrize(
+    ("text", "columns"),
+    [
+        (f"deflection [deg]\n{ONE_COLUMN}\nDone\n", ()),
+        (f"start, rate, duration\n90, 100, 5\n{ONE_COLUMN}\n", ("deflection=deg",)),
+        (f"{ONE_COLUMN}\n", ("deflection=deg",)),
+    ],
+)
+def test_lines_of_one_value_are_a_column_of_a_stated_rate(tmp_path, text, columns):
+    path = write(tmp_path, text)
+    source = Source.of(path, columns=columns, rate=100.0)
+    record = read_record(source, {"deflection": "deg"})
+    assert record.signals["deflection"].tolist() == [k + 0.5 for k in range(12)]
+    assert record.time == pytest.approx([0.01 * k for k in range(12)])
+
+
+def test_rows_of_one_value_below_names_of_several_columns_are_refused(tmp_path):
+    path = write(tmp_path, f"time [s],current [A]\n{ONE_COLUMN}\n")
+    with pytest.raises(UserError, match="row 2: 1 cells where the header has 2"):
+        read_record(path, SIGNALS)
+
+
+@pytest.mark.parametrize(("above", "skipped"), [("", []), ("# x\nrun 7\n", ["row 2"])])
+def test_what_is_skipped_above_data_without_a_header_is_said(tmp_path, above, skipped):
+    path = write(tmp_path, above + "0,1\n1,2\n2,4\n")
+    source = Source.of(path, columns=("time=s", "current=A"))
+    record = read_record(source, {"current": "A"})
+    said = [r.message.rpartition(": ")[2] for r in record.repairs if r.kind == "preamble"]
+    assert said == skipped

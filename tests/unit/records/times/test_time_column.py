@@ -50,6 +50,17 @@ def test_a_temperature_called_t_is_not_the_time(tmp_path):
         read(tmp_path, "n;T [degC];I [A]", [(0, 20, 1), (1, 21, 2), (2, 22, 3)])
 
 
+def test_a_temperature_t_without_a_unit_is_not_the_time(tmp_path):
+    rows = [(k, 24.0 + 0.1 * (k % 2), k) for k in range(9)]
+    with pytest.raises(UserError, match=r"no time column.*'E': 'time"):
+        read(tmp_path, "E;T;I [A]", rows)
+
+
+def test_a_clock_t_that_restarts_is_the_time(tmp_path):
+    with pytest.raises(UserError, match="the clock"):
+        read(tmp_path, "n;t;I [A]", [(k, k % 15, 1) for k in range(30)])
+
+
 @pytest.mark.parametrize("mapping", [{}, {"Datum": "time"}, {"Uhrzeit": "time"}])
 def test_date_and_time_of_day_in_two_columns_are_one_instant(tmp_path, mapping):
     rows = [
