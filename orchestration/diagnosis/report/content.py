@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fmus.kit import quoting
+from fmus.kit import Component, quoting
 from fmus.kit.arrays import Array
 from fmus.kit.titles import capitalised, in_words
 from fmus.kit.units import format_value
@@ -19,7 +19,13 @@ from orchestration.diagnosis.law_map import LawMap
 from orchestration.diagnosis.remainder import TESTS
 from orchestration.diagnosis.report import curves, wording
 from orchestration.diagnosis.report.tried import tried_sets
-from orchestration.diagnosis.term_names import memory_text, sentence, shape_text, unit_of
+from orchestration.diagnosis.term_names import (
+    memory_text,
+    seen_unit,
+    sentence,
+    shape_text,
+    unit_of,
+)
 from orchestration.diagnosis.terms import Term
 from orchestration.diagnosis.view import (
     Answer,
@@ -157,7 +163,7 @@ def changes_view(changed: Changed) -> ChangesView:
 
 
 def _messages(diagnosis: Diagnosis) -> tuple[str, ...]:
-    return tuple(message for _, _, message in diagnosis.notes)
+    return tuple(dict.fromkeys(message for _, _, message in diagnosis.notes))
 
 
 def _intervals(change: Change) -> tuple[str, ...]:
@@ -214,13 +220,24 @@ def _remainder_rows(diagnosis: Diagnosis) -> Iterator[tuple[str, ...]]:
 def _parameter_rows(diagnosis: Diagnosis) -> Iterator[tuple[str, ...]]:
     """Yield a row for each parameter; those that differ from nominal are marked."""
     of_terms = {name for name in diagnosis.parameters if name.startswith(tuple(diagnosis.terms))}
+    places = _places(diagnosis.subject.problem.model.cls, diagnosis.terms)
     for name, estimate in diagnosis.parameters.items():
+        label = name + places.get(name, "")
         yield (
-            f"{name} *" if name in diagnosis.changed else name,
+            f"{label} *" if name in diagnosis.changed else label,
             wording.quantity(diagnosis, name, estimate.value),
             wording.interval(diagnosis, name, estimate),
             "" if name in of_terms else wording.quantity(diagnosis, name, estimate.nominal),
         )
+
+
+def _places(cls: type[Component], terms: Mapping[str, Term]) -> dict[str, str]:
+    """Return where each value of a curve is, by the name of its parameter."""
+    return {
+        f"{stem}_at_{k}": f" ({_with_unit(in_words(term.signal), seen_unit(cls, term))} = {x:.3g})"
+        for stem, term in terms.items()
+        for k, x in enumerate((term.middle + term.scale * np.array(term.places)).tolist())
+    }
 
 
 def _set_rows(diagnosis: Diagnosis) -> Iterator[tuple[str, ...]]:

@@ -275,15 +275,13 @@ class _HeaderSearch:
         return [cells[k] if k < len(cells) else "" for k in self.places]
 
     def _is_whole(self, index: int) -> bool:
-        """Return whether at least two, and half, of the places of a line, or its one, have values."""
+        """Return whether half of the places of a line, and at least two of several, have values."""
         values = sum(map(self.holds, self._at_places(index)))
         return values >= min(2, self.width) and 2 * values >= len(self.places)
 
     def _first_whole_row(self) -> int | None:
         """Return the index of the first whole row that another whole row follows."""
-        rows = (
-            k for k, line in enumerate(self.lines) if self.width == 1 or self.delimiter in line
-        )
+        rows = (k for k, line in enumerate(self.lines) if self.width == 1 or self.delimiter in line)
         before = None
         for index in rows:
             if before is not None and self._is_whole(before) and self._is_whole(index):

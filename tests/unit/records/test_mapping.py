@@ -175,3 +175,9 @@ def test_columns_are_mapped_to_elements_of_arrays(tmp_path):
     record = read_record(tmp_path / "r.csv", ELEMENTS, mapping=mapping)
     np.testing.assert_array_equal(record.signals["A[2,1]"], values["c"])
     np.testing.assert_allclose(record.signals["u[2]"], 1e-3 * values["b"])
+
+
+def test_an_ignored_column_without_a_name_is_called_so(tmp_path):
+    path = write(tmp_path, '"",time [s],current [A]\n1,0,1\n2,1,2\n3,2,4\n')
+    (said,) = (r for r in read_record(path, {"current": "A"}).repairs if "ignored" in r.kind)
+    assert said.message.endswith("so ignored: a column without a name")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from orchestration.diagnosis.report import content, wording
+from orchestration.diagnosis.terms import Shape, Term
 
 
 @pytest.fixture
@@ -49,3 +50,17 @@ def test_it_shows_what_was_diagnosed(dry):
     assert [line.is_final for line in course.simulated] == [False, True]
     nothing = replace(dry, conclusion=replace(dry.conclusion, verdict="consistent"))
     assert content.view_of(nothing).answer.causes == ()
+
+
+def test_values_of_a_curve_say_where_they_are(dry):
+    curve = Term("friction", "velocity", Shape.CURVE, middle=1.0, scale=2.0, places=(-0.5, 0.25))
+    assert content._places(dry.subject.problem.model.cls, {"bend": curve}) == {
+        "bend_at_0": " (velocity [m/s] = 0)",
+        "bend_at_1": " (velocity [m/s] = 1.5)",
+    }
+
+
+def test_what_is_noted_of_several_records_is_said_once(dry):
+    notes = [("free_response", name, "no input moves") for name in ("one", "other")]
+    shown = content.view_of(replace(dry, notes=(*notes, ("short", "one", "it is short"))))
+    assert shown.answer.notes == ("no input moves", "it is short")
