@@ -52,23 +52,7 @@ ACCESS(Boolean, fmi2Boolean, boolean)
 #define KEPT(value) strdup(value)
 ACCESS(String, fmi2String, string)
 
-/* What is never called here, and must be there. */
-#define ABSENT(Name)                                                                                                   \
-    fmi2Status fmi2##Name(fmi2Component c) { return fmi2Error; }
-ABSENT(CancelStep)
-ABSENT(GetFMUstate)
-ABSENT(SetFMUstate)
-ABSENT(FreeFMUstate)
-ABSENT(SerializedFMUstateSize)
-ABSENT(SerializeFMUstate)
-ABSENT(DeSerializeFMUstate)
-ABSENT(GetDirectionalDerivative)
-ABSENT(SetRealInputDerivatives)
-ABSENT(GetRealOutputDerivatives)
-ABSENT(GetStatus)
-ABSENT(GetRealStatus)
-ABSENT(GetIntegerStatus)
-ABSENT(GetBooleanStatus)
-ABSENT(GetStringStatus)
+#include "absent.h"
+
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
 const char *fmi2GetVersion(void) { return "2.0"; }

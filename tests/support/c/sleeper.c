@@ -88,9 +88,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
     return fmi2OK;
 }
 
-/* Hosts look for these when they load the library; nobody calls them. */
-#define ABSENT(Name) \
-    fmi2Status fmi2##Name(void) { return fmi2Error; }
+#include "absent.h"
 
 ABSENT(GetTypesPlatform)
 ABSENT(GetVersion)
@@ -100,18 +98,3 @@ ABSENT(GetInteger)
 ABSENT(GetBoolean)
 ABSENT(SetInteger)
 ABSENT(SetBoolean)
-ABSENT(GetFMUstate)
-ABSENT(SetFMUstate)
-ABSENT(FreeFMUstate)
-ABSENT(SerializedFMUstateSize)
-ABSENT(SerializeFMUstate)
-ABSENT(DeSerializeFMUstate)
-ABSENT(GetDirectionalDerivative)
-ABSENT(SetRealInputDerivatives)
-ABSENT(GetRealOutputDerivatives)
-ABSENT(CancelStep)
-ABSENT(GetStatus)
-ABSENT(GetRealStatus)
-ABSENT(GetIntegerStatus)
-ABSENT(GetBooleanStatus)
-ABSENT(GetStringStatus)
