@@ -131,7 +131,7 @@ def law_term(fitted: Fit, stem: str, term: Term) -> LawTerm:
         float(term.scale),
         0.0 if term.shape is Shape.CURVE else float(term.middle),
         term.factor,
-        tuple(float(term.middle + term.scale * place) for place in term.places),
+        term.knots,
         step / problem.substeps if term.memory.is_sampled else 0.0,
         _is_held(model, term.law),
         len(unstack(model.cls)[1]),

@@ -252,6 +252,11 @@ class Term:
         return own + len(self.start)
 
     @property
+    def knots(self) -> tuple[float, ...]:
+        """Values of the signal at the knots of a curve, in the unit of the signal."""
+        return tuple(float(self.middle + self.scale * place) for place in self.places)
+
+    @property
     def has_memory(self) -> bool:
         """True if it has a state."""
         return self.memory is not Memory.NONE

@@ -232,11 +232,11 @@ def _parameter_rows(diagnosis: Diagnosis) -> Iterator[tuple[str, ...]]:
 
 
 def _places(cls: type[Component], terms: Mapping[str, Term]) -> dict[str, str]:
-    """Return where each value of a curve is, by the name of its parameter."""
+    """Return the value of the signal at each knot of a curve, by the name of its parameter."""
     return {
         f"{stem}_at_{k}": f" ({_with_unit(in_words(term.signal), seen_unit(cls, term))} = {x:.3g})"
         for stem, term in terms.items()
-        for k, x in enumerate((term.middle + term.scale * np.array(term.places)).tolist())
+        for k, x in enumerate(term.knots)
     }
 
 

@@ -153,6 +153,6 @@ def _term_figures(
         "factor": term.factor,
         "middle": term.middle,
         "scale": term.scale,
-        "places": [term.middle + term.scale * place for place in term.places],
+        "places": [*term.knots],
         "parameters": {name: fitted[name].to_dict() for name in names},
     }

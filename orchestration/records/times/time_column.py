@@ -117,8 +117,10 @@ def _candidates(
 def _is_called_time(table: Table, column: Column) -> bool:
     """Return whether a column without a unit has the name of a time, not of a temperature T."""
     name = _plain_name(column)
-    steps = _steps(table, column) if len(name) == 1 and name in _NAMES else None
-    return name in _NAMES and (steps is None or _run(steps))
+    if name not in _NAMES or len(name) > 1:
+        return name in _NAMES
+    steps = _steps(table, column)
+    return steps is None or _are_of_a_clock(steps)
 
 
 def _plain_name(column: Column) -> str:
@@ -135,7 +137,9 @@ def _is_in_time(column: Column) -> bool:
 def _count_falls(table: Table, column: Column) -> float:
     """Return the number of steps in which a column falls; infinite if it cannot be a clock."""
     steps = _steps(table, column)
-    return float("inf") if steps is None or not _run(steps) else float((steps < 0.0).sum())
+    if steps is None or not _are_of_a_clock(steps):
+        return float("inf")
+    return float((steps < 0.0).sum())
 
 
 def _steps(table: Table, column: Column) -> Array | None:
@@ -150,8 +154,8 @@ def _steps(table: Table, column: Column) -> Array | None:
     return np.diff(values[np.isfinite(values)])
 
 
-def _run(steps: Array) -> bool:
-    """Return whether steps are those of a clock: a share `_RISING` rise, and half as many fall."""
+def _are_of_a_clock(steps: Array) -> bool:
+    """Return whether a share `_RISING` of steps rise at least, and at most half as many fall."""
     rises, falls = (steps > 0.0).sum(), (steps < 0.0).sum()
     return bool(steps.size and rises >= _RISING * steps.size and 2 * falls <= rises)
 

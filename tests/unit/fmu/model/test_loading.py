@@ -56,6 +56,14 @@ def test_damaged_bytecode_is_in_nobodys_way(path):
     assert gain(path) == 1.0
 
 
+def test_ctrl_c_in_a_class_is_no_error_of_the_file(path):
+    """Python 3.11 makes a RuntimeError of it."""
+    pressed = "class Pressed:\n    def __set_name__(self, *_):\n        raise KeyboardInterrupt\n"
+    path.write_text(f"{pressed}\n\nclass Own:\n    gain = Pressed()\n")
+    with pytest.raises(KeyboardInterrupt):
+        load_class(f"{path}:Own")
+
+
 TWO = (
     SOURCE.replace("GAIN", "1.0")
     + """
