@@ -43,7 +43,7 @@ test:
 	$(BIN)/pytest -n 2 --dist loadfile -m "not slow and real_time" $$(grep -rl --include='test_*.py' real_time tests)
 
 test-untimed: $(VENV)/installed-dev
-	$(BIN)/pytest -n 3 --dist loadfile -m "not slow and not real_time"
+	$(BIN)/pytest -n 3 --dist loadfile --no-loadscope-reorder -m "not slow and not real_time"
 
 docs: $(VENV)/installed-dev
 	$(BIN)/python -m sphinx -W --keep-going -q -c docs/site -d build/doctrees . build/site
@@ -58,7 +58,7 @@ fuzz-models: $(VENV)/installed-dev
 	$(RUN) tests.support.fuzz_models --cases $(or $(CASES),2000) --seed $(or $(SEED),0)
 
 test-slow: $(VENV)/installed-dev chromium
-	$(BIN)/pytest -n 2 --dist loadfile -m slow
+	$(BIN)/pytest -n 3 --dist loadfile --no-loadscope-reorder -m slow
 
 # the slow tests in five parts, another one with every commit: red is seen after five at the latest
 test-slow-part: export PPY_PART ?= $(shell expr $$(git rev-list --count HEAD 2>/dev/null || date +%j) % 5 + 1)/5

@@ -68,7 +68,11 @@ def pytest_itemcollected(item: pytest.Item) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out the tests of other parts where one part of the suite is run."""
+    """Leave out the tests of other parts where one part of the suite is run.
+
+    Files that take long come first, or one worker runs them alone at the end.
+    """
+    items.sort(key=lambda item: "end_to_end" not in item.path.parts)
     if VARIABLE in os.environ:
         items[:], others = split(items, os.environ[VARIABLE])
         config.hook.pytest_deselected(items=others)
