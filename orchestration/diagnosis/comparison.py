@@ -241,7 +241,8 @@ class Judged:
     @cached_property
     def effective(self) -> list[Array]:
         """Effective samples (ny,) of each fitted record."""
-        return [np.array([effective_samples(c) for c in e.T]) for e in self.fit.errors]
+        pairs = zip(self.fit.errors, self.fit.problem.records, strict=True)
+        return [np.array([effective_samples(c, r.phases) for c in e.T]) for e, r in pairs]
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from orchestration.diagnosis.comparison import WEIGHTS, Common, Judged, are_same
 from orchestration.diagnosis.courses import Courses, are_interchangeable
 from orchestration.diagnosis.features import confidence, features_of
 from orchestration.diagnosis.readings import Reading
-from orchestration.diagnosis.remainder import drifts, remainders, structures, undersampled
+from orchestration.diagnosis.remainder import drifts, recurs, remainders, structures, undersampled
 from orchestration.diagnosis.search import Found, Ranked
 from orchestration.diagnosis.signals import are_alike, remembered_by
 from orchestration.diagnosis.subject import Subject, words_of
@@ -278,12 +278,13 @@ def _verdict(group: Sequence[Cause], found: Found) -> str:
 
     That something is missing at all is seen by a large slow error of the model, or by strong
     evidence of a cause, on what is left out too. Without either the model is consistent only if no
-    cause gains on what is fitted, and if what is left can be told to be noise.
+    cause gains on what is fitted, and if what is left can be told to be noise: it does not recur.
     """
     is_missing = drifts(found.base)
     gains = bool(group) and group[0].score > 0.0
     if not is_missing and not (gains and group[0].comparison.evidence > WEIGHTS.least):
-        is_open = found.gain_where_fitted() > WEIGHTS.least or undersampled(found.base)
+        gains_where_fitted = found.gain_where_fitted() > WEIGHTS.least
+        is_open = gains_where_fitted or undersampled(found.base) or recurs(found.base)
         return "unexplained" if is_open else "consistent"
     if not gains or not _is_enough(group) or rises(group[0].judged, found.base):
         return "unexplained"

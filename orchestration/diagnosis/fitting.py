@@ -58,18 +58,22 @@ _FEW_NATS = 10.0  # of a cost, below which a share of it is less than any compar
 Place = TypeVar("Place")
 
 
-def effective_samples(error: Array) -> float:
+def effective_samples(error: Array, phases: Indices | None = None) -> float:
     """Return the number of independent samples that tell as much of a mean as these.
 
     By the autocorrelation up to where it first falls below a twentieth (Geyer: Practical Markov
-    chain Monte Carlo, Statistical Science 7, 1992).
+    chain Monte Carlo, Statistical Science 7, 1992); an error that comes again in each period is
+    one (the design effect of clusters; Kish: Survey Sampling, 1965).
 
     Parameters
     ----------
     error : ndarray, shape (n,)
         NaN is a gap, and left out.
+    phases : ndarray of int, shape (n,), optional
+        See `Record.phases`.
     """
-    e = error[np.isfinite(error)]
+    known = np.isfinite(error)
+    e = error[known]
     n = len(e)
     e = e - e.mean() if n else e
     if n < 2 * _FEWEST or not e.any():
@@ -79,7 +83,26 @@ def effective_samples(error: Array) -> float:
     correlation = covariance / covariance[0]
     below = np.flatnonzero(correlation < 0.05)
     last = int(below[0]) if len(below) else len(correlation)
-    return float(np.clip(n / (1.0 + 2.0 * correlation[1:last].sum()), _FEWEST, n))
+    copies = 1.0 if phases is None else repeats(e, phases[known])
+    return float(np.clip(n / (1.0 + 2.0 * correlation[1:last].sum()) / copies, _FEWEST, n))
+
+
+def repeats(error: Array, phases: Indices) -> float:
+    """Return how often the same error repeats: about 1 if periods have nothing in common.
+
+    The ratio of mean squares between phases and in all (one-way analysis of variance).
+
+    Parameters
+    ----------
+    error : ndarray, shape (n,)
+        Without gaps, and of mean zero.
+    phases : ndarray of int, shape (n,)
+        See `Record.phases`.
+    """
+    counts = np.bincount(phases)
+    sums = np.bincount(phases, error)
+    between = float(np.mean(sums[counts > 0] ** 2 / counts[counts > 0]))
+    return max(1.0, between / float(np.mean(error**2)))
 
 
 @dataclass(frozen=True, eq=False)

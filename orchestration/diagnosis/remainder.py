@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Indices
 from orchestration.diagnosis.comparison import Judged
+from orchestration.diagnosis.fitting import effective_samples, repeats
 from orchestration.records.quality import resolution_of
 
 _SLOW = 0.5  # correlation of neighbouring samples from which on most of a remainder is slow
-_CHANCE = 3.0  # standard errors of a correlation, up to which noise is white
+_CHANCE = 3.0  # standard errors, up to which noise is white, and does not recur
 _LARGE = 0.15  # of the spread, from which on what is left is no noise of a usual instrument
 _COMMON = 0.1  # the same of the part that neighbouring samples have in common
 _WIDTHS = 1.5  # of the noise, from which on what is left is more than noise
@@ -139,6 +140,27 @@ def _is_white(correlation: float, pairs: int) -> bool:
 def leaves_more(judged: Judged) -> bool:
     """Return whether a model leaves more than noise of an output where nothing was chosen by."""
     return any(one.is_more_than_noise for one in remainders(judged))
+
+
+def recurs(judged: Judged) -> bool:
+    """Return whether more than noise is left that comes again in each period of the inputs.
+
+    Noise does not (Pintelon, Schoukens: System Identification, 2012, section 4.3), but by chance
+    as far as a mean square of so few independent samples is uncertain.
+    """
+    outputs = [output.name for output in judged.fit.problem.model.outputs]
+    more = [outputs.index(one.output) for one in remainders(judged) if one.is_more_than_noise]
+    pairs = list(zip(judged.fit.errors, judged.fit.problem.records, strict=True))
+    return any(_recurs(errors[:, j], record.phases) for errors, record in pairs for j in more)
+
+
+def _recurs(error: Array, phases: Indices | None) -> bool:
+    known = np.isfinite(error)
+    if phases is None or not known.any():
+        return False
+    e, at = error[known] - error[known].mean(), phases[known]
+    independent = effective_samples(e) * len(np.unique(at)) / len(e)
+    return repeats(e, at) > 1.0 + _CHANCE * np.sqrt(2.0 / independent)
 
 
 def undersampled(judged: Judged) -> list[str]:

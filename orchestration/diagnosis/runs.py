@@ -17,6 +17,9 @@ _KNOTS = 4  # samples that determine a cubic
 
 
 _JUMP = 0.01  # standard deviations, from which on an input jumps that stands still at most samples
+_APART = 0.5  # correlation of an input with itself later, below which it has moved on
+_REPEATED = 0.98  # the same, from which on it repeats
+_DENSEST = 4  # instants of an even clock, for each sample of a record, at most
 
 
 def step_of(time: Array) -> float:
@@ -109,6 +112,20 @@ class Record:
         least = _JUMP * self.inputs.std(axis=0)
         stands = 10.0 * np.median(moves[1:], axis=0) <= least
         return np.asarray(((moves > least) & stands).any(axis=1))
+
+    @cached_property
+    def phases(self) -> Indices | None:
+        """Numbers (n,) of the samples within a period of the inputs; None unless these repeat."""
+        step = step_of(self.time) if len(self.time) > _KNOTS else np.inf
+        even = np.arange(self.time[0], self.time[-1], step)
+        moving = self.inputs[:, np.ptp(self.inputs, axis=0) > 0.0]
+        if not moving.size or len(even) > _DENSEST * len(self.time):
+            return None
+        likeness = [_likeness(np.interp(even, self.time, column)) for column in moving.T]
+        period = _period(np.min(likeness, axis=0))
+        if not period:
+            return None
+        return np.asarray(np.rint((self.time - self.time[0]) / step) % period, dtype=int)
 
     @cached_property
     def first(self) -> Record:
@@ -244,3 +261,34 @@ class Setting:
             width = term.coefficients + len(term.start)
             yield term, self.values[at : at + width]
             at += width
+
+
+def _likeness(values: Array) -> Array:
+    """Return the correlations of values (n,) with those by 0, 1, ... (n // 2) samples later."""
+    n = len(values)
+    centred = values - values.mean()
+    spectrum = np.fft.rfft(centred, 2 * n)
+    products = np.fft.irfft(spectrum * spectrum.conj())[: n // 2]
+    energy = np.append(0.0, np.cumsum(centred**2))
+    lags = np.arange(n // 2)
+    of_both = energy[n - lags] * (energy[-1] - energy[lags])
+    return np.divide(products, np.sqrt(of_both), out=np.zeros(n // 2), where=of_both > 0.0)
+
+
+def _period(likeness: Array) -> float:
+    """Return the lag, in samples, after which values are again what they were; 0 if none is.
+
+    By that of twice as many periods each time, of which the ends are as uncertain as of one.
+    """
+    apart = np.flatnonzero(likeness < _APART)
+    again = np.flatnonzero(likeness > _REPEATED)
+    again = again[again > apart[0]] if len(apart) else apart
+    if not len(again):
+        return 0.0
+    near = again[again < again[0] + apart[0]]
+    period, count = float(near[np.argmax(likeness[near])]), 1
+    while 2.0 * count * period < len(likeness) - 2:
+        count *= 2
+        lags = round(count * period) + np.arange(-2, 3)
+        period = float(lags[np.argmax(likeness[lags])]) / count
+    return period

@@ -11,7 +11,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import norm
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Indices
 from orchestration.diagnosis import Shape, Term
 from orchestration.diagnosis.comparison import (
     WEIGHTS,
@@ -35,11 +35,19 @@ RNG = np.random.default_rng(5)
 NONE = Comparison(0.0, 0.0, 0.0, 1.0, 0.0, 0, 0.0, 0.0)
 
 
-def judged(fitted: Array, left_out: Array, prior: float = 0.0, **fit: Any) -> Judged:
+def judged(
+    fitted: Array,
+    left_out: Array,
+    prior: float = 0.0,
+    phases: Indices | None = None,
+    **fit: Any,
+) -> Judged:
     """Return errors as those of a fit with so much freedom."""
     given = {"freedom": 0, "distance": 0.0, "terms": (), "misfit": fitted.std()} | fit
     given = {"explanations": len(given["terms"])} | given
-    return Judged(SimpleNamespace(errors=(fitted,), **given), *3 * [left_out], prior)
+    problem = SimpleNamespace(records=(SimpleNamespace(phases=phases),))
+    of_errors = SimpleNamespace(errors=(fitted,), problem=problem, **given)
+    return Judged(of_errors, *3 * [left_out], prior)
 
 
 def shared(fitted: list[float], left_out: list[float]) -> Common:
@@ -319,6 +327,12 @@ def test_common_samples_are_medians_of_the_nearest_fits() -> None:
     assert common.fitted[0] == many[1].effective[0]
     assert common.left_out == pytest.approx(common.fitted[0] / 2.0)
     assert common.structure == pytest.approx(1.0 - common.fitted[0][0] / 2000.0)
+
+
+def test_an_error_of_a_periodic_input_counts_once_for_all_periods() -> None:
+    error = np.tile(RNG.standard_normal((100, 1)), (20, 1))
+    phases = np.tile(np.arange(100), 20)
+    assert judged(error, error, phases=phases).effective[0] == pytest.approx([100.0], rel=0.2)
 
 
 def test_a_gain_is_inexact_as_far_as_what_is_left_has_structure() -> None:

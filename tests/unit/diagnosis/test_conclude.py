@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter, lsim
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Indices
 from orchestration.diagnosis import Found, Shape, Term
 from orchestration.diagnosis.comparison import Judged, shortfall
 from orchestration.diagnosis.conclude import (
@@ -54,6 +54,7 @@ def judged(
     *terms: Term,
     words: float = 0.0,
     noise: Array = WHITE,
+    phases: Indices | None = None,
 ) -> Judged:
     """Return a fit with errors of so many times those of the base."""
     errors = fitted * noise
@@ -68,7 +69,9 @@ def judged(
         problem=SimpleNamespace(
             model=MODEL,
             spread=np.ones(1),
-            records=(SimpleNamespace(outputs=errors),),  # of a model that stands still
+            records=(
+                SimpleNamespace(outputs=errors, phases=phases),
+            ),  # of a model that stands still
         ),
     )
     return Judged(fit, *3 * [left_out * SEEN], words)
@@ -125,6 +128,17 @@ def test_a_large_slow_error_is_no_consistent_model(
     assert conclusion.verdict == verdict
     assert [c.name for c in conclusion.causes] == ["friction(v)"]
     assert conclusion.nothing > 0.5 if has_share else conclusion.nothing == 0.0
+
+
+@pytest.mark.parametrize("is_periodic", [False, True])
+def test_a_small_slow_error_may_be_noise_unless_it_recurs(is_periodic: bool) -> None:
+    """However little is gained, and though it is not large."""
+    count = np.arange(600)
+    wave = 0.1 * np.sqrt(2.0) * np.sin(2.0 * np.pi * count / 60.0)[:, np.newaxis]
+    phases = count % 60 if is_periodic else None
+    slow = replace(judged(1.0, 1.0, noise=wave, phases=phases), measuring=wave[:200])
+    verdict = conclude(Found(SUBJECT, slow, ())).verdict
+    assert verdict == ("unexplained" if is_periodic else "consistent")
 
 
 @pytest.mark.parametrize(("left", "has_all"), [(0.1, True), (0.2, False)])

@@ -341,6 +341,16 @@ def test_gaps_have_no_effective_samples() -> None:
     assert effective_samples(np.full(5, np.nan)) == 0.0
 
 
+def test_an_error_that_comes_again_in_each_period_is_one() -> None:
+    """The phases of noise have nothing in common, in the mean of many."""
+    rng = np.random.default_rng(3)
+    phases = np.tile(np.arange(50), 20)
+    wave = np.tile(rng.standard_normal(50), 20)
+    assert effective_samples(wave, phases) == pytest.approx(50.0, rel=0.2)
+    counts = [effective_samples(rng.standard_normal(1000), phases) for _ in range(20)]
+    assert np.mean(counts) == pytest.approx(1000.0, rel=0.15)
+
+
 def test_weights_pool_the_variance_of_all_records() -> None:
     """A record that is fitted worse weighs no less."""
     rng = np.random.default_rng(1)

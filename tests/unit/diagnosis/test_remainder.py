@@ -6,16 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from orchestration.diagnosis.remainder import (
     TESTS,
     Remainder,
     drifts,
     noise_of,
+    recurs,
     remainders,
     undersampled,
     with_gaps,
 )
+from orchestration.diagnosis.runs import Record
 from tests.support.oscillator import DRY, diagnosis_with, oscillator_record
 
 
@@ -73,6 +76,20 @@ def test_the_structure_is_the_size_of_a_slow_error_in_noise():
     assert drifts(noisy)
     white = replace(judged, measuring=rng.normal(0.0, 0.33, (n, 1)))
     assert not drifts(white)
+
+
+@pytest.mark.parametrize("is_periodic", [False, True])
+def test_noise_that_remembers_does_not_recur_with_the_input(is_periodic):
+    judged = diagnosis_with(oscillator_record(1), (DRY,)).found.base
+    problem, n = judged.fit.problem, 2000
+    time = 0.01 * np.arange(n)
+    force = np.sin(2.0 * np.pi * time / 1.25)
+    record = Record(time, force[:, np.newaxis], np.zeros((n, 1)), (True,))
+    white = np.random.default_rng(6).normal(0.0, 0.01, n)
+    slow = np.sin(2.0 * force + 1.0) if is_periodic else lfilter([1.0], [1.0, -0.9], white)
+    errors = 0.03 * (slow / slow.std())[:, np.newaxis] + 0.1 * white[:, np.newaxis]
+    fitted = replace(judged.fit, problem=replace(problem, records=(record,)), errors=(errors,))
+    assert recurs(replace(judged, fit=fitted, measuring=errors)) is is_periodic
 
 
 def test_samples_on_both_sides_of_a_gap_are_no_neighbours():

@@ -23,6 +23,41 @@ def test_a_part_of_a_record_is_of_its_samples() -> None:
     assert whole.first.time.tolist() == [0.0]
 
 
+@pytest.mark.parametrize(
+    ("wave", "period"),
+    [
+        (lambda t: np.sign(np.sin(2.0 * np.pi * t / 5.0)), 50),
+        (lambda t: np.sin(2.0 * np.pi * t / 5.0) + 0.3 * np.sin(2.0 * np.pi * t / 2.5), 50),
+        (lambda t: np.sin(0.2 * t**2), None),
+        (lambda t: np.random.default_rng(2).choice([-1.0, 1.0], 60).repeat(10), None),
+        (lambda t: np.zeros(600), None),
+        (lambda t: t, None),
+    ],
+    ids=["square", "two sines", "chirp", "random", "still", "ramp"],
+)
+@pytest.mark.parametrize("noise", [0.0, 0.05])
+def test_phases_count_from_one_period_of_the_inputs_to_the_next(wave, period, noise) -> None:
+    time = 0.1 * np.arange(600)
+    values = wave(time)
+    values = values + noise * values.std() * np.random.default_rng(1).standard_normal(600)
+    inputs = values[:, np.newaxis]
+    phases = Record(time, inputs, np.zeros((600, 1)), (True,)).phases
+    if period is None:
+        assert phases is None
+    else:
+        assert phases is not None
+        assert phases.tolist() == (np.arange(600) % period).tolist()
+
+
+def test_a_period_between_samples_is_known_after_many() -> None:
+    time = np.arange(5000.0)
+    wave = np.sin(2.0 * np.pi * time / 20.1)[:, np.newaxis]
+    phases = Record(time, wave, np.zeros((5000, 1)), (True,)).phases
+    assert phases is not None
+    away = np.abs(phases - time % 20.1)
+    assert np.minimum(away, 20.1 - away).max() < 2.0
+
+
 def test_an_output_without_any_value_is_not_measured() -> None:
     assert record().measured.tolist() == [True, False]
 
