@@ -157,7 +157,9 @@ def judged(errors: Array, *terms: Term) -> Judged:
         distance=0.0,
         freedom=len(terms),
         explanations=len(terms),
-        problem=SimpleNamespace(model=tank(), spread=np.ones(2)),
+        problem=SimpleNamespace(
+            model=tank(), spread=np.ones(2), records=(SimpleNamespace(phases=None),)
+        ),
     )
     return Judged(fit, errors, errors, errors, 0.0)
 
@@ -177,7 +179,7 @@ PLAIN = SimpleNamespace(
     problem=SimpleNamespace(
         model=SimpleNamespace(outputs=tank().outputs),
         spread=np.ones(2),
-        records=(SimpleNamespace(outputs=WHITE),),
+        records=(SimpleNamespace(outputs=WHITE, phases=None),),
     ),
 )
 BASE = Judged(PLAIN, SEEN, SEEN, SEEN, 0.0)
