@@ -84,8 +84,9 @@ def _texts(characters: np.ndarray) -> list[str]:
 def read_mat(path: Path, content: bytes) -> Table:
     """Read a MATLAB file, version 4 to 7 but not 7.3; a `Reader`.
 
-    One column per numeric vector, also of a struct or of a structure with time of Simulink; units
-    come from a variable ``units``, which is a struct with a text field per variable, or texts
+    One column per numeric vector, also of a struct or of a structure with time of Simulink, and
+    per ``name(:,1)`` of a matrix along its longer side, if vectors beside it are as long; units come
+    from a variable ``units``, which is a struct with a text field per variable, or texts
     ``name [unit]``. Without a time a number ``Ts`` or ``dt`` is its step in s. A damaged file and
     vectors that differ in length are refused.
     """
@@ -96,19 +97,22 @@ def read_mat(path: Path, content: bytes) -> Table:
     variables = {name: value for name, value in variables.items() if not name.startswith("__")}
     units = _mat_units(path, variables.pop("units", None))
     variables = dict(_flat(variables))
-    vectors = {name: np.asarray(value) for name, value in variables.items() if _is_vector(value)}
-    if not vectors:
+    numeric = {name: array for name, value in variables.items() if (array := _numeric(value)).size}
+    lengths = {array.size for array in numeric.values() if array.size == max(array.shape)}
+    read = {name: a for name, a in numeric.items() if not lengths or max(a.shape) in lengths}
+    if not read:
         raise refuse(
             path,
-            f"no numeric vector among the variables {sorted(variables)} (matrices and objects of"
-            " MATLAB, such as table, are not read)",
+            f"no numeric vector among the variables {sorted(variables)} (objects of MATLAB, such as"
+            " table, are not read)",
         )
     columns = [
-        Column(name, units.get(name), vector.ravel().astype(float))
-        for name, vector in vectors.items()
+        Column(part, units.get(name), vector.astype(float))
+        for name, array in read.items()
+        for part, vector in _vectors(name, array)
     ]
     table = Table.of(path, columns)
-    unread = sorted(variables.keys() - vectors.keys())
+    unread = sorted(variables.keys() - read.keys())
     step = next((name for name in _STEPS if name in unread), None)
     if step is not None and not any(column.is_time for column in columns):
         insert_clock(table, float(np.ravel(variables[step])[0]), step)
@@ -150,11 +154,21 @@ def _fields(struct: Any) -> Iterator[tuple[str, Any]]:
             yield name, value
 
 
-def _is_vector(value: object) -> bool:
-    """Return whether a variable of a MATLAB file is a row or a column of numbers."""
+def _numeric(value: object) -> np.ndarray:
+    """Return the array of a variable of a MATLAB file; an empty one if it is no vector or matrix."""
     array = np.asarray(value)
     is_numeric = array.dtype.kind in "biuf"
-    return is_numeric and array.ndim <= 2 and array.size > 1 and array.size == max(array.shape)
+    return array if is_numeric and array.ndim <= 2 and array.size > 1 else np.empty(0)
+
+
+def _vectors(name: str, array: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield a vector, or those along the longer side of a matrix, by the names that MATLAB has."""
+    if array.size == max(array.shape):
+        yield name, array.ravel()
+    elif array.shape[0] >= array.shape[1]:
+        yield from ((f"{name}(:,{k})", column) for k, column in enumerate(array.T, start=1))
+    else:
+        yield from ((f"{name}({k},:)", row) for k, row in enumerate(array, start=1))
 
 
 def _mat_units(path: Path, value: object) -> dict[str, str]:

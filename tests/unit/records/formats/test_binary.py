@@ -69,6 +69,27 @@ def test_mat_without_units_is_taken_in_si_and_says_so(tmp_path):
     assert [r.kind for r in record.repairs] == ["unit assumed"] * 3
 
 
+@pytest.mark.parametrize(("turn", "name"), [(np.transpose, "ID(:,{})"), (np.copy, "ID({},:)")])
+def test_vectors_along_the_longer_side_of_a_matrix_have_the_names_of_matlab(tmp_path, turn, name):
+    from scipy.io import savemat
+
+    savemat(tmp_path / "r.mat", {"ID": turn(np.array([DISPLACEMENT, CURRENT, TIME]))})
+    mapping = {name.format(1): "displacement", name.format(2): "current", name.format(3): "time"}
+    check(read_record(tmp_path / "r.mat", SIGNALS, mapping=mapping))
+
+
+def test_a_matrix_as_long_as_the_vectors_is_read_beside_them(tmp_path):
+    from scipy.io import savemat
+
+    y = np.column_stack([DISPLACEMENT, CURRENT]), np.eye(3)
+    savemat(tmp_path / "r.mat", {"time": TIME, "y": y[0], "K": y[1]})
+    record = read_record(
+        tmp_path / "r.mat", SIGNALS, mapping={"y(:,1)": "displacement", "y(:,2)": "current"}
+    )
+    check(record)
+    assert "so not read: K" in record.repairs[0].message
+
+
 def test_channels_of_unequal_length_are_refused(tmp_path):
     from scipy.io import savemat
 
