@@ -163,6 +163,7 @@ def read_lines(text: Lines, reading: Reading = AS_IT_STANDS) -> Table:
     UserError
         If there is no table, several of which none is named, or a row is not of its form.
     """
+    text = _turned(text)
     tables = find_tables(text.lines)
     chosen = tables[0]
     if len(tables) > 1:
@@ -182,6 +183,17 @@ def read_lines(text: Lines, reading: Reading = AS_IT_STANDS) -> Table:
     if above:
         text.note("preamble", f"skipped above the {found} row {begin + 1}: {list_rows(above)}")
     return tabulate(text, layout, reading)
+
+
+def _turned(text: Lines) -> Lines:
+    """Return a line for each number of a file that is one line of them: a record has many rows."""
+    delimiter = _sniff_delimiter(text.lines[0]) if len(text.lines) == 1 else None
+    cells = text.split(0, delimiter) if delimiter else []
+    numbers = cells[:-1] if cells and not cells[-1].strip() else cells
+    if not numbers or not all(map(is_value, numbers)):
+        return text
+    text.note("one line", f"the file is one line of {len(numbers)} numbers: taken as a column")
+    return replace(text, lines=numbers)
 
 
 def stated_header(columns: Sequence[str]) -> list[str]:

@@ -99,6 +99,15 @@ def test_lines_of_one_value_are_a_column_of_a_stated_rate(tmp_path, text, column
     assert record.time == pytest.approx([0.01 * k for k in range(12)])
 
 
+@pytest.mark.parametrize("line", ["0.5, 1.5, 2.5, 3.5", "0.5;1.5;2.5;3.5;\n"])
+def test_one_line_of_numbers_is_a_column(tmp_path, line):
+    path = tmp_path / "row.csv"
+    path.write_text(line, encoding="utf-8")
+    record = read_record(Source.of(path, columns=("current=A",), rate=100.0), SIGNALS)
+    assert record.signals["current"].tolist() == [0.5, 1.5, 2.5, 3.5]
+    assert "one line of 4 numbers" in record.repairs[0].message
+
+
 def test_rows_of_one_value_below_names_of_several_columns_are_refused(tmp_path):
     path = write(tmp_path, f"time [s],current [A]\n{ONE_COLUMN}\n")
     with pytest.raises(UserError, match="row 2: 1 cells where the header has 2"):
