@@ -94,9 +94,17 @@ def _label(cell: str | float) -> str:
 
 
 def divide_by_label(samples: Samples, labels: Sequence[str]) -> list[tuple[str, Samples]]:
-    """Return the label and the samples of each run, in the order of the file."""
+    """Return the label and the samples of each run, in the order of the file.
+
+    A clock that restarts among the rows of a label begins another run: ``A-1``, ``A-2``.
+    """
     row_labels = np.array(labels)
-    return _select_runs(samples, {x: row_labels == x for x in dict.fromkeys(labels)})
+    runs = _select_runs(samples, {x: row_labels == x for x in dict.fromkeys(labels)})
+    return [
+        (f"{label}-{part}" if part else label, own)
+        for label, run in runs
+        for part, own in divide_at_restarts(run)
+    ]
 
 
 def divide_at_restarts(samples: Samples) -> list[tuple[str, Samples]]:

@@ -67,6 +67,17 @@ def test_one_run_has_no_label(tmp_path):
     assert np.array_equal(run.signals["voltage"], read_record(path, SIGNALS).signals["voltage"])
 
 
+def test_a_clock_that_restarts_within_a_label_begins_another_run(tmp_path):
+    """Two sessions of A, with B between them."""
+    rows = [f"{t},{10 * k + t},{rat}" for k, rat in enumerate("ABA") for t in range(25)]
+    runs = read_runs(written(tmp_path, rows, "time [s],voltage [V],rat"), SIGNALS, column="rat")
+    assert [run.label for run in runs] == ["A-1", "A-2", "B"]
+    assert [run.signals["voltage"][0] for run in runs] == [0.0, 20.0, 10.0]
+    assert [r.message for r in runs[0].repairs if r.kind == "runs"] == [
+        "the clock restarts once, first before row 52: taken as 2 runs, 1 to 2"
+    ]
+
+
 def test_a_column_tells_runs_apart_wherever_their_rows_are(tmp_path):
     rows = [f"{t},{10 * k + t},{k}" for t in range(25) for k in (2, 1)]
     runs = read_runs(
@@ -102,9 +113,3 @@ def test_what_tells_no_runs_apart_is_refused(tmp_path, column, mapping, message)
     with pytest.raises(UserError) as refusal:
         read_runs(path, SIGNALS, mapping=mapping, column=column)
     assert message in str(refusal.value)
-
-
-def test_a_clock_that_restarts_within_a_run_of_a_column_is_refused(tmp_path):
-    rows = [f"{t},{t},1" for _ in range(2) for t in range(25)]
-    with pytest.raises(UserError, match="the clock restarts"):
-        read_runs(written(tmp_path, rows, "time,voltage,pulse"), SIGNALS, column="pulse")
