@@ -48,7 +48,8 @@ def _with_rate(table: Table, rate: float | None) -> Table:
         return table
     time = Column(TIME, "s", np.arange(table.rows.size) / rate)
     others = [column for column in table.columns if column.name.casefold() != TIME]
-    message = f"time counts the rows, {rate:g} a second, as stated"
+    pace = f"{rate:g} a second" if rate >= 1 else f"one every {1 / rate:g} s"
+    message = f"time counts the rows, {pace}, as stated"
     repairs = [*table.repairs, Repair("clock stated", message)]
     return replace(table, columns=[time, *others], repairs=repairs)
 

@@ -172,9 +172,17 @@ def _first_separated(numbers: list[_Number], separator: str) -> _Number | None:
 def _two_marks(table: Table, comma: _Number, point: _Number) -> UserError:
     return refuse(
         table.path,
-        f"row {comma.row} has '{comma.text.strip()}' and row {point.row} has"
-        f" '{point.text.strip()}': decimal comma or decimal point? Use one of them throughout",
+        f"row {comma.row} has '{comma.text.strip()}' ({_marks(comma)}) and row {point.row} has"
+        f" '{point.text.strip()}' ({_marks(point)}): decimal comma or decimal point? Use one of them"
+        " throughout",
     )
+
+
+def _marks(number: _Number) -> str:
+    names = {",": "comma", ".": "point"}
+    if number.decimal:
+        return f"a decimal {names[number.decimal]}"
+    return f"{names[number.group]}s between thousands"
 
 
 def _check_groups(

@@ -181,7 +181,7 @@ def _notice_quantised(samples: Samples, name: str, levels: Array, count: int, un
     least = float(steps[steps < 1.5 * steps.min()].mean())
     message = (
         f"{name}: quantised, {steps.size + 1} distinct values in {count} samples, least step"
-        f" {least:.4g} {unit}"
+        f" {least:.4g} {unit}".removesuffix(" 1")
     )
     samples.note("quantised", message)
 

@@ -22,6 +22,12 @@ def test_rows_are_cut_by_the_numbers_that_messages_have(tmp_path):
     assert currents(tmp_path, rows=(12, 21)) == [float(k) for k in range(10, 20)]
 
 
+@pytest.mark.parametrize(("rate", "says"), [(4.0, "4 a second"), (1 / 3600, "one every 3600 s")])
+def test_a_stated_rate_is_said_as_people_say_it(tmp_path, rate, says):
+    record = read_record(Source.of(write(tmp_path, TEXT), rate=rate), {"I": "A"})
+    assert f"time counts the rows, {says}, as stated" in [r.message for r in record.repairs]
+
+
 def test_segments_are_cut_by_their_labels(tmp_path):
     assert currents(tmp_path, segment={"CYCLE": "3"}) == [float(k) for k in range(30, 40)]
     assert currents(tmp_path, segment={"CYCLE": "1,2", "STEP": "rest"}) == [10, 11, 12, 20, 21, 22]

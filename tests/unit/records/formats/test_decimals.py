@@ -75,6 +75,7 @@ def test_what_was_changed_is_said_with_its_first_row():
     ("columns", "says"),
     [
         ([["0.5", "1"], ["1,5", "2"]], "decimal comma or decimal point"),
+        ([["0.000", "1"], ["1.002.000", "2"]], r"'1\.002\.000' \(points between thousands\)"),
         ([["1.234,5", "1,234.5"]], "decimal comma or decimal point"),
         ([["0,5", "0,6"], ["1.234", "2.345"]], "row 2, column 'c1': '1.234'"),
     ],

@@ -5,6 +5,7 @@ steps of inputs found.
 import numpy as np
 import pytest
 
+from orchestration.records import read_record
 from orchestration.records.sampling import input_steps
 from tests.support.record_rows import read, refusal, varied_rows, write_rows
 
@@ -51,6 +52,10 @@ def test_quantisation_gives_the_least_step(tmp_path):
     assert set(kinds) == {"quantised"}
     assert "y: quantised" in kinds["quantised"].message
     assert "least step 0.25 m" in kinds["quantised"].message
+    path = write_rows(tmp_path, rows)
+    path.write_text(path.read_text(encoding="utf-8").replace("y [m]", "y [1]"), encoding="utf-8")
+    record = read_record(path, {"u": "V", "y": "1"})
+    assert record.repairs[0].message.endswith("least step 0.25")
 
 
 def test_clipping_gives_the_level(tmp_path):
