@@ -1022,6 +1022,11 @@ class _StartSearch:
         return Evaluated(cost, rows.T @ rows + np.eye(len(z)), rows.T @ e - z, (e,))
 
 
+def prior_deviations(fitted: Fit) -> Array:
+    """Return the prior deviations of parameters and terms, in the order of the curvature."""
+    return _Search(fitted.problem, fitted.terms, independent_weights(fitted.errors)).deviation
+
+
 def final_curvature(fitted: Fit) -> Array:
     """Return the curvature of the cost at a fit, by the independent samples of what it leaves."""
     search = _Search(fitted.problem, fitted.terms, independent_weights(fitted.errors))

@@ -15,7 +15,7 @@ from fmus.kit.effects import made_by, made_with, unstack
 from fmus.kit.law_terms import LawTerm, law_term_effect
 from fmus.kit.symbolic import list_laws
 from fmus.kit.titles import law_title, within_sentence
-from orchestration.diagnosis.fitting import Fit, final_curvature
+from orchestration.diagnosis.fitting import Fit, final_curvature, prior_deviations
 from orchestration.diagnosis.terms import (
     FORMS,
     MEMORIES,
@@ -163,13 +163,14 @@ def estimates(fitted: Fit, terms: Mapping[str, Term]) -> dict[str, Estimate]:
             (scale.value(ends[0]), scale.value(ends[1])),
             declared.unit,
         )
-    places = _places(fitted)
+    places, priors = _places(fitted), prior_deviations(fitted)
     for stem, term in terms.items():
-        values = fitted.values_of(term)
-        spread = deviation[places[term] :]
+        at = places[term]
         parameters = term_parameters(problem.model.cls, stem, term)
-        for parameter, value, wide in zip(parameters, values, spread, strict=False):
-            result[parameter.name] = _estimate(parameter, float(value), float(wide))
+        values = zip(fitted.values_of(term), deviation[at:], priors[at:], strict=False)
+        for parameter, (value, wide, prior) in zip(parameters, values, strict=False):
+            ends = interval_of(float(value), float(wide), float(prior))
+            result[parameter.name] = _estimate(parameter, float(value), ends)
     own = len(problem.free) + len(fitted.point.values)
     return result | _start_states(fitted, deviation[own:])
 
@@ -214,10 +215,10 @@ def interval_of(value: float, deviation: float, prior: float) -> tuple[float, fl
     return value - _INTERVAL * deviation, value + _INTERVAL * deviation
 
 
-def _estimate(parameter: TermParameter, value: float, deviation: float) -> Estimate:
+def _estimate(parameter: TermParameter, value: float, ends: tuple[float, float]) -> Estimate:
     """Return a value of a term in the unit of its parameter; without the term it is 0."""
-    ends = (value - _INTERVAL * deviation, value, value + _INTERVAL * deviation)
-    low, middle, high = np.exp(ends) if parameter.logarithmic else ends
+    three = (ends[0], value, ends[1])
+    low, middle, high = np.exp(three) if parameter.logarithmic else three
     scaled = [float(parameter.factor * end) for end in (low, middle, high)]
     nominal = scaled[1] if parameter.logarithmic else 0.0
     return Estimate(scaled[1], nominal, (scaled[0], scaled[2]), parameter.unit)

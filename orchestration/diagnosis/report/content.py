@@ -26,7 +26,7 @@ from orchestration.diagnosis.term_names import (
     shape_text,
     unit_of,
 )
-from orchestration.diagnosis.terms import Term
+from orchestration.diagnosis.terms import MEMORIES, Term
 from orchestration.diagnosis.view import (
     Answer,
     ChangesView,
@@ -232,9 +232,15 @@ def _parameter_rows(diagnosis: Diagnosis) -> Iterator[tuple[str, ...]]:
 
 
 def _places(cls: type[Component], terms: Mapping[str, Term]) -> dict[str, str]:
-    """Return the value of the signal at each knot of a curve, by the name of its parameter."""
+    """Return the value that a curve sees at each knot, by the name of its parameter."""
+    seen = {
+        stem: _with_unit(
+            MEMORIES[term.memory].text.format(in_words(term.signal)), seen_unit(cls, term)
+        )
+        for stem, term in terms.items()
+    }
     return {
-        f"{stem}_at_{k}": f" ({_with_unit(in_words(term.signal), seen_unit(cls, term))} = {x:.3g})"
+        f"{stem}_at_{k}": f" ({seen[stem]} = {x:.3g})"
         for stem, term in terms.items()
         for k, x in enumerate(term.knots)
     }

@@ -112,6 +112,23 @@ def test_a_curve_is_as_sure_as_its_shape_and_not_as_its_level():
     assert widths[1] == pytest.approx(widths[0], rel=0.1)
 
 
+def test_a_value_of_a_curve_where_no_record_was_is_not_determined():
+    """The velocity stays within 3 m/s: what the curve has at 60 m/s and beyond is free."""
+    curve = Term(
+        "friction",
+        "velocity",
+        Shape.CURVE,
+        size=2.0,
+        scale=1.0,
+        places=(-1.5, 0.0, 1.5, 60.0, 90.0),
+    )
+    diagnosis = diagnosis_with(oscillator_record(1, dry=1.5), (curve,), (curve,))
+    fitted = diagnosis.found.fits[0].fit
+    found = estimates(fitted, stems(Oscillator, fitted.terms))
+    ends = [found[f"friction_of_velocity_at_{k}"].interval for k in range(5)]
+    assert np.isfinite(ends).all(axis=1).tolist() == [True, True, True, True, False]
+
+
 def test_intervals_do_not_hang_on_the_weights_of_the_search(dry):
     fitted = dry.final.fit
     weighed = replace(fitted, curvature=100.0 * fitted.curvature)

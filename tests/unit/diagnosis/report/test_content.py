@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from orchestration.diagnosis.report import content, wording
-from orchestration.diagnosis.terms import Shape, Term
+from orchestration.diagnosis.terms import Memory, Shape, Term
 
 
 @pytest.fixture
@@ -57,6 +57,10 @@ def test_values_of_a_curve_say_where_they_are(dry):
     assert content._places(dry.subject.problem.model.cls, {"bend": curve}) == {
         "bend_at_0": " (velocity [m/s] = 0)",
         "bend_at_1": " (velocity [m/s] = 1.5)",
+    }
+    way = replace(curve, memory=Memory.INTEGRAL, places=(0.0,))
+    assert content._places(dry.subject.problem.model.cls, {"bend": way}) == {
+        "bend_at_0": " (the integral of velocity [(m/s)*s] = 1)"
     }
 
 
