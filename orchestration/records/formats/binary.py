@@ -85,8 +85,8 @@ def read_mat(path: Path, content: bytes) -> Table:
     """Read a MATLAB file, version 4 to 7 but not 7.3; a `Reader`.
 
     One column per numeric vector, also of a struct or of a structure with time of Simulink, and
-    per ``name(:,1)`` of a matrix along its longer side, if vectors beside it are as long; units come
-    from a variable ``units``, which is a struct with a text field per variable, or texts
+    per ``name(:,1)`` of a matrix along its longer side, if vectors beside it are as long. Units
+    come from a variable ``units``, a struct with a text field per variable, or texts
     ``name [unit]``. Without a time a number ``Ts`` or ``dt`` is its step in s. A damaged file and
     vectors that differ in length are refused.
     """
@@ -155,7 +155,7 @@ def _fields(struct: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _numeric(value: object) -> np.ndarray:
-    """Return the array of a variable of a MATLAB file; an empty one if it is no vector or matrix."""
+    """Return the vector or matrix of numbers in a variable of a MATLAB file, else an empty one."""
     array = np.asarray(value)
     is_numeric = array.dtype.kind in "biuf"
     return array if is_numeric and array.ndim <= 2 and array.size > 1 else np.empty(0)

@@ -173,8 +173,8 @@ def _two_marks(table: Table, comma: _Number, point: _Number) -> UserError:
     return refuse(
         table.path,
         f"row {comma.row} has '{comma.text.strip()}' ({_marks(comma)}) and row {point.row} has"
-        f" '{point.text.strip()}' ({_marks(point)}): decimal comma or decimal point? Use one of them"
-        " throughout",
+        f" '{point.text.strip()}' ({_marks(point)}): decimal comma or decimal point? Use one of"
+        " them throughout",
     )
 
 
