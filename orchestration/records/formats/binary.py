@@ -127,10 +127,14 @@ def _flat(variables: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
     A structure with time of Simulink has its signals as ``label`` and ``values``.
     """
+    from scipy.io.matlab import MatlabObject, MatlabOpaque
+
     fields: list[tuple[str, str, Any]] = []
     for name, value in variables.items():
         array = np.asarray(value)
-        if array.dtype.names and array.size == 1:
+        # fields of an object, such as a table, are how MATLAB keeps it
+        is_object = isinstance(value, (MatlabObject, MatlabOpaque))
+        if array.dtype.names and array.size == 1 and not is_object:
             fields += [(name, own, item) for own, item in _fields(array.ravel()[0])]
         else:
             fields.append(("", name, value))

@@ -78,6 +78,18 @@ def test_vectors_along_the_longer_side_of_a_matrix_have_the_names_of_matlab(tmp_
     check(read_record(tmp_path / "r.mat", SIGNALS, mapping=mapping))
 
 
+def test_fields_of_an_object_of_matlab_are_not_read(tmp_path):
+    from scipy.io import savemat
+    from scipy.io.matlab import MatlabObject
+
+    field = np.array([[(np.arange(6.0),)]], dtype=[("Utility", object)])
+    content = {"time": TIME, "current": CURRENT, "displacement": DISPLACEMENT}
+    savemat(tmp_path / "r.mat", {**content, "data": MatlabObject(field, "iddata")})
+    record = read_record(tmp_path / "r.mat", SIGNALS)
+    check(record)
+    assert "so not read: data" in record.repairs[0].message
+
+
 def test_a_matrix_as_long_as_the_vectors_is_read_beside_them(tmp_path):
     from scipy.io import savemat
 
