@@ -94,8 +94,11 @@ class Record:
 
     @cached_property
     def bends(self) -> Array | None:
-        """Slopes (n, nu) of curved inputs at the samples, by a cubic spline; else None."""
-        if not self.curved or len(self.time) < _KNOTS:
+        """Slopes (n, nu) of curved inputs at the samples, by a cubic spline; else None.
+
+        Also of inputs that cannot be so (see `Reading.apply`), over which no model runs.
+        """
+        if not self.curved or len(self.time) < _KNOTS or not np.isfinite(self.inputs).all():
             return None
         slopes = CubicSpline(self.time, self.inputs).derivative()(self.time)
         return np.ascontiguousarray(slopes)

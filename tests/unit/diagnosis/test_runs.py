@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -47,6 +49,17 @@ def test_phases_count_from_one_period_of_the_inputs_to_the_next(wave, period, no
     else:
         assert phases is not None
         assert phases.tolist() == (np.arange(600) % period).tolist()
+
+
+def test_curves_through_inputs_that_cannot_be_so_have_no_slopes() -> None:
+    time = np.arange(6.0)
+    inputs = np.sin(time)[:, np.newaxis]
+    curved = Record(time, inputs, np.zeros((6, 1)), (True,), curved=True)
+    assert curved.bends is not None
+    assert curved.bends[2:4, 0] == pytest.approx(np.cos(time[2:4]), abs=0.1)
+    assert (
+        replace(curved, inputs=np.where(time[:, np.newaxis] == 2.0, np.nan, inputs)).bends is None
+    )
 
 
 def test_a_period_between_samples_is_known_after_many() -> None:
