@@ -6,6 +6,7 @@ from .instance import Fmu as Fmu
 from .model import Model as Model
 from .model import find_class as find_class
 from .model import find_model as find_model
+from .remote import RemoteFmu as RemoteFmu
 from .signal import Signal as Signal
 from .signal import Value as Value
 from .source import RepeatedRuns as RepeatedRuns

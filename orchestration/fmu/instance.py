@@ -191,6 +191,16 @@ class Fmu:
         return f"{self.warnings} calls ended with a warning ({last})" if self.warnings else last
 
     @property
+    def runs_once(self) -> bool:
+        """True if a process can have one instance only (canBeInstantiatedOnlyOncePerProcess)."""
+        return bool(self.description.coSimulation.canBeInstantiatedOnlyOncePerProcess)
+
+    @property
+    def identity(self) -> tuple[str, str]:
+        """The model identifier and the GUID, which are those of every copy of the file."""
+        return self.description.coSimulation.modelIdentifier, self.description.guid
+
+    @property
     def inputs(self) -> list[str]:
         """Names of the inputs."""
         return [v.name for v in self.description.modelVariables if v.causality == "input"]

@@ -115,8 +115,9 @@ def bind(transfer: BufferTransfer, fmu: Fmu, buffer: Buffer) -> FmiCall:
     verb, kind, ports = transfer
     function = f"fmi2{verb}{kind.capitalize()}"
     if kind == "real":
-        values = ctypes.byref(buffer.cells, ctypes.sizeof(ctypes.c_double) * buffer.at[ports[0]])
-        return fmu.bound(function, *_references(fmu, ports), values)
+        place = ctypes.sizeof(ctypes.c_double) * buffer.at[ports[0]]
+        values = (ctypes.c_double * len(ports)).from_buffer(buffer.cells, place)
+        return fmu.bound(function, *_references(fmu, ports), ctypes.byref(values))
     integers = (ctypes.c_int * len(ports))()
     call = fmu.bound(function, *_references(fmu, ports), ctypes.byref(integers))
     if verb == "Get":

@@ -178,7 +178,12 @@ class Executor:
         request = ("setting " if verb == "Set" else "reading ") + list_names(ports)
         buffer = self.inputs if verb == "Set" else self.outputs
         return [
-            MemberCall(bind(transfer, member.fmu, buffer), member, request, transfer)
+            MemberCall(
+                bind(transfer, member.fmu, buffer),
+                member,
+                request,
+                None if member.is_remote else transfer,
+            )
             for transfer in list_transfers(verb, member.fmu, ports, buffer)
         ]
 
@@ -301,10 +306,11 @@ class Executor:
         return self._histories[member.name]
 
     def _plain_step_call(self, member: Instance) -> MemberCall:
-        """Return the call of a whole step, which the kernel makes if no step can be pending."""
+        """Return the call of a whole step, which the kernel makes unless it can be pending."""
         adaptive = self.settings.adaptive
         step = member.bind_step(self.present_step.now, self.present_step.size, adaptive)
-        operation = None if member.may_be_pending else PlainStep(final=not adaptive)
+        in_python = member.may_be_pending or member.is_remote
+        operation = None if in_python else PlainStep(final=not adaptive)
         return MemberCall(step, member, STEP, operation)
 
     def _add_loop(self, schedule: Schedule, loop: Loop) -> None:

@@ -15,7 +15,7 @@ from fmpy.fmi2 import (
 )
 
 from fmus.kit import UserError
-from orchestration.fmu import Fmu
+from orchestration.fmu import Fmu, RemoteFmu
 from orchestration.fmu.signal import read_signal
 from orchestration.master.buffers import FmiCall
 from orchestration.system import Port
@@ -66,6 +66,7 @@ class Instance:
         self.can_interpolate = bool(flags.canInterpolateInputs)
         self.can_vary_step = bool(flags.canHandleVariableCommunicationStepSize)
         self.may_be_pending = bool(flags.canRunAsynchronuously)
+        self.is_remote = isinstance(fmu, RemoteFmu)
 
     def dependencies(self, variable: str) -> list[str] | None:
         """Return the inputs on which an output depends without delay; None if not stated."""

@@ -12,7 +12,7 @@ import numpy as np
 from fmus.kit.arrays import Array, Signals
 from fmus.kit.errors import UserError, error_context, find, suggestion
 from fmus.kit.storage import scratch
-from orchestration.fmu import Fmu, unpack
+from orchestration.fmu import Fmu, RemoteFmu, unpack
 from orchestration.fmu.signal import type_of
 from orchestration.master.dependency_graph import Structure
 from orchestration.master.executor import Executor
@@ -27,6 +27,9 @@ _SAME_SIZE = 1e-6  # relative difference of step sizes that counts as rounding
 
 def open_members(system: System, opened: ExitStack) -> list[Instance]:
     """Instantiate every member; an FMU that several members use is unzipped once.
+
+    Of an FMU that can be instantiated only once per process, every further instance has a process
+    of its own, also if it is another copy of the file.
 
     Parameters
     ----------
@@ -51,13 +54,8 @@ def open_members(system: System, opened: ExitStack) -> list[Instance]:
             folders[path] = unpack(member.fmu)
             opened.callback(scratch.remove, folders[path])
         fmu = Fmu(member.fmu, member.parameters, member.name, folders[path])
-        only_once = fmu.description.coSimulation.canBeInstantiatedOnlyOncePerProcess
-        same = [other.name for other in members if other.fmu.path.resolve() == path]
-        if only_once and same:
-            raise UserError(
-                f"{member.name}: {path.name} can run once in a process, which the members of a"
-                f" system share, and is {same[0]} already (canBeInstantiatedOnlyOncePerProcess)"
-            )
+        if fmu.runs_once and any(fmu.identity == other.fmu.identity for other in members):
+            fmu = RemoteFmu(member.fmu, member.parameters, member.name, folders[path])
         with error_context(member.name):
             members.append(Instance(member.name, opened.enter_context(fmu)))
     return members

@@ -5,7 +5,8 @@
  *
  * With `euler` a step is one of Euler's, so that its size shows. From `when` on, a step answers with `status`; then
  * `nan` makes the output y no number. `init` is the status at the end of initialization, `lag` is by how much the time it
- * says it has reached is wrong. Every setting of the input alone adds `trace` to the state.
+ * says it has reached is wrong. Every setting of the input alone adds `trace` to the state. Compiled with ONCE, it can be
+ * instantiated once in a process.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -30,6 +31,10 @@ static void say(const Instance *instance, fmi2Status status, const char *text) {
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
                               const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean logging) {
     (void)name, (void)type, (void)guid, (void)resources, (void)visible, (void)logging;
+#ifdef ONCE
+    static int there;
+    if (there++) return NULL; /* a process has room for one */
+#endif
     Instance *instance = calloc(1, sizeof *instance);
     instance->functions = functions;
     instance->value[TAU] = instance->value[C] = 1.0;

@@ -31,10 +31,11 @@ _PARAMETERS = {
 
 
 @functools.cache
-def _library() -> bytes:
+def _library(once: bool) -> bytes:
     with tempfile.TemporaryDirectory(prefix="member_") as folder:
         library = Path(folder, "member.so")
         command = [compiler(), "-std=c99", "-O2", "-fPIC", "-shared", f"-I{HEADERS}"]
+        command += ["-DONCE"] if once else []
         subprocess.run(
             [*command, str(TESTS / "c" / "member.c"), "-o", str(library), "-lm"], check=True
         )
@@ -57,6 +58,7 @@ def build_member(
         Attributes of CoSimulation; by default states can be saved and step sizes vary.
     """
     can = {"canGetAndSetFMUstate": True, "canHandleVariableCommunicationStepSize": True} | abilities
+    once = can.get("canBeInstantiatedOnlyOncePerProcess", False)
     attributes = " ".join(f'{name}="{str(value).lower()}"' for name, value in can.items())
     listed = (
         ["", ""]
@@ -91,7 +93,7 @@ def build_member(
             f' index="3"{listed[1]}/></Outputs>'
             "</ModelStructure></fmiModelDescription>",
         )
-        archive.writestr(f"binaries/{fmpy.platform}/member.so", _library())
+        archive.writestr(f"binaries/{fmpy.platform}/member.so", _library(once))
     return path
 
 

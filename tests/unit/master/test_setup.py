@@ -123,12 +123,3 @@ def test_an_fmu_is_unzipped_once_and_removed(member, scratch):
     run(chain(member), FAILING_TIME, ones(), progress=count)
     assert set(seen) == {1}
     assert list(scratch.iterdir()) == []
-
-
-def test_an_fmu_that_runs_once_only(tmp_path):
-    fmu = build_member(tmp_path, canBeInstantiatedOnlyOncePerProcess=True)
-    with pytest.raises(
-        UserError,
-        match=r"^bad: member.fmu can run once in a process, .* and is good already \(can",
-    ):
-        run(chain(fmu), FAILING_TIME, ones())
