@@ -97,6 +97,7 @@ class Executor:
             )
             for c in connections
         }
+        self._tables = {c.target: dict(c.table) for c in connections if c.table}
         self.slow = {name: 1 / rate for name, rate in settings.rates.items() if rate < 1}
         self.loops: list[tuple[Loop, FixedPoint]] = []
         self.saved_states: list[SavedState] = []
@@ -188,7 +189,7 @@ class Executor:
         ]
 
     def _make_stage(self, ports: Sequence[Port]) -> ExchangeStage:
-        """Return a stage that copies values to these inputs, without calls."""
+        """Return a stage that copies values to these inputs, and maps those that have a table."""
         connections = [self._connections[port] for port in ports if port in self._connections]
         places = self.inputs.at
         return ExchangeStage(
@@ -202,8 +203,22 @@ class Executor:
             external=[
                 (places[port], self._external[port]) for port in ports if port in self._external
             ],
-            calls=[],
+            calls=[self._mapping_call(port) for port in ports if port in self._tables],
         )
+
+    def _mapping_call(self, port: Port) -> MemberCall:
+        """Return a call that changes an input, once it is set, by the table of its connection."""
+        table = self._tables[port]
+        connection = self._connections[port]
+        inputs = self.inputs.cells
+        outputs = self.outputs.cells
+
+        def change() -> int:
+            value = outputs[connection.source]
+            inputs[connection.target] += table.get(value, value) - value
+            return 0
+
+        return MemberCall(change, self._by_name[port.member], "mapping a value")
 
     def _add_step(self, schedule: Schedule, member: Instance, stepped: set[str]) -> None:
         """Add the calls of a member in a step, after those of the members that have stepped.
@@ -359,12 +374,15 @@ class Executor:
             for k, port in enumerate(loop.inputs)
             if port in self._disturbances
         ]
+        tables = [(k, self._tables.get(port, {})) for k, port in enumerate(loop.inputs)]
 
         def go_around(values: Array) -> Array:
             saved.restore()
             self.inputs.values[targets] = values
             self._carry_out(calls)
             returned: Array = factors * self.outputs.values[sources] + offsets
+            for k, table in tables:
+                returned[k] = table.get(returned[k], returned[k])
             for k, column in disturbances:
                 returned[k] += column[self._point]
             return returned

@@ -154,10 +154,10 @@ def _check_connection(system: System, models: Mapping[str, Model], connection: C
         _check_units(connection, output.unit, input_.unit)
     elif connection.passes_on:
         return
-    elif output.type != "real":
-        raise UserError(
-            f"{where}: {_describe(transformation)} is for real variables, these are {output.type}"
-        )
+    elif (output.type == "real") == bool(connection.table):
+        kinds = "integers and booleans" if connection.table else "real variables"
+        change = "a mapping" if connection.table else _describe(transformation)
+        raise UserError(f"{where}: {change} is for {kinds}, these are {output.type}")
 
 
 def _check_units(connection: Connection, unit: str, to: str) -> None:

@@ -88,9 +88,7 @@ def _draw_net(
             "", (x, y), (x - 0.14, y), arrowprops={"arrowstyle": "-|>", "color": color, "lw": 1.4}
         )
         if not connection.passes_on:
-            text = f"× {connection.factor:g}"
-            if connection.offset:
-                text += f" {connection.offset:+g}"
+            text = connection.transformation
             axes.text(x - 0.16, y + 0.03, text, ha="right", va="bottom", fontsize=7, color=color)
     if len(routes) > 1:  # the net branches here
         axes.plot(*routes[0][1], marker="o", markersize=3.5, color=color, zorder=3)

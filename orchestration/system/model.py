@@ -78,7 +78,7 @@ class Member:
 class Connection:
     """Connection from an output to an input, which receives ``factor * source + offset``.
 
-    The factor and the offset are SSP's LinearTransformation.
+    The factor and the offset are SSP's LinearTransformation, the table is its mappings.
 
     Attributes
     ----------
@@ -86,17 +86,29 @@ class Connection:
         An output, and an input of another member.
     factor, offset : float
         Factor in the target's unit per the source's unit, offset in the target's unit.
+    table : tuple of (float, float)
+        Values of a source that is an integer or boolean, each with the value that the target
+        receives in its place; it receives others unchanged.
     """
 
     source: Port
     target: Port
     factor: float = 1.0
     offset: float = 0.0
+    table: tuple[tuple[float, float], ...] = ()
 
     @property
     def passes_on(self) -> bool:
         """True if the input receives the value unchanged."""
-        return (self.factor, self.offset) == (1.0, 0.0)
+        return (self.factor, self.offset, self.table) == (1.0, 0.0, ())
+
+    @property
+    def transformation(self) -> str:
+        """Text of factor, offset and table, without those that change nothing."""
+        factor = "" if self.factor == 1.0 else f"× {self.factor:g}"
+        offset = "" if self.offset == 0.0 else f"{self.offset:+g}"
+        entries = [f"{value:g} to {received:g}" for value, received in self.table]
+        return " ".join(filter(None, (factor, offset, ", ".join(entries))))
 
 
 @dataclass(frozen=True)

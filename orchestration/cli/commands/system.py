@@ -82,9 +82,8 @@ def _show_connections(system: System) -> None:
     table = plain_table(None, "connection", "", "", "unit")
     for connection in system.connections:
         unit = models[connection.target.member].inputs[connection.target.variable].unit
-        factor = "" if connection.factor == 1.0 else f" × {connection.factor:g}"
-        offset = "" if connection.offset == 0.0 else f" {connection.offset:+g}"
-        table.add_row(f"{connection.source}{factor}{offset}", "→", str(connection.target), unit)
+        source = f"{connection.source} {connection.transformation}".rstrip()
+        table.add_row(source, "→", str(connection.target), unit)
     for name, ports in system.inputs.items():
         for port in ports:
             table.add_row(

@@ -40,19 +40,23 @@ class Wire(NamedTuple):
     Attributes
     ----------
     source, target : End
-    factor, offset : float
+    factor, offset, table
         As in `Connection`.
+    is_boolean : bool
+        Whether the table is one of booleans.
     """
 
     source: End
     target: End
     factor: float = 1.0
     offset: float = 0.0
+    table: tuple[tuple[float, float], ...] = ()
+    is_boolean: bool = False
 
     @property
     def passes_on(self) -> bool:
         """True if the target receives the value unchanged."""
-        return (self.factor, self.offset) == (1.0, 0.0)
+        return (self.factor, self.offset, self.table) == (1.0, 0.0, ())
 
 
 class _Variables(NamedTuple):
@@ -189,6 +193,10 @@ def wires(connections: Sequence[Connection], members: Mapping[str, Member]) -> l
             end_of(members[connection.target.member], connection.target.variable),
             connection.factor,
             connection.offset,
+            connection.table,
+            bool(connection.table)
+            and type_name(members[connection.source.member], connection.source.variable)
+            == "Boolean",
         )
         for connection in connections
     ]

@@ -5,24 +5,30 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
 
 from fmus.kit.errors import UserError, error_context
 from orchestration.fmu.wrapping import MOST_ELEMENTS, DeclaredVariable, element_names
-from orchestration.system.checking import conversion, interface
+from orchestration.system.checking import interface
 from orchestration.system.model import Connection, Member, Port
-from orchestration.system.ssp.arrays import element_at, scalars, show_shape, variable_of
+from orchestration.system.ssp.arrays import (
+    element_at,
+    enumeration_items,
+    scalars,
+    show_shape,
+    variable_of,
+)
 from orchestration.system.ssp.declarations import check_type_and_unit
+from orchestration.system.ssp.dictionaries import ENTRY
+from orchestration.system.ssp.transformations import Place, compose, transformations
 from orchestration.system.ssp.vocabulary import (
     NAMESPACES,
     attribute,
     check_exchanged,
     find_all,
-    number,
 )
 
-_IDENTITY = (1.0, 0.0)  # factor and offset
 _SIDES = ("start", "end")
 # attribute of one end of a connection -> the same attribute of the other end
 _OTHER_SIDE = {
@@ -91,7 +97,9 @@ class SystemConnectors:
 
 
 def read_connections(
-    parts: Sequence[Element], members: Mapping[str, Member]
+    parts: Sequence[Element],
+    members: Mapping[str, Member],
+    enumerations: Mapping[str, Mapping[str, float]],
 ) -> tuple[list[Connection], SystemConnectors]:
     """Read the connections of a system, and its connectors.
 
@@ -100,6 +108,8 @@ def read_connections(
     parts : sequence of Element
         The ``System``, and the elements of annotations with further connectors and connections.
     members : Mapping of str to Member
+    enumerations : Mapping of str to Mapping
+        Enumerations of the description by name: values of their items by name.
 
     Returns
     -------
@@ -116,7 +126,7 @@ def read_connections(
     """
     declared = find_all(parts, "ssd:Connectors/ssd:Connector")
     connectors = _read_system_connectors(declared)
-    reader = _ConnectionReader(members, connectors)
+    reader = _ConnectionReader(members, connectors, enumerations)
     connections = [
         connection
         for wire in find_all(parts, "ssd:Connections/ssd:Connection")
@@ -183,38 +193,63 @@ def _check_system_connector(
 class _ConnectionReader:
     """Reader of connections between members and connectors of the system."""
 
-    def __init__(self, members: Mapping[str, Member], connectors: SystemConnectors):
+    def __init__(
+        self,
+        members: Mapping[str, Member],
+        connectors: SystemConnectors,
+        enumerations: Mapping[str, Mapping[str, float]],
+    ):
         self._members = members
         self._connectors = connectors
+        self._enumerations = enumerations
 
     def read(self, element: Element) -> list[Connection]:
         """Return the connections of members in an element, one for each element of arrays.
 
         A connection to a connector of the system is added there and not returned.
         """
+        gives = [not self._receives(element, side) for side in _SIDES]
+        if element.get(ENTRY) and gives == [False, False]:
+            return []  # two that receive from the entry of a dictionary
+        if element.get(ENTRY) and gives == [True, True]:
+            raise UserError(
+                f"{element.get(ENTRY)}, an entry of a signal dictionary, has two sources:"
+                f" {_show_wire(element).replace(' -> ', ' and ')}"
+            )
         wire = self._with_source_first(element)
         start, end = (self._read_end(wire, side) for side in _SIDES)
         where = f"connection {_show_wire(wire)}"
         if start.shape != end.shape:
             raise UserError(f"{where}: from {show_shape(start.shape)} to {show_shape(end.shape)}")
-        transformation = _read_transformation(wire)
         pairs = zip(start.elements, end.elements, strict=True)
         source = wire.get("startElement")
         target = wire.get("endElement")
         if source is None or target is None:
-            if transformation != _IDENTITY:
+            if any(element is not None for element in transformations(wire)):
                 raise UserError(
                     f"{where}: a transformation at a connector of the system is not known"
                 )
             for a, b in pairs:
                 self._connectors.connect(Port(source or "", a), Port(target or "", b), where)
             return []
-        connections = [
-            Connection(Port(source, a), Port(target, b), *transformation) for a, b in pairs
-        ]
-        if wire.get("suppressUnitConversion", "false") in ("true", "1"):
-            return connections
-        return [self._converting(connection, where) for connection in connections]
+        with error_context(where):
+            return [self._connection(wire, Port(source, a), Port(target, b)) for a, b in pairs]
+
+    def _connection(self, wire: Element, source: Port, target: Port) -> Connection:
+        """Return a connection with what it does to values, also by conversion of units."""
+        output = interface(self._members[source.member]).outputs.get(source.variable)
+        input_ = interface(self._members[target.member]).inputs.get(target.variable)
+        if output is None or input_ is None:  # refused when the system is checked
+            return Connection(source, target)
+        start, end = (
+            Place(
+                signal.type,
+                signal.unit,
+                enumeration_items(self._members[port.member], port.variable),
+            )
+            for signal, port in ((output, source), (input_, target))
+        )
+        return Connection(source, target, **compose(wire, start, end, self._enumerations))
 
     def _read_end(self, wire: Element, side: str) -> DeclaredVariable:
         """Return the variable at an end of a connection; one element of an array is a scalar.
@@ -244,32 +279,6 @@ class _ConnectionReader:
             element = element_at(whole, tuple(map(int, indices)))
         return DeclaredVariable(whole.kind, (), (element,))
 
-    def _converting(self, connection: Connection, where: str) -> Connection:
-        """Return a connection that converts units, where those of its ends differ.
-
-        Raises
-        ------
-        UserError
-            If it has a factor, too. By SSP it is applied after the conversion; some tools apply it
-            instead.
-        """
-        source = connection.source
-        target = connection.target
-        output = interface(self._members[source.member]).outputs.get(source.variable)
-        input_ = interface(self._members[target.member]).inputs.get(target.variable)
-        if output is None or input_ is None:  # refused when the system is checked
-            return connection
-        needed = conversion(output.unit, input_.unit)
-        if needed is None or needed == _IDENTITY:
-            return connection
-        if connection.passes_on:
-            return replace(connection, factor=needed[0], offset=needed[1])
-        raise UserError(
-            f"{where}: from {output.unit!r} to {input_.unit!r}, by a factor that may"
-            ' come on top of the conversion or be all of it; say suppressUnitConversion="true"'
-            " if it is all"
-        )
-
     def _with_source_first(self, wire: Element) -> Element:
         """Return a connection whose start is its source, by exchanging start and end if needed.
 
@@ -280,7 +289,7 @@ class _ConnectionReader:
             return wire
         swapped = {_OTHER_SIDE.get(name, name): text for name, text in wire.attrib.items()}
         reversed_wire = Element(wire.tag, swapped)
-        reversed_wire.extend(wire)
+        reversed_wire.extend(reversed(wire))  # its parts, if it has some
         return reversed_wire
 
     def _receives(self, wire: Element, side: str) -> bool:
@@ -305,11 +314,3 @@ def _show_wire(wire: Element) -> str:
         names = [wire.get(f"{side}Element"), wire.get(f"{side}Connector")]
         ends.append(".".join(name for name in names if name is not None))
     return " -> ".join(ends)
-
-
-def _read_transformation(wire: Element) -> tuple[float, float]:
-    """Read the factor and the offset of a connection."""
-    linear = wire.find("ssc:LinearTransformation", NAMESPACES)
-    if linear is None:
-        return _IDENTITY
-    return number(linear, "factor", "1"), number(linear, "offset", "0")

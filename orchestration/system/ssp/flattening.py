@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from xml.etree.ElementTree import Element, SubElement
 
-from fmus.kit import UserError
+from orchestration.system.ssp import dictionaries
+from orchestration.system.ssp.transformations import joined
 from orchestration.system.ssp.vocabulary import NAMESPACES, attribute, tag
 
 OWNER = "owner"  # attribute of a binding: the name of the system that it was declared in
@@ -37,8 +38,7 @@ def flatten(system: Element) -> Aliases:
     Raises
     ------
     UserError
-        If two transformations follow each other, or an element of an array is connected through a
-        connector of an inner system.
+        If an element of an array is connected through a connector of an inner system.
     """
     for wire in _wires(system):
         for side in _SIDES:  # an empty name is that of the system itself
@@ -51,6 +51,7 @@ def flatten(system: Element) -> Aliases:
         for connector, parameters in own.items():
             aliases[f"{name}.{connector}"] = [f"{name}.{parameter}" for parameter in parameters]
         _dissolve(inner, name, system)
+    dictionaries.resolve(system)
     return aliases | _parameter_aliases(system, aliases)
 
 
@@ -88,7 +89,7 @@ def _dissolve(inner: Element, name: str, system: Element) -> None:
     for wire in list(connections):
         if _ends_at(wire, name):
             connections.remove(wire)
-            connections.extend(list(_through(wire, name, at_border)))
+            connections.extend(list(_through(wire, name, inner, at_border)))
     connections.extend([wire for wire in within if wire not in at_border])
 
 
@@ -97,7 +98,9 @@ def _ends_at(wire: Element, owner: str | None) -> list[str]:
     return [side for side in _SIDES if wire.get(f"{side}Element") == owner]
 
 
-def _through(wire: Element, name: str, at_border: Iterable[Element]) -> Iterator[Element]:
+def _through(
+    wire: Element, name: str, inner: Element, at_border: Iterable[Element]
+) -> Iterator[Element]:
     """Yield the wires that a wire to a connector of an inner system becomes."""
     near = _ends_at(wire, name)[0]
     connector = attribute(wire, f"{near}Connector")
@@ -105,25 +108,10 @@ def _through(wire: Element, name: str, at_border: Iterable[Element]) -> Iterator
         border = _ends_at(other, None)[0]
         if other.get(f"{border}Connector") != connector:
             continue
-        where = f"connection through {name}.{connector}"
-        if wire.get(f"{near}Indices") or other.get(f"{border}Indices"):
-            raise UserError(f"{where}: elements of arrays are not known there")
-        if len(wire) and len(other):
-            raise UserError(f"{where}: two transformations follow each other")
-        ends = _end(wire, _OTHER[near], "start") | _end(other, _OTHER[border], "end")
-        changed = other if len(other) else wire  # it says whether units are converted
-        suppressed = changed.get("suppressUnitConversion")
-        joined = Element(wire.tag, ends)
-        if suppressed is not None:
-            joined.set("suppressUnitConversion", suppressed)
-        joined.extend([*wire, *other])
-        yield joined
-
-
-def _end(wire: Element, side: str, named: str) -> dict[str, str]:
-    """Return the attributes of an end of a wire, as those of a side."""
-    parts = ("Element", "Connector", "Indices")
-    return {f"{named}{p}": text for p in parts if (text := wire.get(f"{side}{p}")) is not None}
+        declared = inner.findall("ssd:Connectors/ssd:Connector", NAMESPACES)
+        own = [each for each in declared if each.get("name") == connector]
+        place = own[0] if own else Element(tag("ssd:Connector"), name=connector)
+        yield joined(wire, near, place, other, border)
 
 
 def _parameter_aliases(system: Element, known: Aliases) -> Aliases:

@@ -17,6 +17,7 @@ from orchestration.system.ssp.declarations import check_connectors, check_shape
 from orchestration.system.ssp.flattening import OWNER
 from orchestration.system.ssp.package import Package
 from orchestration.system.ssp.vocabulary import (
+    BOOLEANS,
     FMU,
     NAMESPACES,
     TYPES,
@@ -33,7 +34,6 @@ _OTHER_IMPLEMENTATIONS = {
     "ModelExchange": "model exchange",
     "ScheduledExecution": "scheduled execution",
 }
-_BOOLEANS = {"true": 1.0, "1": 1.0, "false": 0.0, "0": 0.0}
 
 
 def read_members(
@@ -212,9 +212,9 @@ def _read_scalar(member: Member, name: str, element: Element, text: str) -> Valu
     if element.tag == tag("ssv:Enumeration"):
         return _item(member, name, text)
     if signal.type == "boolean":
-        if text not in _BOOLEANS:
+        if text not in BOOLEANS:
             raise UserError(f"{where}: {text!r} is neither true nor false")
-        return _BOOLEANS[text]
+        return BOOLEANS[text]
     try:
         value = float(text)
         return float(units.convert(value, element.get("unit", signal.unit), signal.unit, where))

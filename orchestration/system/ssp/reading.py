@@ -10,6 +10,7 @@ from xml.etree.ElementTree import Element
 from fmus.kit import UserError
 from orchestration.fmu.archive import parse_xml
 from orchestration.system.model import System
+from orchestration.system.ssp import dictionaries
 from orchestration.system.ssp.connections import read_connections
 from orchestration.system.ssp.flattening import flatten
 from orchestration.system.ssp.members import read_members
@@ -47,8 +48,7 @@ def read(path: Path, folder: Path) -> System:
     ------
     UserError
         If it cannot be read, is not safe to unpack, declares connectors that the FMUs do not have,
-        or contains models other than FMUs, signal dictionaries or transformations that are not
-        linear.
+        or contains models other than FMUs.
     """
     with Package(path) as package, _path_in_errors(path):
         name = package.description
@@ -77,8 +77,10 @@ def _path_in_errors(path: Path) -> Iterator[None]:
 def _read_system(root: Element, top: Element, package: Package, folder: Path) -> System:
     """Read the system in the element `top`."""
     aliases = flatten(top)
+    dictionaries.dissolve(top, package)
     members = read_members(top, package, folder, aliases)
-    connections, connectors = read_connections([top, *_annotated_parts(top)], members)
+    parts = [top, *_annotated_parts(top)]
+    connections, connectors = read_connections(parts, members, _read_enumerations(root))
     experiment = root.find("ssd:DefaultExperiment", NAMESPACES)
     return System(
         attribute(top, "name"),
@@ -89,6 +91,17 @@ def _read_system(root: Element, top: Element, package: Package, folder: Path) ->
         top.get("description", ""),
         **({} if experiment is None else _read_experiment(experiment)),
     )
+
+
+def _read_enumerations(root: Element) -> dict[str, dict[str, float]]:
+    """Return the values of the items of each enumeration, by name."""
+    return {
+        attribute(node, "name"): {
+            attribute(item, "name"): number(item, "value", "")
+            for item in node.iterfind("ssc:Item", NAMESPACES)
+        }
+        for node in root.iterfind("ssd:Enumerations/ssc:Enumeration", NAMESPACES)
+    }
 
 
 def _annotated_parts(top: Element) -> list[Element]:

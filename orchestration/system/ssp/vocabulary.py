@@ -14,10 +14,11 @@ from fmus.kit import UserError
 from fmus.kit.build import SSC, SSV
 
 SSM = "http://ssp-standard.org/SSP1/SystemStructureParameterMapping"
+SSB = "http://ssp-standard.org/SSP1/SystemStructureSignalDictionary"
 SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
 OSP = "http://opensimulationplatform.com/SSP/OSPAnnotations"
 OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
-NAMESPACES = {"ssd": SSD, "ssc": SSC, "ssv": SSV, "ssm": SSM, "osp": OSP, "oms": OMS}
+NAMESPACES = {"ssd": SSD, "ssc": SSC, "ssv": SSV, "ssm": SSM, "ssb": SSB, "osp": OSP, "oms": OMS}
 
 ENDINGS = (".ssp", ".ssd")  # an archive, and a bare description
 DESCRIPTION = "SystemStructure.ssd"
@@ -42,6 +43,7 @@ _INTEGERS = dict.fromkeys(("Int8", "UInt8", "Int16", "UInt16", "Int32", "Integer
 _WIDE = dict.fromkeys(("UInt32", "Int64", "UInt64"), ("integer", "real"))
 _OTHERS = {"Boolean": ("boolean",), "String": ("string",), "Enumeration": ("integer",)}
 TYPES: dict[str, tuple[str, ...]] = {**_REALS, **_INTEGERS, **_WIDE, **_OTHERS}
+BOOLEANS = {"true": 1.0, "1": 1.0, "false": 0.0, "0": 0.0}
 
 
 _VERSION = re.compile(r"[12]\.\d+(\.\d+)?(-.+)?")
@@ -54,17 +56,27 @@ def tag(name: str) -> str:
     return f"{{{NAMESPACES[prefix]}}}{local}"
 
 
+_MAPPINGS = [f"ssc:{kind}MappingTransformation" for kind in ("Boolean", "Integer", "Enumeration")]
+_CHANGES = ["ssc:LinearTransformation", *_MAPPINGS]
+TRANSFORMATIONS = frozenset(map(tag, _CHANGES))
+_TYPE = " ".join(f"ssc:{name}" for name in (*TYPES, *_NOT_EXCHANGED, "Dimension"))
 # Elements that an element may contain; ignoring any other would change the system.
 _CONTENTS = {
     "ssd:SystemStructureDescription": "ssd:System ssd:DefaultExperiment",
-    "ssd:System": "ssd:Connectors ssd:Elements ssd:Connections ssd:ParameterBindings",
-    # of these, the reader accepts components and systems
+    "ssd:System": "ssd:Connectors ssd:Elements ssd:Connections ssd:ParameterBindings"
+    " ssd:SignalDictionaries",
+    "ssd:SignalDictionaries": "ssd:SignalDictionary",
+    "ssd:SignalDictionary": "ssb:SignalDictionary",
+    "ssb:SignalDictionary": "ssb:DictionaryEntry",
+    "ssb:DictionaryEntry": _TYPE,
     "ssd:Elements": "ssd:Component ssd:System ssd:SignalDictionaryReference",
+    "ssd:SignalDictionaryReference": "ssd:Connectors",
     "ssd:Component": "ssd:Connectors ssd:ParameterBindings",
     "ssd:Connectors": "ssd:Connector",
-    "ssd:Connector": " ".join(f"ssc:{name}" for name in (*TYPES, *_NOT_EXCHANGED, "Dimension")),
+    "ssd:Connector": _TYPE,
     "ssd:Connections": "ssd:Connection",
-    "ssd:Connection": "ssc:LinearTransformation",
+    "ssd:Connection": " ".join(_CHANGES),
+    **dict.fromkeys(_MAPPINGS, "ssc:MapEntry"),
     "ssd:ParameterBindings": "ssd:ParameterBinding",
     "ssd:ParameterBinding": "ssd:ParameterValues ssd:ParameterMapping",
     "ssd:ParameterValues": "ssv:ParameterSet",
@@ -79,7 +91,7 @@ _CONTENTS = {
 _IGNORED = (
     "ssd:Annotations ssc:Annotations ssv:Annotations ssd:ElementGeometry ssd:SystemGeometry"
     " ssd:ConnectorGeometry ssd:ConnectionGeometry ssd:GraphicalElements ssd:Units ssd:Enumerations"
-    " ssv:Units ssv:Enumerations ssc:MetaData ssc:Signature"
+    " ssv:Units ssv:Enumerations ssb:Units ssb:Enumerations ssb:Annotations ssc:MetaData ssc:Signature"
 )
 _ALLOWED = {
     tag(name): {tag(child) for child in children.split()} for name, children in _CONTENTS.items()

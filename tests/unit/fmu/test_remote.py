@@ -29,9 +29,7 @@ def member(tmp_path_factory):
 @pytest.fixture(scope="module")
 def once(tmp_path_factory):
     folder = tmp_path_factory.mktemp("once")
-    return build_member(
-        folder, canInterpolateInputs=True, canBeInstantiatedOnlyOncePerProcess=True
-    )
+    return build_member(folder, canInterpolateInputs=True, canBeInstantiatedOnlyOncePerProcess=True)
 
 
 def two_lags():
@@ -48,7 +46,9 @@ def two_lags():
 def test_two_instances_give_what_the_equations_say(once, tmp_path, copied, isolation):
     """Also of two copies of the file, and in a run that has a process of its own itself."""
     copy = shutil.copy(once, tmp_path / "another.fmu") if copied else once
-    system = ring({"good": once, "bad": copy}, {"good": {}, "bad": {}}, "good.x -> bad.u", u="good.u")
+    system = ring(
+        {"good": once, "bad": copy}, {"good": {}, "bad": {}}, "good.x -> bad.u", u="good.u"
+    )
     result = run(system, TIME, ones(), isolation=isolation)
     assert result.complete
     np.testing.assert_allclose(result.signals["bad.x"], two_lags(), rtol=1e-12)
@@ -84,7 +84,9 @@ def test_a_process_that_is_killed_is_told_in_one_line(once):
         if done == 20:
             processes.of_fmus()[0].kill()
 
-    with pytest.raises(Stopped, match=r"^bad: member\.fmu: its process was ended by SIGKILL$") as end:
+    with pytest.raises(
+        Stopped, match=r"^bad: member\.fmu: its process was ended by SIGKILL$"
+    ) as end:
         run(chain(once), TIME, ones(), progress=kill)
     assert end.value.run.time.size >= 20
     assert processes.of_fmus() == []

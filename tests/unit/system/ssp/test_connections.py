@@ -38,7 +38,7 @@ WIRE = (
         (
             "ssc:LinearTransformation",
             "ssc:IntegerMappingTransformation",
-            ["MappingTransformation, in Connection"],
+            ["drive.way -> second load.length", "does not fit real and real"],
         ),
         (WIRE, WIRE + WIRE, ["load.force has two sources, drive.force and drive.force"]),
         (

@@ -36,8 +36,8 @@ from tests.support.system.ssp_files import bound, refused, refused_one
         ('implementation="CoSimulation"', 'implementation="ModelExchange"', ["model exchange"]),
         (
             "</ssd:Elements>",
-            '<ssd:SignalDictionaryReference name="bus"/></ssd:Elements>',
-            ["bus is a SignalDictionaryReference"],
+            '<ssd:SignalDictionaryReference name="bus" dictionary="b"/></ssd:Elements>',
+            ["bus: there is no signal dictionary named 'b'"],
         ),
     ],
 )

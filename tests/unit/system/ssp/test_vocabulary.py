@@ -14,7 +14,11 @@ from tests.support.system.ssp_files import bound, contents, refused
     [
         ("<ssd:Elements>", "<ssd:Foo/>", "Foo, in System sample,"),
         ("<ssd:Elements>", "<Foo/>", "Foo, in System sample,"),
-        ("<ssd:Connections>", "<ssd:SignalDictionaries/>", "SignalDictionaries, in System sample,"),
+        (
+            "<ssd:Connections>",
+            "<ssd:SignalDictionaries><ssd:Bus/></ssd:SignalDictionaries>",
+            "Bus, in SignalDictionaries,",
+        ),
         ("<ssd:DefaultExperiment", "<ssd:Foo/>", "Foo, in SystemStructureDescription sample,"),
         ("<ssd:Connection ", '<ssd:Connection2 name="x"/>', "Connection2 x, in Connections,"),
         ("<ssd:Component ", '<ssd:Foo name="x"/>', "Foo x, in Elements,"),
