@@ -13,11 +13,13 @@ from orchestration.api.declaration import Form
 _ADVICE = "name at least one, or leave the option out"
 
 
-def comma_list(text: str, flag: str, advice: str = _ADVICE) -> list[str]:
+def comma_list(given: str | Sequence[str], flag: str, advice: str = _ADVICE) -> list[str]:
     """Return names that are separated by commas; UserError if one is empty or repeated.
 
-    The error for a text without a name ends with `advice`.
+    Several texts, of an option that is given several times, are one list. The error for a text
+    without a name ends with `advice`.
     """
+    text = given if isinstance(given, str) else ",".join(given)
     if not text.strip():
         raise UserError(f"{flag} {text!r}: {advice}")
     # a comma in brackets is part of a name, such as thermal_node(loss, room) and A[1,2]
@@ -44,14 +46,14 @@ def names_among(known: Sequence[str]) -> Form:
     """Return the form of names separated by commas, each from a list of known names."""
     allowed = f"there are {', '.join(known)}"
 
-    def read(text: str, flag: str) -> list[str]:
-        names = comma_list(text, flag, allowed)
+    def read(texts: Sequence[str], flag: str) -> list[str]:
+        names = comma_list(texts, flag, allowed)
         for name in names:
             if name not in known:
                 raise UserError(f"{flag} {name}: {allowed}")
         return names
 
-    return Form(read, _join, str | None)
+    return Form(read, _join, list[str] | None)
 
 
 def numbers(least: int) -> Form:
@@ -149,8 +151,8 @@ def _one_or_all(values: list[int]) -> int | list[int]:
     return values[0] if len(values) == 1 else values
 
 
-def _read_effects(text: str, flag: str) -> list[str]:
-    names = comma_list(text, flag, "name effects, see ppy info, or none")
+def _read_effects(given: str | Sequence[str], flag: str) -> list[str]:
+    names = comma_list(given, flag, "name effects, see ppy info, or none")
     return [] if names == ["none"] else names
 
 
@@ -184,11 +186,11 @@ def _pairs(values: Mapping[str, object]) -> list[str]:
     return [f"{name}={value}" for name, value in values.items()]
 
 
-NAMES = Form(comma_list, _join, str | None, given=given_names)
+NAMES = Form(comma_list, _join, list[str] | None, given=given_names)
 EFFECTS = Form(
     _read_effects,
     lambda names: [",".join(names) or "none"],
-    str | None,
+    list[str] | None,
     given=lambda value, name: _read_effects(value, name) if isinstance(value, str) else list(value),
 )
 MAPPING = Form(_read_mapping, _pairs, list[str] | None)

@@ -70,7 +70,7 @@ def _parameter(option: Option) -> Parameter:
     kind = option.type if option.form.typed is None else option.form.typed
     more: dict[str, Any] = {
         "help": option.help,
-        "metavar": option.metavar,
+        "metavar": option.metavar or ("NAMES" if kind == list[str] | None else None),
         "parser": _parser(option),
         "min": option.least,
         "max": option.most,
@@ -93,7 +93,8 @@ def _typed_default(option: Option) -> Any:
         return False
     if option.default in (None, ()):
         return None
-    return option.form.write(option.default)[0]
+    words = option.form.write(option.default)
+    return words if option.form.typed == list[str] | None else words[0]
 
 
 def _parser(option: Option) -> Callable[[str], Any] | None:

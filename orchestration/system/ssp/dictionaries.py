@@ -117,7 +117,7 @@ def _far_end(wire: Element, side: str) -> tuple[str | None, str]:
 
 def _receivers(top: Element) -> set[tuple[str | None, str]]:
     """Return the connectors that are declared to receive values; None for the system."""
-    owners = [(None, top, "output")]
+    owners: list[tuple[str | None, Element, str]] = [(None, top, "output")]
     owners += [(each.get("name"), each, "input") for each in find_all([top], "ssd:Elements/*")]
     return {
         (owner, connector.get("name", ""))

@@ -17,7 +17,7 @@ from fmus.kit.errors import UserError
 from orchestration.fmu.isolation import Limits
 from orchestration.master import Stopped, run
 from tests.support import processes
-from tests.support.master.failing import ERROR, H, TIME, chain, ones
+from tests.support.master.failing import ERROR, TIME, H, chain, ones
 from tests.support.master.samples import build_member, ring
 
 

@@ -10,7 +10,7 @@ from orchestration.master import Stopped, run
 from tests.support.master.circle import CIRCLE, TIME
 from tests.support.master.failing import ERROR, WARNING, chain, ones
 from tests.support.master.failing import TIME as FAILING_TIME
-from tests.support.master.samples import build_member, ring
+from tests.support.master.samples import ring
 
 
 def test_disturbances_that_cannot_be_added_are_refused(member):

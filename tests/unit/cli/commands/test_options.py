@@ -9,7 +9,7 @@ import pytest
 
 from fmus.kit import UserError
 from orchestration.api.declaration import options_of
-from orchestration.api.forms import BAND
+from orchestration.api.forms import BAND, MAPPING, RATIOS, RECORDS, SEGMENT, SETTINGS, TEXTS
 from orchestration.cli.commands import options
 from orchestration.cli.commands.options import VERDICTS, ServeCommand
 from orchestration.diagnosis.engine import Verdict
@@ -30,11 +30,13 @@ def test_the_verdicts_that_can_be_required_are_those_that_there_are():
 
 
 DECLARED = [cls for name, cls in vars(options).items() if name.endswith("Command")]
+_TYPED = (str | None, list[str] | None)
+_OTHERS = (BAND, MAPPING, RATIOS, RECORDS, SEGMENT, SETTINGS, TEXTS)
 LISTS = {
     f"{cls.__name__} {option.flags[0]}": option
     for cls in DECLARED
     for option in options_of(cls).values()
-    if option.on_command_line and option.form.typed == str | None and option.form is not BAND
+    if option.on_command_line and option.form.typed in _TYPED and option.form not in _OTHERS
 }
 
 
@@ -43,7 +45,15 @@ LISTS = {
 def test_a_list_without_a_name_in_it_is_refused_with_what_is_allowed(name, text):
     option = LISTS[name]
     with pytest.raises(UserError, match=f"^{option.flags[0]} {text!r}: (name|write|there are) "):
-        option.read(text)
+        option.read(text if option.form.typed == str | None else [text])
+
+
+def test_a_list_that_is_given_twice_is_one():
+    """The names of both, and one of them twice is refused."""
+    option = LISTS["SimulateCommand --outputs"]
+    assert option.read(["a,b", "c"]) == ["a", "b", "c"]
+    with pytest.raises(UserError, match="^--outputs 'a,a': a is named twice"):
+        option.read(["a", "a"])
 
 
 def test_every_option_that_takes_names_is_such_a_list():
