@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -663,11 +664,12 @@ def _denoised(subject: Subject) -> Iterator[Note]:
     """Yield notes on columns that are read without their noise."""
     outputs = {output.name for output in subject.problem.model.outputs}
     records = [*subject.problem.records, *(one.record for one in subject.left_out)]
-    for name in dict.fromkeys(name for record in records for name in record.denoised):
+    counts = Counter(name for record in records for name in record.denoised)
+    for name, count in counts.items():
         if name == TIME:
             text = "has noise, which adds to every slope: its steps are taken to be even"
         elif name in outputs:
-            text = "has single values far from those beside them, which are left out"
+            text = f"has single values far from those beside them, which are left out: {count}"
         else:
             text = "has noise, which passes through the model: it is smoothed between its jumps"
         yield "denoised", name, f"{name} {text}"

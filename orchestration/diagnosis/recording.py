@@ -94,7 +94,8 @@ def without_outliers(model: LawModel, record: Record, errors: Array) -> Record:
         if far.mean() < _FEW:
             column[known[far]] = np.nan
     lost = np.isfinite(record.outputs) & ~np.isfinite(outputs)
-    names = [output.name for j, output in enumerate(model.outputs) if lost[:, j].any()]
+    # a name for each of its values
+    names = [model.outputs[j].name for j in np.nonzero(lost)[1]]
     if not names:
         return record
     return replace(record, outputs=outputs, denoised=(*record.denoised, *names))

@@ -49,7 +49,8 @@ class Record:
     group : int
         Number of the group of records with the same local values; see `LocalValues`.
     denoised : tuple of str
-        Inputs, and ``time``, that are read without their noise.
+        Inputs, and ``time``, that are read without their noise; an output for each of its values
+        that is left out.
     folds : ndarray, shape (ny,), or None
         Levels about which outputs are recorded without a sign; NaN of one that has it.
     pace : float

@@ -185,7 +185,7 @@ def _stated_matches(
     matches: dict[str, Match] = {}
     computed: list[Column] = []
     for entry in mapping.items():
-        name, target = _split_at_names(table, signals, *entry)
+        name, target = split_at_names(table, signals, *entry)
         signal, unit = (target, None) if target in signals else split_header_cell(target)
         argument = option("mapping", {name: target})
         if signal not in signals and name in (*signals, TIME) and is_formula(signal):
@@ -204,7 +204,7 @@ def _stated_matches(
     return matches, computed
 
 
-def _split_at_names(
+def split_at_names(
     table: Table, signals: Mapping[str, str], name: str, target: str
 ) -> tuple[str, str]:
     """Return the column and the target of an entry; names of either may hold equals signs."""

@@ -11,7 +11,7 @@ from fmus.kit import units
 from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError, suggestion
 from orchestration.records.elements import split_arrays
-from orchestration.records.mapping import Match, match_columns
+from orchestration.records.mapping import Match, match_columns, split_at_names
 from orchestration.records.record import Record, refuse
 from orchestration.records.runs import divide_at_restarts, divide_by_label, run_labels
 from orchestration.records.sampling import (
@@ -193,7 +193,8 @@ def _named_in(
 ) -> dict[str, str]:
     """Return those signals that a column has the name of, or that a column is mapped to."""
     named = {name for column in table.columns for name in (column.name, column.title)}
-    named |= {*mapping.values(), *(split_header_cell(target)[0] for target in mapping.values())}
+    targets = [split_at_names(table, signals, *entry)[1] for entry in mapping.items()]
+    named |= {*targets, *(split_header_cell(target)[0] for target in targets)}
     return {name: signals[name] for name in named if name in signals}
 
 

@@ -1,6 +1,7 @@
 """Parquet, MATLAB and NetCDF files."""
 
 import io
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -53,26 +54,38 @@ def _arrow_table(path: Path, content: bytes, kind: str, read: Callable[[io.Bytes
 def read_netcdf(path: Path, content: bytes) -> Table:
     """Read a NetCDF 3 file, such as a result of ``ppy run``; a `Reader`.
 
-    One column per vector over the first dimension, and per text, whose characters are along a
-    second; units come from the attribute ``units``. A damaged file and one without vectors are
-    refused.
+    One column per vector over the dimension that most have, and per text, whose characters are
+    along a second; units come from the attribute ``units``. Vectors over another dimension are
+    named in a repair. A damaged file and one without vectors are refused.
     """
     from scipy.io import netcdf_file
 
     columns = []
+    others: list[str] = []
     with (
         damaged(path, "NetCDF"),
         netcdf_file(io.BytesIO(content), mmap=False, maskandscale=True) as file,
     ):
-        first = next(iter(file.dimensions), None)
-        for name, variable in file.variables.items():
-            is_text = variable.typecode() == "c"
-            if is_text and variable.dimensions[:1] == (first,) and len(variable.dimensions) <= 2:
+        vectors = {
+            name: variable
+            for name, variable in file.variables.items()
+            if len(variable.dimensions) == 1
+            or (variable.typecode() == "c" and len(variable.dimensions) == 2)
+        }
+        counts = Counter(variable.dimensions[0] for variable in vectors.values())
+        rows = max(file.dimensions, key=counts.__getitem__, default=None)
+        for name, variable in vectors.items():
+            if variable.dimensions[0] != rows:
+                others.append(name)
+            elif variable.typecode() == "c":
                 columns.append(Column.read(name, _texts(variable.data), ""))
-            elif not is_text and variable.dimensions == (first,):
+            else:
                 unit = plain_unit(getattr(variable, "units", b"").decode())
                 columns.append(Column(name, unit, as_numbers(np.ma.array(variable[:]))))
-    return Table.of(path, columns, "the NetCDF file holds no vectors")
+    table = Table.of(path, columns, "the NetCDF file holds no vectors")
+    if others:
+        table.note("ignored columns", f"not along dimension '{rows}': {', '.join(others)}")
+    return table
 
 
 def _texts(characters: np.ndarray) -> list[str]:

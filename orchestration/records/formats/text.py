@@ -369,6 +369,9 @@ def _wrong_width(path: Path, row: int, count: int, width: int, delimiter: str) -
     hint = ""
     if delimiter == "," and count > width:
         hint = " (a decimal comma needs ';' between the columns)"
+    elif count == 1:
+        stated = f"{option('columns', 'current=A')} {option('rate', '1Hz')}"
+        hint = f" (rows of one column need its name and their rate: {stated})"
     return refuse(path, f"row {row}: {count} cells where the header has {width}{hint}")
 
 

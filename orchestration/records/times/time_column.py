@@ -177,6 +177,12 @@ def _describe_missing_time(table: Table, columns: Sequence[Column]) -> str:
     """Return the message that there is no time column, with a column that might be the time."""
     first = table.columns[0]
     rising = next((column for column in columns if _count_falls(table, column) == 0.0), None)
+    if len(table.columns) == 1:
+        return (
+            f"the one column is '{first.name}' [{first.unit or 'no unit'}], and there is no time;"
+            " give the rate of the rows, and the name of the column if it is another:"
+            f" {option('rate', '100Hz')} {option('mapping', {table.map_name(first): 'current[A]'})}"
+        )
     advice = (
         f"to state it: {option('mapping', {table.map_name(rising): 'time[s]'})}"
         if rising

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Container, Iterator, Sequence
 from itertools import combinations, product
 from xml.etree.ElementTree import Element
 
@@ -58,24 +59,12 @@ def dissolve(top: Element, package: Package) -> None:
     UserError
         If a dictionary or an entry does not exist.
     """
-    elements = top.find("ssd:Elements", NAMESPACES)
-    connections = top.find("ssd:Connections", NAMESPACES)
-    references = find_all([top], "ssd:Elements/ssd:SignalDictionaryReference")
-    if elements is None or connections is None:
-        return
-    dictionaries: dict[str, Element] = {}  # by the name of the reference
-    for reference in references:
-        name = attribute(reference, "name")
-        dictionary = reference.find("ssd:SignalDictionary", NAMESPACES)
-        if dictionary is None:
-            wanted = attribute(reference, "dictionary")
-            raise UserError(f"{name}: there is no signal dictionary named {wanted!r}")
-        dictionaries[name] = dictionary
-        elements.remove(reference)
+    dictionaries = _take_references(top)
     entries = {
         id(dictionary): _entries(dictionary, package) for dictionary in dictionaries.values()
     }
     receivers = _receivers(top)
+    (connections,) = find_all([top], "ssd:Connections")
     while True:
         ends = [
             (wire, side, wire.get(f"{side}Element", ""))
@@ -86,27 +75,49 @@ def dissolve(top: Element, package: Package) -> None:
         if not ends:
             return
         wire, side, name = ends[0]
-        dictionary = dictionaries[name]
         signal = attribute(wire, f"{side}Connector")
-        entry = find(signal, entries[id(dictionary)], f"{name}: no entry of its dictionary")
+        known = entries[id(dictionaries[name])]
+        entry = find(signal, known, f"{name}: no entry of its dictionary")
         meeting = [
             (other, at)
             for other, at, owner in ends
-            if dictionaries[owner] is dictionary and other.get(f"{at}Connector") == signal
+            if dictionaries[owner] is dictionaries[name] and other.get(f"{at}Connector") == signal
         ]
         counts = Counter(other for other, _ in meeting)
         for other in counts:
             connections.remove(other)
-        through = [pair for pair in meeting if counts[pair[0]] == 1]  # without loops
-        targets = [(other, at) for other, at in through if _far_end(other, at) in receivers]
-        others = [pair for pair in through if pair not in targets]
-        for (first, near), (second, far) in (
-            *combinations(others, 2),
-            *product(others, targets),
-        ):
-            made = joined(first, near, entry, second, far)
+        # one of which both ends meet here connects nothing
+        through = [pair for pair in meeting if counts[pair[0]] == 1]
+        for made in _joined_at(entry, through, receivers):
             made.set(ENTRY, f"{name}.{signal}")
             connections.append(made)
+
+
+def _take_references(top: Element) -> dict[str, Element]:
+    """Remove the references of a system; return their dictionaries by the name of a reference."""
+    dictionaries: dict[str, Element] = {}
+    for elements in find_all([top], "ssd:Elements"):
+        for reference in find_all([elements], "ssd:SignalDictionaryReference"):
+            name = attribute(reference, "name")
+            dictionary = reference.find("ssd:SignalDictionary", NAMESPACES)
+            if dictionary is None:
+                wanted = attribute(reference, "dictionary")
+                raise UserError(f"{name}: there is no signal dictionary named {wanted!r}")
+            dictionaries[name] = dictionary
+            elements.remove(reference)
+    return dictionaries
+
+
+def _joined_at(
+    entry: Element,
+    meeting: Sequence[tuple[Element, str]],
+    receivers: Container[tuple[str | None, str]],
+) -> Iterator[Element]:
+    """Yield the connections through an entry, but for those between two receivers."""
+    targets = [pair for pair in meeting if _far_end(*pair) in receivers]
+    others = [pair for pair in meeting if _far_end(*pair) not in receivers]
+    for (first, near), (second, far) in (*combinations(others, 2), *product(others, targets)):
+        yield joined(first, near, entry, second, far)
 
 
 def _far_end(wire: Element, side: str) -> tuple[str | None, str]:

@@ -56,7 +56,8 @@ def tag(name: str) -> str:
     return f"{{{NAMESPACES[prefix]}}}{local}"
 
 
-_MAPPINGS = [f"ssc:{kind}MappingTransformation" for kind in ("Boolean", "Integer", "Enumeration")]
+_KINDS = ("Boolean", "Integer", "Enumeration")
+_MAPPINGS = [f"ssc:{kind}MappingTransformation" for kind in _KINDS]
 _CHANGES = ["ssc:LinearTransformation", *_MAPPINGS]
 TRANSFORMATIONS = frozenset(map(tag, _CHANGES))
 _TYPE = " ".join(f"ssc:{name}" for name in (*TYPES, *_NOT_EXCHANGED, "Dimension"))
@@ -91,7 +92,8 @@ _CONTENTS = {
 _IGNORED = (
     "ssd:Annotations ssc:Annotations ssv:Annotations ssd:ElementGeometry ssd:SystemGeometry"
     " ssd:ConnectorGeometry ssd:ConnectionGeometry ssd:GraphicalElements ssd:Units ssd:Enumerations"
-    " ssv:Units ssv:Enumerations ssb:Units ssb:Enumerations ssb:Annotations ssc:MetaData ssc:Signature"
+    " ssv:Units ssv:Enumerations ssb:Units ssb:Enumerations ssb:Annotations ssc:MetaData"
+    " ssc:Signature"
 )
 _ALLOWED = {
     tag(name): {tag(child) for child in children.split()} for name, children in _CONTENTS.items()

@@ -275,6 +275,16 @@ def test_a_clock_whose_noise_is_left_out_is_noted():
     assert not diagnose([record], MODEL).notes
 
 
+def test_single_values_that_are_left_out_are_counted():
+    subject = diagnosis_with(oscillator_record(1, dry=1.5), (DRY,)).found.subject
+    problem = subject.problem
+    spoilt = [replace(record, denoised=("position",) * 3) for record in problem.records]
+    read = replace(subject, problem=replace(problem, records=tuple(spoilt)), left_out=())
+    ((_, column, text),) = engine._denoised(read)
+    assert column == "position"
+    assert text.endswith("far from those beside them, which are left out: 3")
+
+
 def test_an_experiment_is_as_long_as_the_longest_record_within_its_range():
     long, short = oscillator_record(1, dry=1.5), oscillator_record(2, samples=300)
     dry = diagnosis_with(long, (DRY,))

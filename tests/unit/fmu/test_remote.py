@@ -1,5 +1,6 @@
-"""Claims: of an FMU that a process can instantiate only once, a system runs as many as it has, with the
-results of any other FMU to the last bit; a process that ends is told in one line, and none is left.
+"""Claims: of an FMU that a process can instantiate only once, a system runs as many as it has, with
+the results of any other FMU to the last bit; a process that ends is told in one line, and none is
+left.
 
 The FMU refuses a second instance in its process. Oracle: the exact answer of two lags in a row.
 """

@@ -36,6 +36,14 @@ def test_values_at_the_edge_of_the_doubles_do_no_harm(tmp_path):
     assert record.signals["u"][:2].tolist() == [1.7e308, -1.7e308]
 
 
+def test_a_column_is_mapped_to_another_variable_with_an_equals_sign_in_its_name(tmp_path):
+    path = tmp_path / "r.csv"
+    path.write_text("time [s],u,c\n0,1,2\n1,2,4\n2,3,6\n")
+    mapping = parse_mapping(["c=a=b"])
+    record = read_record(path, {"u": "1"}, mapping=mapping, others={"a=b": "1"})
+    assert record.signals["a=b"].tolist() == [2.0, 4.0, 6.0]
+
+
 def test_columns_are_read_under_their_own_names_in_their_own_units(tmp_path):
     path = tmp_path / "r.csv"
     path.write_text("t [ms],i [mA],v [V],w\n0,1,2,3\n100,2,3,4\n200,1,2,3\n", encoding="utf-8")

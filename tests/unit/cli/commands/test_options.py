@@ -52,7 +52,7 @@ def test_a_list_that_is_given_twice_is_one():
     """The names of both, and one of them twice is refused."""
     option = LISTS["SimulateCommand --outputs"]
     assert option.read(["a,b", "c"]) == ["a", "b", "c"]
-    with pytest.raises(UserError, match="^--outputs 'a,a': a is named twice"):
+    with pytest.raises(UserError, match=r"^--outputs 'a,a': a is named twice"):
         option.read(["a", "a"])
 
 

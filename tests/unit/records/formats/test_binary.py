@@ -158,6 +158,29 @@ def test_netcdf_with_missing_values_and_times_since(tmp_path):
     assert np.flatnonzero(np.isnan(record.signals["current"])).tolist() == [1]
 
 
+def test_netcdf_rows_are_along_the_dimension_that_most_vectors_have(tmp_path):
+    """Though it is not the first in the file; what is along another is told."""
+    from scipy.io import netcdf_file
+
+    with netcdf_file(tmp_path / "r.nc", "w") as file:
+        file.createDimension("length", 3)
+        file.createDimension("channel", 2)
+        file.createDimension("time", 4)
+        file.createVariable("names", "c", ("channel", "length"))[:] = (
+            np.array([b"one", b"two"]).view("S1").reshape(2, 3)
+        )
+        for name, values in (("time", TIME), ("current", CURRENT)):
+            file.createVariable(name, "d", ("time",))[:] = values
+        file.createVariable("mode", "c", ("time", "length"))[:] = (
+            np.array([b"off", b"off", b"on", b"off"], dtype="S3").view("S1").reshape(4, 3)
+        )
+    signals, words = {"current": "A", "mode": "1"}, {"mode": {"off": 0.0, "on": 1.0}}
+    record = read_record(tmp_path / "r.nc", signals, words=words)
+    assert record.time.tolist() == TIME.tolist()
+    assert record.signals["mode"].tolist() == [0.0, 0.0, 1.0, 0.0]
+    assert "not along dimension 'time': names" in [r.message for r in record.repairs]
+
+
 def test_texts_in_netcdf_are_columns_of_texts(tmp_path):
     from scipy.io import netcdf_file
 

@@ -46,6 +46,8 @@ from tests.support.record_forms import PLAIN, refusal, write
         ("time [s],current [blorg]\n0,1\n1,2\n", "unknown unit 'blorg'"),
         ("sample [1],current [A]\n0,1\n1,2\n", "mapping={'sample': 'time[s]'}"),
         ("current [A],displacement [m]\n0,1\n1,2\n", "no time column"),
+        ("a [A]\n0\n1\n2\n", "rate='100Hz' mapping={'a': 'current[A]'}"),
+        ("time,current\n0\n1\n2\n", "rows of one column need its name and their rate: columns="),
         ("time [s],time [s],current [A]\n0,0,1\n1,1,2\n", "2 columns are called time"),
         ("time [s],current [A],current [A]\n0,0,1\n1,1,2\n", "2 columns are called 'current'"),
         ("time [s],curent [A]\n0,1\n1,2\n", "none of the columns time, curent"),
