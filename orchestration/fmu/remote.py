@@ -12,6 +12,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from math import inf
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,7 @@ class RemoteFmu(Fmu):
 
     def enter_initialization(self, time: float = 0.0, stop: float | None = None) -> None:
         """Set the parameters and enter initialization mode, in which values can be exchanged."""
-        self.warnings += self._ask(_enter_initialization, time, stop)
+        self._ask(_do, "enter_initialization", time, stop)
 
     def bound(self, function: str, *arguments: Any) -> partial[int]:
         """Return an FMI function with its arguments bound, which only Python can call.
@@ -87,7 +88,7 @@ class RemoteFmu(Fmu):
         try:
             super().close()
             if self._process is not None and not self.corrupted:
-                self._ask(_close)
+                self._ask(_do, "close")
         finally:
             process, self._process = self._process, None
             if process is not None:
@@ -103,7 +104,7 @@ class _RemoteLog(MessageLog):
     def last(self, otherwise: str) -> str:
         """Return the last messages in one line, or `otherwise` without messages."""
         with suppress(UserError):  # the process has ended
-            return str(self._ask(_last_message, otherwise))
+            return str(self._ask(_do, "_log.last", otherwise))
         return otherwise
 
 
@@ -114,10 +115,8 @@ def _open(path: Path, parameters: Any, name: str, folder: str) -> None:
     _instances.append(Fmu(path, parameters, name, folder).__enter__())
 
 
-def _enter_initialization(time: float, stop: float | None) -> int:
-    """Enter initialization mode, and return the number of warnings."""
-    _instances[0].enter_initialization(time, stop)
-    return _instances[0].warnings
+def _do(method: str, *arguments: Any) -> Any:
+    return attrgetter(method)(_instances[0])(*arguments)
 
 
 def _call(function: str, arguments: list[Any]) -> tuple[int, list[bytes]]:
@@ -131,11 +130,3 @@ def _call(function: str, arguments: list[Any]) -> tuple[int, list[bytes]]:
     by_reference = [ctypes.byref(p) if isinstance(p, ctypes.Array) else p for p in passed]
     status = _instances[0].bound(function, *by_reference)()
     return status, [p.raw if isinstance(p, ctypes.Array) else b"" for p in passed]
-
-
-def _last_message(otherwise: str) -> str:
-    return _instances[0]._log.last(otherwise)
-
-
-def _close() -> None:
-    _instances.pop().close()

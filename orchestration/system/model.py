@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fmus.kit.errors import UserError, find
 from orchestration.fmu import Value
@@ -74,6 +74,9 @@ class Member:
         return cls(name, build_cached(component, runtime), parameters or {}, component)
 
 
+UNCHANGED = (1.0, 0.0, ())  # factor, offset and table
+
+
 @dataclass(frozen=True)
 class Connection:
     """Connection from an output to an input, which receives ``factor * source + offset``.
@@ -98,9 +101,14 @@ class Connection:
     table: tuple[tuple[float, float], ...] = ()
 
     @property
+    def change(self) -> tuple[Any, ...]:
+        """Factor, offset and table, `UNCHANGED` if the input receives the value as it is."""
+        return self.factor, self.offset, self.table
+
+    @property
     def passes_on(self) -> bool:
         """True if the input receives the value unchanged."""
-        return (self.factor, self.offset, self.table) == (1.0, 0.0, ())
+        return self.change == UNCHANGED
 
     @property
     def transformation(self) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from fmus.kit import UserError
 from orchestration.fmu import Archive, read_description
 from orchestration.fmu.wrapping import DeclaredVariable
-from orchestration.system.model import Connection, Member
+from orchestration.system.model import UNCHANGED, Connection, Member
 
 
 class End(NamedTuple):
@@ -40,23 +40,21 @@ class Wire(NamedTuple):
     Attributes
     ----------
     source, target : End
-    factor, offset, table
+    change : tuple
         As in `Connection`.
     is_boolean : bool
-        Whether the table is one of booleans.
+        Whether the values are booleans.
     """
 
     source: End
     target: End
-    factor: float = 1.0
-    offset: float = 0.0
-    table: tuple[tuple[float, float], ...] = ()
+    change: tuple[Any, ...] = UNCHANGED
     is_boolean: bool = False
 
     @property
     def passes_on(self) -> bool:
         """True if the target receives the value unchanged."""
-        return (self.factor, self.offset, self.table) == (1.0, 0.0, ())
+        return self.change == UNCHANGED
 
 
 class _Variables(NamedTuple):
@@ -191,12 +189,8 @@ def wires(connections: Sequence[Connection], members: Mapping[str, Member]) -> l
         Wire(
             end_of(members[connection.source.member], connection.source.variable),
             end_of(members[connection.target.member], connection.target.variable),
-            connection.factor,
-            connection.offset,
-            connection.table,
-            bool(connection.table)
-            and type_name(members[connection.source.member], connection.source.variable)
-            == "Boolean",
+            connection.change,
+            type_name(members[connection.source.member], connection.source.variable) == "Boolean",
         )
         for connection in connections
     ]
@@ -226,7 +220,8 @@ def _array_wires(wires: Sequence[Wire], members: Mapping[str, Member]) -> set[Wi
 
 def _whole(wire: Wire) -> Wire:
     """Return the wire of the whole variables of a wire of elements."""
-    return Wire(wire.source._replace(indices=()), wire.target._replace(indices=()))
+    ends = (wire.source._replace(indices=()), wire.target._replace(indices=()))
+    return Wire(*ends, is_boolean=wire.is_boolean)
 
 
 def _shape(end: End, members: Mapping[str, Member]) -> tuple[int, ...]:

@@ -20,8 +20,8 @@ from orchestration.system.ssp.arrays import (
     variable_of,
 )
 from orchestration.system.ssp.declarations import check_type_and_unit
-from orchestration.system.ssp.dictionaries import ENTRY
-from orchestration.system.ssp.transformations import Place, compose, transformations
+from orchestration.system.ssp.junctions import Junctions, connect
+from orchestration.system.ssp.transformations import SIDES, compose, transformations
 from orchestration.system.ssp.vocabulary import (
     NAMESPACES,
     attribute,
@@ -29,7 +29,6 @@ from orchestration.system.ssp.vocabulary import (
     find_all,
 )
 
-_SIDES = ("start", "end")
 # attribute of one end of a connection -> the same attribute of the other end
 _OTHER_SIDE = {
     "startElement": "endElement",
@@ -99,7 +98,7 @@ class SystemConnectors:
 def read_connections(
     parts: Sequence[Element],
     members: Mapping[str, Member],
-    enumerations: Mapping[str, Mapping[str, float]],
+    junctions: Junctions,
 ) -> tuple[list[Connection], SystemConnectors]:
     """Read the connections of a system, and its connectors.
 
@@ -108,8 +107,8 @@ def read_connections(
     parts : sequence of Element
         The ``System``, and the elements of annotations with further connectors and connections.
     members : Mapping of str to Member
-    enumerations : Mapping of str to Mapping
-        Enumerations of the description by name: values of their items by name.
+    junctions : Mapping of str to Mapping of str to Element
+        Connectors at which connections meet, see `junctions`.
 
     Returns
     -------
@@ -126,10 +125,12 @@ def read_connections(
     """
     declared = find_all(parts, "ssd:Connectors/ssd:Connector")
     connectors = _read_system_connectors(declared)
-    reader = _ConnectionReader(members, connectors, enumerations)
+    reader = _ConnectionReader(members, connectors)
     connections = [
         connection
-        for wire in find_all(parts, "ssd:Connections/ssd:Connection")
+        for wire in connect(
+            find_all(parts, "ssd:Connections/ssd:Connection"), junctions, reader.receives
+        )
         for connection in reader.read(wire)
     ]
     connectors.connected_outputs()  # refuses outputs without a connection
@@ -193,31 +194,17 @@ def _check_system_connector(
 class _ConnectionReader:
     """Reader of connections between members and connectors of the system."""
 
-    def __init__(
-        self,
-        members: Mapping[str, Member],
-        connectors: SystemConnectors,
-        enumerations: Mapping[str, Mapping[str, float]],
-    ):
+    def __init__(self, members: Mapping[str, Member], connectors: SystemConnectors):
         self._members = members
         self._connectors = connectors
-        self._enumerations = enumerations
 
     def read(self, element: Element) -> list[Connection]:
         """Return the connections of members in an element, one for each element of arrays.
 
         A connection to a connector of the system is added there and not returned.
         """
-        gives = [not self._receives(element, side) for side in _SIDES]
-        if element.get(ENTRY) and gives == [False, False]:
-            return []  # two that receive from the entry of a dictionary
-        if element.get(ENTRY) and gives == [True, True]:
-            raise UserError(
-                f"{element.get(ENTRY)}, an entry of a signal dictionary, has two sources:"
-                f" {_show_wire(element).replace(' -> ', ' and ')}"
-            )
         wire = self._with_source_first(element)
-        start, end = (self._read_end(wire, side) for side in _SIDES)
+        start, end = (self._read_end(wire, side) for side in SIDES)
         where = f"connection {_show_wire(wire)}"
         if start.shape != end.shape:
             raise UserError(f"{where}: from {show_shape(start.shape)} to {show_shape(end.shape)}")
@@ -241,15 +228,8 @@ class _ConnectionReader:
         input_ = interface(self._members[target.member]).inputs.get(target.variable)
         if output is None or input_ is None:  # refused when the system is checked
             return Connection(source, target)
-        start, end = (
-            Place(
-                signal.type,
-                signal.unit,
-                enumeration_items(self._members[port.member], port.variable),
-            )
-            for signal, port in ((output, source), (input_, target))
-        )
-        return Connection(source, target, **compose(wire, start, end, self._enumerations))
+        items = [enumeration_items(self._members[p.member], p.variable) for p in (source, target)]
+        return Connection(source, target, **compose(wire, output, input_, items))
 
     def _read_end(self, wire: Element, side: str) -> DeclaredVariable:
         """Return the variable at an end of a connection; one element of an array is a scalar.
@@ -284,7 +264,7 @@ class _ConnectionReader:
 
         In SSP start and end do not give the direction, but the causality of the connectors does.
         """
-        start, end = (self._receives(wire, side) for side in _SIDES)
+        start, end = (self.receives(wire, side) for side in SIDES)
         if end or not start:
             return wire
         swapped = {_OTHER_SIDE.get(name, name): text for name, text in wire.attrib.items()}
@@ -292,7 +272,7 @@ class _ConnectionReader:
         reversed_wire.extend(reversed(wire))  # its parts, if it has some
         return reversed_wire
 
-    def _receives(self, wire: Element, side: str) -> bool:
+    def receives(self, wire: Element, side: str) -> bool:
         """Return whether an end is a target: an input of a member or an output of the system."""
         owner = wire.get(f"{side}Element")
         name = wire.get(f"{side}Connector", "")
@@ -310,7 +290,7 @@ class _ConnectionReader:
 def _show_wire(wire: Element) -> str:
     """Return the ends of a connection as in the file, for a message."""
     ends = []
-    for side in _SIDES:
+    for side in SIDES:
         names = [wire.get(f"{side}Element"), wire.get(f"{side}Connector")]
         ends.append(".".join(name for name in names if name is not None))
     return " -> ".join(ends)

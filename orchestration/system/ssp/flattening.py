@@ -7,15 +7,13 @@ parameters that they are connected to.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from xml.etree.ElementTree import Element, SubElement
 
-from orchestration.system.ssp import dictionaries
-from orchestration.system.ssp.transformations import joined
+from orchestration.system.ssp.junctions import resolve
+from orchestration.system.ssp.transformations import SIDES
 from orchestration.system.ssp.vocabulary import NAMESPACES, attribute, tag
 
 OWNER = "owner"  # attribute of a binding: the name of the system that it was declared in
-_SIDES = ("start", "end")
 _OTHER = {"start": "end", "end": "start"}
 _PARAMETER = "parameter"
 
@@ -41,7 +39,7 @@ def flatten(system: Element) -> Aliases:
         If an element of an array is connected through a connector of an inner system.
     """
     for wire in _wires(system):
-        for side in _SIDES:  # an empty name is that of the system itself
+        for side in SIDES:  # an empty name is that of the system itself
             if wire.get(f"{side}Element") == "":
                 del wire.attrib[f"{side}Element"]
     aliases: Aliases = {}
@@ -51,7 +49,7 @@ def flatten(system: Element) -> Aliases:
         for connector, parameters in own.items():
             aliases[f"{name}.{connector}"] = [f"{name}.{parameter}" for parameter in parameters]
         _dissolve(inner, name, system)
-    dictionaries.resolve(system)
+    resolve(system)
     return aliases | _parameter_aliases(system, aliases)
 
 
@@ -66,9 +64,11 @@ def _group(system: Element, name: str) -> Element:
 
 
 def _dissolve(inner: Element, name: str, system: Element) -> None:
-    """Move members, connections and parameter bindings of an inner system into its system."""
+    """Move members, connections and parameter bindings of an inner system into its system.
+
+    Its connectors stay, for the connections that meet there.
+    """
     elements = _group(system, "ssd:Elements")
-    elements.remove(inner)
     for member in inner.findall("ssd:Elements/*", NAMESPACES):
         member.set("name", f"{name}.{attribute(member, 'name')}")
         elements.append(member)
@@ -78,40 +78,17 @@ def _dissolve(inner: Element, name: str, system: Element) -> None:
         binding.set(OWNER, ".".join(filter(None, (name, binding.get(OWNER)))))
         # what the outer system sets comes later, and counts
         _group(system, "ssd:ParameterBindings").insert(number, binding)
-    within = _wires(inner)
-    for wire in within:
-        for side in _SIDES:
-            owner = wire.get(f"{side}Element")
-            if owner is not None:
-                wire.set(f"{side}Element", f"{name}.{owner}")
     connections = _group(system, "ssd:Connections")
-    at_border = [wire for wire in within if _ends_at(wire, None)]
-    for wire in list(connections):
-        if _ends_at(wire, name):
-            connections.remove(wire)
-            connections.extend(list(_through(wire, name, inner, at_border)))
-    connections.extend([wire for wire in within if wire not in at_border])
+    for wire in _wires(inner):
+        for side in SIDES:
+            owner = wire.get(f"{side}Element")
+            wire.set(f"{side}Element", name if owner is None else f"{name}.{owner}")
+        connections.append(wire)
 
 
 def _ends_at(wire: Element, owner: str | None) -> list[str]:
     """Return the sides of a wire that are connectors of an owner; None is the system itself."""
-    return [side for side in _SIDES if wire.get(f"{side}Element") == owner]
-
-
-def _through(
-    wire: Element, name: str, inner: Element, at_border: Iterable[Element]
-) -> Iterator[Element]:
-    """Yield the wires that a wire to a connector of an inner system becomes."""
-    near = _ends_at(wire, name)[0]
-    connector = attribute(wire, f"{near}Connector")
-    for other in at_border:
-        border = _ends_at(other, None)[0]
-        if other.get(f"{border}Connector") != connector:
-            continue
-        declared = inner.findall("ssd:Connectors/ssd:Connector", NAMESPACES)
-        own = [each for each in declared if each.get("name") == connector]
-        place = own[0] if own else Element(tag("ssd:Connector"), name=connector)
-        yield joined(wire, near, place, other, border)
+    return [side for side in SIDES if wire.get(f"{side}Element") == owner]
 
 
 def _parameter_aliases(system: Element, known: Aliases) -> Aliases:

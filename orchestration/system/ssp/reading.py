@@ -10,9 +10,9 @@ from xml.etree.ElementTree import Element
 from fmus.kit import UserError
 from orchestration.fmu.archive import parse_xml
 from orchestration.system.model import System
-from orchestration.system.ssp import dictionaries
 from orchestration.system.ssp.connections import read_connections
 from orchestration.system.ssp.flattening import flatten
+from orchestration.system.ssp.junctions import take
 from orchestration.system.ssp.members import read_members
 from orchestration.system.ssp.package import Package
 from orchestration.system.ssp.vocabulary import (
@@ -77,10 +77,10 @@ def _path_in_errors(path: Path) -> Iterator[None]:
 def _read_system(root: Element, top: Element, package: Package, folder: Path) -> System:
     """Read the system in the element `top`."""
     aliases = flatten(top)
-    dictionaries.dissolve(top, package)
+    junctions = take(top, package)
     members = read_members(top, package, folder, aliases)
     parts = [top, *_annotated_parts(top)]
-    connections, connectors = read_connections(parts, members, _read_enumerations(root))
+    connections, connectors = read_connections(parts, members, junctions)
     experiment = root.find("ssd:DefaultExperiment", NAMESPACES)
     return System(
         attribute(top, "name"),
@@ -91,17 +91,6 @@ def _read_system(root: Element, top: Element, package: Package, folder: Path) ->
         top.get("description", ""),
         **({} if experiment is None else _read_experiment(experiment)),
     )
-
-
-def _read_enumerations(root: Element) -> dict[str, dict[str, float]]:
-    """Return the values of the items of each enumeration, by name."""
-    return {
-        attribute(node, "name"): {
-            attribute(item, "name"): number(item, "value", "")
-            for item in node.iterfind("ssc:Item", NAMESPACES)
-        }
-        for node in root.iterfind("ssd:Enumerations/ssc:Enumeration", NAMESPACES)
-    }
 
 
 def _annotated_parts(top: Element) -> list[Element]:

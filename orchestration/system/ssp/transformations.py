@@ -7,16 +7,16 @@ that contains its parts: connections, and between each two of them the connector
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 from xml.etree.ElementTree import Element
 
-from fmus.kit import UserError
+from fmus.kit.errors import UserError, find
+from orchestration.fmu import Signal
 from orchestration.system.checking import conversion
 from orchestration.system.ssp.vocabulary import (
     BOOLEANS,
     NAMESPACES,
     TRANSFORMATIONS,
-    TYPES,
     attribute,
     local_name,
     number,
@@ -27,22 +27,7 @@ _IDENTITY = (1.0, 0.0)  # factor and offset
 _TRUE = ("true", "1")
 
 
-class Place(NamedTuple):
-    """A connector on the way of a connection.
-
-    Attributes
-    ----------
-    type : str
-        Type of the signal; empty if it is not declared.
-    unit : str or None
-        None if it is not declared.
-    items : Mapping of str to float
-        Values of the items of an enumeration by name.
-    """
-
-    type: str
-    unit: str | None
-    items: Mapping[str, float]
+SIDES = ("start", "end")
 
 
 def joined(
@@ -68,19 +53,22 @@ def joined(
         raise UserError(
             f"connection through {connector.get('name')}: elements of arrays are not known there"
         )
-    ends = _other_end(first, first_side, "start") | _other_end(second, second_side, "end")
-    whole = Element(first.tag, ends)
-    before = _parts(first) if first_side == "end" else _parts(first)[::-1]
-    after = _parts(second) if second_side == "start" else _parts(second)[::-1]
+    whole = Element(first.tag)
+    for wire, near, side in ((first, first_side, "start"), (second, second_side, "end")):
+        for part in ("Element", "Connector", "Indices"):
+            text = wire.get(f"{SIDES[1 - SIDES.index(near)]}{part}")
+            if text is not None:
+                whole.set(f"{side}{part}", text)
+    before = _parts(first)[:: 1 if first_side == "end" else -1]
+    after = _parts(second)[:: 1 if second_side == "start" else -1]
     whole.extend([*before, connector, *after])
     return whole
 
 
-def _other_end(wire: Element, side: str, named: str) -> dict[str, str]:
-    """Return the attributes of the end of a wire opposite to a side, as those of a side."""
-    opposite = "end" if side == "start" else "start"
-    parts = ("Element", "Connector", "Indices")
-    return {f"{named}{p}": text for p in parts if (text := wire.get(f"{opposite}{p}")) is not None}
+def far_end(wire: Element, side: str) -> tuple[str | None, str]:
+    """Return element and connector of the end opposite to a side; None for the system."""
+    opposite = SIDES[1 - SIDES.index(side)]
+    return wire.get(f"{opposite}Element"), attribute(wire, f"{opposite}Connector")
 
 
 def _parts(wire: Element) -> list[Element]:
@@ -98,7 +86,7 @@ def transformations(wire: Element) -> list[Element | None]:
 
 
 def compose(
-    wire: Element, source: Place, target: Place, enumerations: Mapping[str, Mapping[str, float]]
+    wire: Element, source: Signal, target: Signal, items: Sequence[Mapping[str, float]]
 ) -> dict[str, Any]:
     """Return what a connection does to its values, as arguments of a `Connection`.
 
@@ -108,9 +96,9 @@ def compose(
     ----------
     wire : Element
         Its start is its source.
-    source, target : Place
-    enumerations : Mapping of str to Mapping
-        Enumerations of the description by name.
+    source, target : Signal
+    items : sequence of Mapping of str to float
+        Values of the items by name, of the source and of the target.
 
     Raises
     ------
@@ -118,51 +106,44 @@ def compose(
         If a transformation does not fit its connectors, or a factor is applied to values whose
         unit changes: by SSP it is applied after the conversion, some tools apply it instead.
     """
-    places = [source, *(_place(node, enumerations) for node in _parts(wire)[1::2]), target]
-    suppressed = [
-        part.get("suppressUnitConversion", "false") in _TRUE for part in _parts(wire)[::2]
-    ]
+    parts = _parts(wire)[::2]
     elements = transformations(wire)
-    if not any(suppressed) and not any(element is not None for element in elements):
-        factor, offset = conversion(source.unit or "", target.unit or "") or _IDENTITY
+    suppressed = [part.get("suppressUnitConversion", "false") in _TRUE for part in parts]
+    if not any(suppressed) and elements == [None] * len(parts):
+        factor, offset = conversion(source.unit, target.unit) or _IDENTITY
         return {"factor": factor, "offset": offset}
-    total = _IDENTITY
+    factor, offset = _IDENTITY
     table: dict[float, float] = {}
     unit = source.unit
+    units = [*map(_declared_unit, _parts(wire)[1::2]), target.unit]
     for k, element in enumerate(elements):
         if element is not None and element.tag != tag("ssc:LinearTransformation"):
-            step = _entries(element, places[k], places[k + 1], (source.type, target.type))
-            values = dict.fromkeys((*table, *step))
-            passed = {value: table.get(value, value) for value in values}
-            table = {value: step.get(middle, middle) for value, middle in passed.items()}
+            step = _entries(element, (source.type, target.type), items)
+            values = {value: table.get(value, value) for value in (*table, *step)}
+            table = {value: step.get(middle, middle) for value, middle in values.items()}
             continue
-        declared = [place.unit for place in places[k + 1 :] if place.unit is not None]
         # a connector without a unit has that of the one whose values it passes on
-        to = unit if element is None and places[k + 1].unit is None else declared[0]
-        needed = _IDENTITY if suppressed[k] else conversion(unit or "", to or "") or _IDENTITY
+        to = units[k] or (unit if element is None else next(filter(None, units[k:]), unit))
+        scale, shift = _IDENTITY if suppressed[k] else conversion(unit, to) or _IDENTITY
         if element is not None:
-            if needed != _IDENTITY:
+            if (scale, shift) != _IDENTITY:
                 raise UserError(
                     f"from {unit!r} to {to!r}, by a factor that may come on top of the conversion"
                     ' or be all of it; say suppressUnitConversion="true" if it is all'
                 )
-            needed = number(element, "factor", "1"), number(element, "offset", "0")
-        total = total[0] * needed[0], total[1] * needed[0] + needed[1]
+            scale, shift = number(element, "factor", "1"), number(element, "offset", "0")
+        factor, offset = factor * scale, offset * scale + shift
         unit = to
-    changed = sorted((value, received) for value, received in table.items() if value != received)
-    return {"factor": total[0], "offset": total[1], "table": tuple(changed)}
+    changed = sorted(entry for entry in table.items() if entry[0] != entry[1])
+    return {"factor": factor, "offset": offset, "table": tuple(changed)}
 
 
-def _place(connector: Element, enumerations: Mapping[str, Mapping[str, float]]) -> Place:
-    for node in connector:
-        if local_name(node) in TYPES:
-            items = enumerations.get(node.get("name", ""), {})
-            return Place(TYPES[local_name(node)][0], node.get("unit"), items)
-    return Place("", None, {})
+def _declared_unit(connector: Element) -> str | None:
+    return next((unit for node in connector if (unit := node.get("unit"))), None)
 
 
 def _entries(
-    element: Element, start: Place, end: Place, types: Sequence[str]
+    element: Element, types: Sequence[str], items: Sequence[Mapping[str, float]]
 ) -> dict[float, float]:
     """Return the values of a mapping with those that replace them."""
     name = local_name(element)
@@ -172,14 +153,13 @@ def _entries(
     entries: dict[float, float] = {}
     for entry in element:
         values = []
-        for side, place in (("source", start), ("target", end)):
-            text = attribute(entry, side)
-            known = {"Boolean": BOOLEANS, "Enumeration": place.items}.get(kind)
-            if known is not None and text not in known:
-                raise UserError(
-                    f"{side} {text[:40]!r} of a {name} is not one of {', '.join(known) or 'none'}"
-                )
-            values.append(number(entry, side, "") if known is None else known[text])
+        for side, known in zip(("source", "target"), items, strict=True):
+            words = {"Boolean": BOOLEANS, "Enumeration": known}.get(kind)
+            if words is None:
+                values.append(number(entry, side, ""))
+            else:
+                where = f"{side} of a {name}: none"
+                values.append(find(attribute(entry, side), words, where))
         if values[0] in entries:
             raise UserError(f"a {name} has two entries for {attribute(entry, 'source')!r}")
         entries[values[0]] = values[1]

@@ -259,15 +259,16 @@ def _connection(wire: Wire) -> Element:
         element.set(f"{side}Connector", end.connector)
         if end.indices:
             element.set(f"{side}Indices", " ".join(map(str, end.indices)))
-    if wire.table:  # enumerations are mapped by their values, too
+    factor, offset, table = wire.change
+    if table:  # enumerations are mapped by their values, too
         kind = "Boolean" if wire.is_boolean else "Integer"
         mapping = SubElement(element, tag(f"ssc:{kind}MappingTransformation"))
-        for value, received in wire.table:
+        for value, received in table:
             entry = {"source": f"{value:.0f}", "target": f"{received:.0f}"}
             SubElement(mapping, tag("ssc:MapEntry"), entry)
     elif not wire.passes_on:
         element.set("suppressUnitConversion", "true")  # the factor includes the conversion
-        values = {"factor": repr(float(wire.factor)), "offset": repr(float(wire.offset))}
+        values = {"factor": repr(float(factor)), "offset": repr(float(offset))}
         SubElement(element, tag("ssc:LinearTransformation"), values)
     return element
 

@@ -42,11 +42,6 @@ def connector(name: str, kind: str, type_: str) -> str:
     return f'<ssd:Connector name="{name}" kind="{kind}">{type_}</ssd:Connector>'
 
 
-def enumeration(name: str, items: dict[str, int]) -> str:
-    listed = "".join(f'<ssc:Item name="{item}" value="{k}"/>' for item, k in items.items())
-    return f'<ssc:Enumeration name="{name}">{listed}</ssc:Enumeration>'
-
-
 @pytest.fixture
 def read(tmp_path):
     """Read a system in which ``a`` in an inner system gives to ``b`` through its connector ``out``.
@@ -91,7 +86,6 @@ def read(tmp_path):
             f'<ssd:SystemStructureDescription version="1.0" name="s" {NAMESPACES}>'
             f'<ssd:System name="s"><ssd:Elements>{parts[1]}{inner}</ssd:Elements>'
             f"<ssd:Connections>{wire(*beyond, outside)}</ssd:Connections></ssd:System>"
-            f"<ssd:Enumerations>{enumeration('Middle', {'low': 7, 'high': 8})}</ssd:Enumerations>"
             "</ssd:SystemStructureDescription>"
         )
         if "yes" not in text:
@@ -155,14 +149,13 @@ def test_tables_follow_each_other(read, kind, inside, outside, table):
 
 
 def test_items_are_mapped_by_name(read):
-    """Red, of 1, is low, of 7, and then stop, of 10; green, of 2, is high, of 8, and then 8."""
+    """Red, of 1, is stop, of 10; green, of 2, is go, of 20; then 20 is 4."""
+    system = read("Enumeration", mapping("Enumeration", ("red", "stop"), ("green", "go")), "", "")
+    assert system.connections[0].table == ((1, 10), (2, 20))
     system = read(
-        "Enumeration",
-        mapping("Enumeration", ("red", "low"), ("green", "high")),
-        mapping("Enumeration", ("low", "stop")),
-        '<ssc:Enumeration name="Middle"/>',
+        "Enumeration", mapping("Enumeration", ("red", "go")), mapping("Integer", (20, 4)), ""
     )
-    assert system.connections[0].table == ((1, 10), (2, 8), (7, 10))
+    assert system.connections[0].table == ((1, 4), (20, 4))
 
 
 @pytest.mark.parametrize(
@@ -170,21 +163,21 @@ def test_items_are_mapped_by_name(read):
     [
         ("Integer", mapping("Integer", (1, 2), (1, 3)), "two entries for '1'"),
         ("Integer", mapping("Boolean", ("true", "false")), "does not fit integer and integer"),
-        ("Boolean", mapping("Boolean", ("yes", "0")), r"source 'yes' .* not one of true, 1, false"),
-        ("Enumeration", mapping("Enumeration", ("pink", "low")), "not one of red, green, blue"),
+        ("Boolean", mapping("Boolean", ("yes", "0")), "source of a .*: none named 'yes'"),
+        ("Enumeration", mapping("Enumeration", ("pink", "go")), r"none named 'pink' .*red"),
         ("Integer", linear(2, 0), "is for real variables, these are integer"),
     ],
 )
 def test_what_does_not_fit_is_refused(read, kind, inside, message):
-    place = '<ssc:Enumeration name="Middle"/>' if kind == "Enumeration" else f"<ssc:{kind}/>"
+    place = "" if kind == "Enumeration" else f"<ssc:{kind}/>"
     with pytest.raises(UserError, match=message):
         check(read(kind, inside, "", place))
 
 
 @pytest.mark.parametrize("kind", ["Boolean", "Integer", "Enumeration"])
 def test_tables_are_written_and_read_again(read, tmp_path, kind):
-    entries = {"Boolean": ("true", "false"), "Enumeration": ("red", "low")}.get(kind, (1, -7))
-    place = '<ssc:Enumeration name="Middle"/>' if kind == "Enumeration" else f"<ssc:{kind}/>"
+    entries = {"Boolean": ("true", "false"), "Enumeration": ("red", "go")}.get(kind, (1, -7))
+    place = "" if kind == "Enumeration" else f"<ssc:{kind}/>"
     system = read(kind, mapping(kind, entries), "", place)
     ssp.write(system, tmp_path / "again.ssp")
     assert contents(ssp.read(tmp_path / "again.ssp", tmp_path / "u")) == contents(system)
