@@ -15,6 +15,7 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit.storage import scratch
+from orchestration.fmu.isolation import shared_progress
 from orchestration.fmu.isolation.limits import Limits
 from orchestration.fmu.isolation.messages import receive, send
 from orchestration.fmu.isolation.shared_progress import ProgressState, SharedProgress
@@ -86,7 +87,8 @@ class Process:
             [sys.executable, "-c", program, str(folder), str(self._limits.bytes)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            start_new_session=True,
+            # an isolated process and those that it starts are killed together
+            start_new_session=shared_progress.current is None,
         )
         buffered: Any = self._process.stdout
         # without a buffer, whose lock a reader that never returns would keep
@@ -117,11 +119,10 @@ class Process:
         """Kill the process and all processes of its group."""
         if self._closed:  # another process may have its id by now
             return
-        if sys.platform == "win32":
-            self._process.kill()
-            return
-        with suppress(OSError):
-            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.kill()
+        if sys.platform != "win32":
+            with suppress(OSError):
+                os.killpg(self._process.pid, signal.SIGKILL)
 
     def _listen(self) -> None:
         """Queue the messages of the process, and None after the last."""

@@ -12,6 +12,7 @@ import shutil
 import signal
 
 import numpy as np
+import psutil
 import pytest
 
 from fmus.kit.errors import UserError
@@ -102,3 +103,17 @@ def test_ctrl_c_leaves_no_process(once):
     assert not result.complete
     assert 20 <= result.time.size <= 21
     assert processes.of_fmus() == []
+
+
+def test_a_process_that_hangs_ends_with_the_isolated_one_that_started_it(once):
+    suspended = []
+
+    def suspend(done):
+        if not suspended:
+            suspended.extend(processes.of_fmus()[0].children())
+            suspended[0].suspend()
+
+    time = np.arange(20000) * 0.01
+    with pytest.raises(Stopped, match=r"^bad: member\.fmu: its process: no answer within 0\.5 s$"):
+        run(chain(once), time, ones(20000), progress=suspend, isolation=Limits(step_timeout=0.5))
+    assert not psutil.pid_exists(suspended[0].pid)
