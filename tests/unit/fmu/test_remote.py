@@ -116,4 +116,5 @@ def test_a_process_that_hangs_ends_with_the_isolated_one_that_started_it(once):
     time = np.arange(20000) * 0.01
     with pytest.raises(Stopped, match=r"^bad: member\.fmu: its process: no answer within 0\.5 s$"):
         run(chain(once), time, ones(20000), progress=suspend, isolation=Limits(step_timeout=0.5))
-    assert not psutil.pid_exists(suspended[0].pid)
+    _, left = psutil.wait_procs(suspended, timeout=0.5)
+    assert all(process.status() == psutil.STATUS_ZOMBIE for process in left)
