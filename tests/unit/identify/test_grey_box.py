@@ -289,6 +289,15 @@ def test_a_parameter_that_the_record_hardly_determines_is_told():
     assert any("hardly determines b1" in w or "ended at the limit" in w for w in result.warnings)
 
 
+def test_a_parameter_within_a_factor_of_two_is_determined():
+    time, inputs, y = product_response(gain=9.0, rate=0.8)
+    y = y + 60.0 * np.random.default_rng(0).standard_normal(y.size)
+    result = fit_grey_box(Product, time, inputs, {"y": y}, ["a"])
+    low, high = result.estimates["a"].interval
+    assert 2.0 < high / low < 4.0
+    assert result.warnings == []
+
+
 def test_a_parameter_at_the_limit_of_its_range_is_told():
     time, inputs, y = product_response(gain=6.0, rate=0.5, offset=7.0)
     result = fit_grey_box(Product, time, inputs, {"y": y}, ["offset"])
