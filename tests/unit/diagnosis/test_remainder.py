@@ -80,6 +80,7 @@ def test_the_structure_is_the_size_of_a_slow_error_in_noise():
 
 @pytest.mark.parametrize("is_periodic", [False, True])
 def test_noise_that_remembers_does_not_recur_with_the_input(is_periodic):
+    """An error that is a function of the input does, in each of its sixteen periods."""
     judged = diagnosis_with(oscillator_record(1), (DRY,)).found.base
     problem, n = judged.fit.problem, 2000
     time = 0.01 * np.arange(n)
