@@ -10,11 +10,10 @@ from __future__ import annotations
 from xml.etree.ElementTree import Element, SubElement
 
 from orchestration.system.ssp.junctions import resolve
-from orchestration.system.ssp.transformations import SIDES
+from orchestration.system.ssp.transformations import OTHER, SIDES
 from orchestration.system.ssp.vocabulary import NAMESPACES, attribute, tag
 
 OWNER = "owner"  # attribute of a binding: the name of the system that it was declared in
-_OTHER = {"start": "end", "end": "start"}
 _PARAMETER = "parameter"
 
 Aliases = dict[str, list[str]]
@@ -103,9 +102,9 @@ def _parameter_aliases(system: Element, known: Aliases) -> Aliases:
     for wire in list(connections):
         for side in _ends_at(wire, None):
             targets = aliases.get(attribute(wire, f"{side}Connector"))
-            owner = wire.get(f"{_OTHER[side]}Element")
+            owner = wire.get(f"{OTHER[side]}Element")
             if targets is not None and owner is not None:
                 connections.remove(wire)
-                name = f"{owner}.{attribute(wire, f'{_OTHER[side]}Connector')}"
+                name = f"{owner}.{attribute(wire, f'{OTHER[side]}Connector')}"
                 targets += known.get(name, [name])
     return aliases

@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element
 from fmus.kit.errors import UserError, error_context, find
 from orchestration.fmu.archive import parse_xml
 from orchestration.system.ssp.package import Package
-from orchestration.system.ssp.transformations import SIDES, far_end, joined
+from orchestration.system.ssp.transformations import OTHER, SIDES, far_end, joined
 from orchestration.system.ssp.vocabulary import (
     NAMESPACES,
     attribute,
@@ -127,7 +127,7 @@ def connect(
     while meetings:
         place, listed = meetings.popitem()
         ends = [end for end in listed if end[0] in made]
-        targets = [end for end in ends if receives(end[0], SIDES[1 - SIDES.index(end[1])])]
+        targets = [end for end in ends if receives(end[0], OTHER[end[1]])]
         others = [end for end in ends if end not in targets]
         for wire, _ in ends:
             del made[wire]

@@ -26,8 +26,8 @@ from orchestration.system.ssp.vocabulary import (
 _IDENTITY = (1.0, 0.0)  # factor and offset
 _TRUE = ("true", "1")
 
-
-SIDES = ("start", "end")
+SIDES = ("start", "end")  # of a connection
+OTHER = {"start": "end", "end": "start"}
 
 
 def joined(
@@ -56,7 +56,7 @@ def joined(
     whole = Element(first.tag)
     for wire, near, side in ((first, first_side, "start"), (second, second_side, "end")):
         for part in ("Element", "Connector", "Indices"):
-            text = wire.get(f"{SIDES[1 - SIDES.index(near)]}{part}")
+            text = wire.get(f"{OTHER[near]}{part}")
             if text is not None:
                 whole.set(f"{side}{part}", text)
     before = _parts(first)[:: 1 if first_side == "end" else -1]
@@ -67,7 +67,7 @@ def joined(
 
 def far_end(wire: Element, side: str) -> tuple[str | None, str]:
     """Return element and connector of the end opposite to a side; None for the system."""
-    opposite = SIDES[1 - SIDES.index(side)]
+    opposite = OTHER[side]
     return wire.get(f"{opposite}Element"), attribute(wire, f"{opposite}Connector")
 
 
