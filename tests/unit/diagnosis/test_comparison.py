@@ -318,7 +318,7 @@ def test_the_figure_is_of_samples_by_which_nothing_is_chosen() -> None:
 
 
 def test_common_samples_are_medians_of_the_nearest_fits() -> None:
-    """What is left out has as large a share of them, however slow its own errors are."""
+    """Samples that are left out have as large a share of them, however slow their errors are."""
     many = []
     for k, rho in enumerate([0.0, 0.5, 0.9, 0.99]):
         error = lfilter([1.0], [1.0, -rho], RNG.standard_normal((2000, 1)), axis=0)

@@ -191,7 +191,7 @@ def test_causes_that_explain_alike_are_ambiguous() -> None:
 
 
 def test_a_set_that_contains_a_better_one_shares_no_probability() -> None:
-    """What stands in it beside the better one would have a part of that."""
+    """The rest of it would have a part of the share of the better one."""
     one, other, third = (frozenset(names) for names in ("a", "ab", "bc"))
     kept = _minimal([(one, "first"), (other, "second"), (third, "third")])
     assert kept == ["first", "third"]
@@ -336,7 +336,7 @@ def test_a_cause_whose_error_rises_where_nothing_is_chosen_by_it_is_not_named() 
 
 
 def test_what_is_plainer_may_be_behind_by_what_its_words_are_worth() -> None:
-    """Where more than white noise is left: of that nats of a likelihood decide."""
+    """Only if more than white noise is left: else nats of a likelihood decide."""
     ahead = judged(0.5, 0.5, SPRING, words=3.0, noise=SLOW)
     behind = judged(0.5, 0.52, DRY, noise=SLOW)
     causes = conclude(found(behind, ahead, noise=SLOW)).causes

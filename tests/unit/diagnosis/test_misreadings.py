@@ -246,7 +246,7 @@ def test_a_unit_that_changes_parameters_alone_is_told_by_these() -> None:
 def test_a_reading_is_fitted_that_gains_more_than_its_words_cost(
     gain: float, ahead: list[float], is_hopeful: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Which are 2 nats; or one that is far ahead in an output."""
+    """Words cost 2 nats; one that is far ahead in an output is fitted too."""
     trial, as_read = (SimpleNamespace(problem=name, point=None) for name in ("trial", "as read"))
     logarithms = {"trial": -np.array(ahead), "as read": np.zeros(2)}
     monkeypatch.setattr(MISREADINGS, "_logarithms", lambda problem, point: logarithms[problem])
@@ -257,7 +257,7 @@ def test_a_reading_is_fitted_that_gains_more_than_its_words_cost(
 
 
 class Wire(Component):
-    """What is measured is what comes in: nothing is fitted."""
+    """The output is the input as it comes in: nothing is fitted."""
 
     name = "wire"
     sent = Input("V")

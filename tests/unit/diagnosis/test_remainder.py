@@ -101,7 +101,7 @@ def test_samples_on_both_sides_of_a_gap_are_no_neighbours():
 
 @pytest.mark.parametrize(("period", "is_coarse"), [(100.0, False), (2.7, True)])
 def test_noise_of_coarse_samples_cannot_be_told_from_a_law(period, is_coarse):
-    """What is left is as white in both; by its period in samples the model moves between them."""
+    """Errors are as white in both; by its period in samples the model moves between them."""
     judged = diagnosis_with(oscillator_record(1), (DRY,)).found.base
     fitted, problem = judged.fit, judged.fit.problem
     (record,), n = problem.records, len(judged.fit.errors[0])

@@ -111,7 +111,7 @@ def test_systems_three_deep_and_ports_by_their_names(read):
 
 
 def test_parameters_reach_members_by_their_path_and_through_connectors(read):
-    """What the outer system sets counts; in mappings only what is mapped is set."""
+    """Values of the outer system count; a mapping sets no parameters but those it names."""
     system = read(inner(binding(values(**{"a.k": 3.0, "b.k": 4.0}))), "")
     assert [dict(m.parameters) for m in system.members] == [{"k": 3.0}, {"k": 4.0}]
     own = binding(values(**{"inner.gain": 5.0}))

@@ -137,7 +137,7 @@ def test_units_are_those_of_the_connectors_between(read):
     ],
 )
 def test_tables_follow_each_other(read, kind, inside, outside, table):
-    """What a table does not have stays as it is."""
+    """Values that are not in a table stay as they are."""
     read_ = read(
         kind,
         mapping(kind, *inside) if inside else "",
