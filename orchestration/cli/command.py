@@ -62,6 +62,7 @@ def _with_default(option: Option) -> Option:
     return option._replace(default=option.default()) if callable(option.default) else option
 
 
+_WORDS = list[str] | None  # of an option that may be given several times
 _CONTEXT = Parameter("context", Parameter.POSITIONAL_OR_KEYWORD, annotation=typer.Context)
 
 
@@ -70,7 +71,7 @@ def _parameter(option: Option) -> Parameter:
     kind = option.type if option.form.typed is None else option.form.typed
     more: dict[str, Any] = {
         "help": option.help,
-        "metavar": option.metavar or ("NAMES" if kind == list[str] | None else None),
+        "metavar": option.metavar or ("NAMES" if kind == _WORDS else None),
         "parser": _parser(option),
         "min": option.least,
         "max": option.most,
@@ -94,7 +95,7 @@ def _typed_default(option: Option) -> Any:
     if option.default in (None, ()):
         return None
     words = option.form.write(option.default)
-    return words if option.form.typed == list[str] | None else words[0]
+    return words if option.form.typed == _WORDS else words[0]
 
 
 def _parser(option: Option) -> Callable[[str], Any] | None:
