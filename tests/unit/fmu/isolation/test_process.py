@@ -54,6 +54,13 @@ def press_soon():
     threading.Timer(random.uniform(0.0, 0.3), press).start()
 
 
+def kill_one_inside():
+    """Start an isolated process in this one, kill it, and return its exit status."""
+    inner = Process(Limits()).__enter__()
+    inner.kill()
+    return inner._process.wait(1.0)
+
+
 @pytest.fixture
 def process():
     with Process(Limits()) as one:
@@ -66,6 +73,11 @@ def test_only_calls_of_an_fmu_have_a_limited_time():
     """Not the process as it starts, nor what it computes by itself."""
     with Process(Limits(step_timeout=0.1)) as one:
         assert one.call(later, 0.4, "done") == "done"
+
+
+def test_a_process_inside_another_is_killed_alone(process):
+    """It is in the group of the other, which answers."""
+    assert process.call(kill_one_inside) == -signal.SIGKILL
 
 
 def test_what_hears_it_may_still_answer(process):
