@@ -88,15 +88,16 @@ typedef struct {
 } pattern;
 
 typedef struct {
-    pattern x, p, a; /* by states, parameters and additions to laws */
+    const row *x;
+    pattern p, a; /* by parameters and additions to laws */
 } derivatives;
 
 #define PATTERN(function, result) \
     {function##_##result##_start, function##_##result##_column, function##_##result##_from}
-#define DERIVATIVES(function) {PATTERN(function, 1), PATTERN(function, 2), PATTERN(function, 3)}
+#define DERIVATIVES(function) {function##_rows, PATTERN(function, 2), PATTERN(function, 3)}
 
 static const derivatives of_rates = DERIVATIVES(rate_slopes_of), of_outputs = DERIVATIVES(output_slopes_of);
-static const derivatives of_laws = {PATTERN(laws_of, 1), PATTERN(laws_of, 2), {0}};
+static const derivatives of_laws = {laws_of_rows, PATTERN(laws_of, 2), {0}};
 static const derivatives of_updates[] = {UPDATE_SLOPES};
 
 typedef int (*function_of)(const double **, double **, int *, double *, int);
@@ -217,15 +218,13 @@ static void add_parameters(const pattern *by, int i, const double *values, doubl
     }
 }
 
-/* add a row of derivatives times rows of slopes; `place` of each column is its row, or -1 for none */
-static void add_rows(const pattern *by, int i, const double *values, const double *slopes, const int *place,
-                     double *restrict out, const work *k) {
-    int ns = k->ns;
+/* add a row of derivatives by additions to laws, times the slopes of those to changed laws */
+static void add_laws(const pattern *by, int i, const double *values, double *restrict out, const work *k) {
     for (int e = by->start[i]; e < by->start[i + 1]; e++) {
-        int row = place ? place[by->column[e]] : by->column[e];
+        int row = k->place[by->column[e]];
         if (row < 0) continue;
-        const double v = values[by->from[e]], *s = slopes + row * ns;
-        for (int q = 0; q < ns; q++) out[q] += v * s[q];
+        const double v = values[by->from[e]], *s = k->da + row * k->ns;
+        for (int q = 0; q < k->ns; q++) out[q] += v * s[q];
     }
 }
 
@@ -241,9 +240,8 @@ static double signal(int i, const double *X, const double *S, const double *u, d
     }
     if (l == NL) return t;
     if (S) {
-        memset(out, 0, ns * sizeof(double));
+        of_laws.x[l](k->gx, S, out, ns);
         add_parameters(&of_laws.p, l, k->gp, out, k);
-        add_rows(&of_laws.x, l, k->gx, S, 0, out, k);
         *d = out;
     }
     return k->g[l];
@@ -349,10 +347,9 @@ static void add_terms(const double *X, const double *S, const double *u, double 
 
 /* a row of the total derivatives of a function */
 static void chain(int i, const derivatives *by, const double *S, double *o, const work *k) {
-    memset(o, 0, k->ns * sizeof(double));
+    by->x[i](k->fx, S, o, k->ns);
+    add_laws(&by->a, i, k->fa, o, k);
     add_parameters(&by->p, i, k->fp, o, k);
-    add_rows(&by->x, i, k->fx, S, 0, o, k);
-    add_rows(&by->a, i, k->fa, k->da, k->place, o, k);
 }
 
 static void rates(const double *X, const double *S, const double *u, double t, double *dX, double *dS, work *k) {

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 from threading import Lock
 
@@ -16,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from fmus.kit import Component, Effect, stack
-from fmus.kit.arrays import Array, Mask
+from fmus.kit.arrays import Array, Indices, Mask
 from fmus.kit.build import cached_library, load_library
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.declare import InputDeclaration
@@ -36,6 +37,10 @@ from orchestration.diagnosis.terms import NamedTerm, Term, TermStructure, effect
 
 _ENGINE = Path(__file__).with_name("free_run.c")
 _ARRAY = ctypes.c_void_p
+_PRODUCT = """
+#define PRODUCT const double *restrict f, const double *restrict s, double *restrict out, int n
+typedef void (*row)(PRODUCT);
+"""
 _HEADERS = "#include <math.h>\n#include <stdlib.h>\n#include <string.h>\n"  # not attributed
 _VECTORS = '#pragma clang attribute push(__attribute__((target("avx2"))), apply_to = function)'
 _NOTHING = np.empty(0)
@@ -153,9 +158,9 @@ class LawModel:
         sizes["UPDATES"] = ", ".join(updates) or 0
         sizes["UPDATE_SLOPES"] = ", ".join(f"DERIVATIVES({name})" for name in updates) or "{{0}}"
         head = "\n".join(f"#define {name} {value}" for name, value in sizes.items())
-        rows = "\n".join(_rows_of(function) for function in functions)
+        rows = "\n".join(_rows_of(f) for f in functions if f.n_out() > 1)
         export = "#define CASADI_SYMBOL_EXPORT static"
-        text = "\n".join([export, generator.dump(), head, rows, _ENGINE.read_text()])
+        text = "\n".join([export, generator.dump(), head, _PRODUCT, rows, _ENGINE.read_text()])
         sources = {"model.c": with_vectors(text).encode()}
         library = load_library(cached_library(sources, "model.c", host_platform()))
         for name in ("free_run", "linearise", "steps"):
@@ -644,16 +649,37 @@ def _has_avx2() -> bool:
 
 def _rows_of(function: ca.Function) -> str:
     """Return the rows of the derivatives that a function returns, in C; see ``free_run.c``."""
-    text = []
-    for result in range(1, function.n_out()):
-        sparsity = function.sparsity_out(result)
-        rows, columns = np.array(sparsity.row(), dtype=int), np.array(sparsity.get_col(), dtype=int)
-        order = np.argsort(rows, kind="stable")
-        start = np.searchsorted(rows[order], np.arange(sparsity.size1() + 1))
-        for name, numbers in (("start", start), ("column", columns[order]), ("from", order)):
+    name = function.name()
+    text = [_products_of(function)]
+    for result in range(2, function.n_out()):
+        start, columns, order = _sparsity(function, result)
+        for kind, numbers in (("start", start), ("column", columns), ("from", order)):
             listed = ", ".join(map(str, numbers.tolist())) or 0
-            text.append(f"static const int {function.name()}_{result}_{name}[] = {{{listed}}};")
+            text.append(f"static const int {name}_{result}_{kind}[] = {{{listed}}};")
     return "\n".join(text)
+
+
+def _products_of(function: ca.Function) -> str:
+    """Return functions in C for rows of the derivatives by states, times their slopes."""
+    name = function.name()
+    start, columns, order = _sparsity(function, 1)
+    text = []
+    for i, (first, last) in enumerate(pairwise(start)):
+        elements = zip(order[first:last], columns[first:last], strict=True)
+        total = "".join(f" + f[{k}] * s[{column} * n + q]" for k, column in elements)
+        body = f"for (int q = 0; q < n; q++) out[q] = {total[3:] or 0.0};"
+        text.append(f"static void {name}_row_{i}(PRODUCT) {{ {body} }}")
+    listed = ", ".join(f"{name}_row_{i}" for i in range(len(start) - 1)) or 0
+    return "\n".join([*text, f"static const row {name}_rows[] = {{{listed}}};"])
+
+
+def _sparsity(function: ca.Function, result: int) -> tuple[Indices, Indices, Indices]:
+    """Return where each row of a result begins, and of each element its column and place."""
+    sparsity = function.sparsity_out(result)
+    rows, columns = np.array(sparsity.row(), dtype=int), np.array(sparsity.get_col(), dtype=int)
+    order = np.argsort(rows, kind="stable")
+    start = np.searchsorted(rows[order], np.arange(sparsity.size1() + 1))
+    return start, columns[order], order
 
 
 def _address(array: np.ndarray) -> int:
