@@ -1,6 +1,7 @@
 """Reading of records: columns are matched to signals, converted, repaired and checked."""
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -92,7 +93,7 @@ def read_record(
         If the file cannot be used; the message has file, row and reason.
     """
     source = Source.of(path)
-    table = _checked_table(source, signals, required, inputs)
+    table = _checked_table(source, signals, required, inputs, words)
     signals = {**signals, **_named_in(table, others, mapping or {})}
     samples = _unrepaired_samples(table, signals, mapping or {}, required, source.reading, words)
     return _repaired_record(samples, signals, required, inputs, source.reading, jumps=jumps)
@@ -162,7 +163,7 @@ def read_runs(
         If the file or a run in it cannot be used.
     """
     source = Source.of(path)
-    table = _checked_table(source, signals, (), inputs)
+    table = _checked_table(source, signals, (), inputs, words)
     signals = {**signals, **_named_in(table, others, mapping or {})}
     labels = None
     if column is not None:
@@ -180,12 +181,14 @@ def _checked_table(
     signals: Mapping[str, str],
     required: Collection[str],
     inputs: Collection[str],
+    words: Collection[str],
 ) -> Table:
     """Return the table of a file; raise if `required` or `inputs` are not signals of the model."""
     for name in (*required, *inputs):
         if name not in signals:
             raise UserError(f"'{name}' is not a signal of the model; it has: {', '.join(signals)}")
-    return split_arrays(open_table(source), signals)
+    reading = replace(source.reading, texts=source.reading.texts or bool(words))
+    return split_arrays(open_table(replace(source, reading=reading)), signals)
 
 
 def _named_in(

@@ -33,6 +33,8 @@ class Reading:
         Labels, separated by commas, of the rows that are used, by column.
     discard : float
         Largest share of the rows that repairs may leave out, in percent.
+    texts : bool
+        True if the cells of text files stay text although they are numbers, as for words.
     """
 
     columns: tuple[str, ...] = ()
@@ -44,6 +46,7 @@ class Reading:
     rows: tuple[int, int] | None = None
     segment: Mapping[str, str] = field(default_factory=dict)
     discard: float = 1.0
+    texts: bool = False
 
 
 AS_IT_STANDS = Reading()

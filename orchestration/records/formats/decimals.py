@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from itertools import chain
 from typing import NamedTuple
 
@@ -79,6 +80,25 @@ def normalise_decimals(table: Table, comma_divides: bool, stated: str = "") -> N
             for cell, number in zip(column.cells, numbers, strict=True)
         ]
     _report_rewriting(table, marked, decimal)
+
+
+def has_decimal_points(
+    cells: Iterable[str], others: bytes | memoryview, comma_divides: bool, stated: str
+) -> bool:
+    """Return whether points are decimal in a table of plain numbers, by some of its cells.
+
+    Parameters
+    ----------
+    cells : iterable of str
+    others : bytes or memoryview
+        The other rows.
+    comma_divides, stated
+        See :func:`normalise_decimals`, which finds it where no cell tells.
+    """
+    if comma_divides or stated:
+        return stated != "comma"
+    pointed = [cell for cell in cells if "." in cell]
+    return not all(map(_OPEN.fullmatch, pointed)) if pointed else b"." not in bytes(others)
 
 
 def _may_have_separators(column: Column) -> bool:

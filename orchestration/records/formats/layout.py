@@ -21,7 +21,7 @@ _NUMBER = re.compile(
 _COMMENT = re.compile(r"\s*(?:#|%|//)")
 _SAMPLED_ROWS = 9
 """Rows at the end of the data from which its width and its columns of values are read."""
-_TAIL = 500
+TAIL = 500
 """Last lines of a file, which are searched for rows of data."""
 _SEARCHED_LINES = 20
 """Lines above the first whole row in which the header is searched; some may be damaged."""
@@ -96,7 +96,7 @@ def find_layout(lines: Sequence[str], columns: Sequence[str] = ()) -> TextLayout
     TextLayout or None
         None if there is no header above rows of values.
     """
-    last = [line for line in lines[-_TAIL:] if line.strip()]
+    last = [line for line in lines[-TAIL:] if line.strip()]
     if 2 * sum(map(_is_one_value, last)) > len(last):
         return _find_column(lines, columns)
     for holds in (is_value, _is_measured):
@@ -204,7 +204,7 @@ def _last_rows(
     lines: Sequence[str], delimiter: str, holds: Callable[[str], bool]
 ) -> list[list[str]]:
     """Return the cells of the last lines with at least two values, the last line first."""
-    rows = (split(line, delimiter) for line in lines[-_TAIL:][::-1] if delimiter in line)
+    rows = (split(line, delimiter) for line in lines[-TAIL:][::-1] if delimiter in line)
     return list(islice((r for r in rows if sum(map(holds, r)) >= 2), _SAMPLED_ROWS))
 
 

@@ -88,7 +88,7 @@ def read_table(path: Path, reading: Reading = AS_IT_STANDS) -> Table:
     except OSError as error:
         raise refuse(path, f"cannot be read: {error.strerror or error}") from error
     content = unpacked(path, content)
-    if not content.strip():
+    if not content or content.isspace():
         raise refuse(path, f"the file is empty; {EXPECTED}")
     plain = _reader_by_form(content)
     if plain is not None:

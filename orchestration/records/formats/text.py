@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Sequence
+from bisect import bisect_left
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.records.formats.cell_units import strip_units
-from orchestration.records.formats.decimals import normalise_decimals
+from orchestration.records.formats.decimals import has_decimal_points, normalise_decimals
 from orchestration.records.formats.layout import (
     DELIMITERS,
+    TAIL,
     TextLayout,
     find_layout,
     find_tables,
@@ -23,6 +28,7 @@ from orchestration.records.formats.layout import (
     is_value,
     split_strictly,
 )
+from orchestration.records.formats.plain import NotPlain, read_plain
 from orchestration.records.record import Repair, Repaired, list_rows, refuse
 from orchestration.records.source import AS_IT_STANDS, Reading
 from orchestration.records.tables import Column, Table
@@ -30,6 +36,10 @@ from orchestration.reporting import option
 
 _CONTROL = re.compile("[\x00-\x08\x0b\x0e-\x1f\x7f\x80-\x9f]")
 _LINE_END = re.compile(r"\r\n|\n|\r")
+_HEAD = re.compile(rb"(?:[^\n]*+\n){%d}" % TAIL)
+_FOLDED = 1 << 19
+"""Least bytes between the first and the last lines of a file that are folded; fewer are read line
+by line in the time that it takes to import pyarrow."""
 EXPECTED = "expected a header such as 'time [s],current [A]' and rows of numbers below it"
 
 
@@ -47,15 +57,30 @@ class Lines(Repaired):
         Whether the last line has a line end.
     repairs : list of Repair
         Repairs so far, which the table takes over.
+    head : int
+        Number of lines above those that are folded.
+    folded : memoryview
+        Lines that are not in `lines`; they must be rows of numbers.
+    count : int
+        Number of them, once they are read.
     """
 
     path: Path
     lines: list[str]
     ended: bool
     repairs: list[Repair]
+    head: int = 0
+    folded: memoryview | None = None
+    count: int = 0
+
+    def row(self, index: Any) -> Any:
+        """Return the number of the line at an index, as an editor counts; of several alike."""
+        return index + 1 + self.count * (index >= self.head)
 
     def until(self, stop: int) -> Lines:
-        """Return the lines before an index."""
+        """Return the lines before an index; raise NotPlain if some are folded."""
+        if self.folded:
+            raise NotPlain("several tables")
         return replace(self, lines=self.lines[:stop], ended=self.ended or stop < len(self.lines))
 
     def split(self, index: int, delimiter: str) -> list[str]:
@@ -101,6 +126,22 @@ def decode(path: Path, content: bytes) -> Lines:
     return Lines(path, lines, ended, repairs)
 
 
+def _folded(path: Path, content: bytes) -> Lines | None:
+    """Return the lines at both ends of a large file, with those between folded; None of others."""
+    head = _HEAD.match(content)
+    start = head.end() if head else len(content)
+    stop = len(content)
+    for _ in range(TAIL + 1):
+        stop = content.rfind(b"\n", start, max(start, stop))
+    if stop - start < _FOLDED:
+        return None
+    ends = decode(path, content[:start] + content[stop + 1 :])
+    above = len(_LINE_END.findall(content[:start].decode("latin-1")))
+    if len(ends.lines) < above + TAIL:
+        return None
+    return replace(ends, head=above, folded=memoryview(content)[start : stop + 1])
+
+
 def split_line(path: Path, row: int, line: str, delimiter: str) -> list[str]:
     """Split a line into cells, with regard to double quotes.
 
@@ -142,6 +183,9 @@ def read_text(path: Path, content: bytes, reading: Reading = AS_IT_STANDS) -> Ta
 
     Cells are text, numbers with a decimal point.
     """
+    with suppress(UserError):  # the row in it may be wrong
+        if not reading.texts and (folded := _folded(path, content)):
+            return read_lines(folded, reading)
     return read_lines(decode(path, content), reading)
 
 
@@ -279,7 +323,7 @@ def tabulate(
     UserError
         If a row has the wrong number of cells, or there is no row.
     """
-    rows = _Rows([], [], [], [])
+    rows = _Rows([], [], [], [], [])
     for index in range(layout.first, len(text.lines)):
         _add_line(rows, text, layout, index, optional_last)
     if not rows.cells:
@@ -287,60 +331,95 @@ def tabulate(
             text.path,
             f"there is a header (row {layout.names + 1}) but no complete row of data below it",
         )
-    if rows.blank:
-        message = f"{len(rows.blank)} blank lines skipped ({list_rows(rows.blank)})"
-        text.note("blank lines", message, rows.blank)
-    if rows.aside:
-        first = text.lines[rows.aside[0] - 1].strip()[:40]
-        message = (
-            f"{len(rows.aside)} lines that are no rows skipped ({list_rows(rows.aside)}): '{first}'"
-        )
-        text.note("lines aside", message, rows.aside)
-    if not text.ended and rows.numbers[-1] == len(text.lines):
-        message = (
-            f"row {rows.numbers[-1]}, the last, has no line end: its last number may be cut short;"
-            " it was kept"
-        )
-        text.note("no line end", message, (rows.numbers[-1],))
-    columns = _make_columns(layout, rows.cells)
-    table = Table(text.path, columns, np.array(rows.numbers, dtype=np.int64), text.repairs)
-    strip_units(table)
-    normalise_decimals(table, layout.delimiter == ",", reading.decimal)
+    contents: Sequence[Sequence[str] | Array] = list(zip(*rows.cells, strict=True))
+    if text.folded:
+        contents = _unfold(text, layout, reading.decimal, rows)
+        text = replace(text, count=len(contents[0]) - len(rows.cells))
+    _note_lines(text, rows)
+    above = bisect_left(rows.indices, text.head)
+    folded = text.head + 1 + np.arange(text.count)
+    numbers = np.insert(text.row(np.array(rows.indices)), above, folded)
+    table = Table(text.path, _make_columns(layout, contents), numbers, text.repairs)
+    if not text.folded:
+        strip_units(table)
+        normalise_decimals(table, layout.delimiter == ",", reading.decimal)
     return table
 
 
+def _note_lines(text: Lines, rows: _Rows) -> None:
+    """Note the lines among the rows that are none, and a last one without its end."""
+    blank, aside, partial = (
+        [text.row(index) for index in found] for found in (rows.blank, rows.aside, rows.partial)
+    )
+    for row in partial:
+        text.note("partial line", f"row {row}, the last, is cut off: dropped", (row,))
+    if blank:
+        text.note("blank lines", f"{len(blank)} blank lines skipped ({list_rows(blank)})", blank)
+    if aside:
+        first = text.lines[rows.aside[0]].strip()[:40]
+        message = f"{len(aside)} lines that are no rows skipped ({list_rows(aside)}): '{first}'"
+        text.note("lines aside", message, aside)
+    last = len(text.lines) - 1
+    if not text.ended and rows.indices[-1] == last:
+        message = (
+            f"row {text.row(last)}, the last, has no line end: its last number may be cut short;"
+            " it was kept"
+        )
+        text.note("no line end", message, (text.row(last),))
+
+
+def _unfold(text: Lines, layout: TextLayout, decimal: str, rows: _Rows) -> list[Array | list[str]]:
+    """Return the cells of each column, with those of the folded lines in their place.
+
+    Raises
+    ------
+    NotPlain
+        If a cell is no plain number, points may separate thousands, or the header is below.
+    """
+    mark = layout.delimiter
+    folded = text.folded or b""
+    if layout.first > text.head or not has_decimal_points(
+        chain(*rows.cells), folded, mark == ",", decimal
+    ):
+        raise NotPlain("rows above the header, or points that may separate thousands")
+    lines = [mark.join(cells).encode() for cells in rows.cells]
+    place = bisect_left(rows.indices, text.head)
+    parts = (b"\n".join(lines[:place]), folded, b"\n".join(lines[place:]))
+    columns = read_plain(parts, mark, len(layout.header))
+    return [[""] * len(cells) if np.isnan(cells).all() else cells for cells in columns]
+
+
 class _Rows(NamedTuple):
-    """Cells and numbers of the rows of a table, and the numbers of other lines among them."""
+    """Cells and line indices of rows of a table, and indices of other lines among them."""
 
     cells: list[list[str]]
-    numbers: list[int]
+    indices: list[int]
     blank: list[int]
     aside: list[int]
+    partial: list[int]
 
 
 def _add_line(
     rows: _Rows, text: Lines, layout: TextLayout, index: int, optional_last: bool
 ) -> None:
     """Add a line below the header to the rows, or to the lines among them."""
-    row = index + 1
     line = text.lines[index]
     if not line.strip():
-        rows.blank.append(row)
+        rows.blank.append(index)
         return
     width = len(layout.header)
     cells = _cells(text, index, layout.delimiter, width, optional_last)
     is_last = index == len(text.lines) - 1
     # what begins with a digit is no comment and no header
     if not line[:1].isdigit() and _is_no_row(line, cells, layout):
-        rows.aside.append(row)
+        rows.aside.append(index)
     elif _is_partial(cells, layout.header, is_last, text.ended):
-        message = f"row {row}, the last, is cut off: dropped"
-        text.note("partial line", message, (row,))
+        rows.partial.append(index)
     elif len(cells) != width:
-        raise _wrong_width(text.path, row, len(cells), width, layout.delimiter)
+        raise _wrong_width(text.path, index + 1, len(cells), width, layout.delimiter)
     else:
         rows.cells.append(cells)
-        rows.numbers.append(row)
+        rows.indices.append(index)
 
 
 def _is_no_row(line: str, cells: Sequence[str], layout: TextLayout) -> bool:
@@ -388,12 +467,13 @@ def _is_partial(cells: Sequence[str], header: Sequence[str], is_last: bool, ende
     return starts_number and not is_value(last)
 
 
-def _make_columns(layout: TextLayout, records: list[list[str]]) -> list[Column]:
-    """Return the columns of rows of cells, without those that have neither name nor content."""
+def _make_columns(layout: TextLayout, contents: Iterable[Sequence[str] | Array]) -> list[Column]:
+    """Return the columns of their cells, without those that have neither name nor content."""
     columns = []
     units = layout.units or [""] * len(layout.header)
-    for cell, below, cells in zip(layout.header, units, zip(*records, strict=True), strict=True):
+    for cell, below, cells in zip(layout.header, units, contents, strict=True):
         column = Column.read(cell.strip(), cells, below)
-        if column.name or column.unit or any(text.strip() for text in cells):
+        has_numbers = isinstance(cells, np.ndarray)
+        if column.name or column.unit or has_numbers or any(map(str.strip, cells)):
             columns.append(column)
     return columns

@@ -191,9 +191,11 @@ def _notice_clipped(samples: Samples, name: str, values: Array, levels: Array, u
     for word, level in (("maximum", levels[-1]), ("minimum", levels[0])):
         at_level = values == level
         share = float(at_level.mean())
+        if share < CLIPPED_SHARE:
+            continue
         first, end = max(true_runs(at_level), key=lambda run: run[1] - run[0])
         length = end - first
-        if share >= CLIPPED_SHARE and length >= CLIPPED_RUN:
+        if length >= CLIPPED_RUN:
             message = (
                 f"{name}: clipped (or constant) at its {word} {level:.6g} {unit}: {100 * share:.1f}"
                 f" % of the samples, up to {length} in a row from row {samples.rows[first]}"

@@ -125,7 +125,9 @@ def _require_two(samples: Samples) -> None:
 def _drop_missing_time(samples: Samples, discard: float) -> None:
     """Drop the rows whose time is missing or infinite, in place; raise if they are too many."""
     invalid = ~np.isfinite(samples.time)
-    if invalid.any() and not invalid.all():
+    if not invalid.any():
+        return
+    if not invalid.all():
         rows = samples.rows[invalid].tolist()
         refuse_loss(samples.path, "rows have no valid time", rows, invalid.size, discard)
         message = f"{len(rows)} rows without a valid time dropped ({list_rows(rows)})"
@@ -190,7 +192,7 @@ def true_runs(mask: Mask) -> list[tuple[int, int]]:
     list of tuple of int
         Index of the first element of each run, and index past its last one.
     """
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(int)))
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
     return [(int(first), int(end)) for first, end in zip(edges[::2], edges[1::2], strict=True)]
 
 

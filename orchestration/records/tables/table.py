@@ -364,14 +364,14 @@ def _no_item(table: Table, column: Column, index: int, known: Mapping[str, float
 
 def _without_marks(table: Table, column: Column, values: Array) -> Array:
     """Return values (n,) with NaN for numbers that mark a missing one."""
-    known = values[np.isfinite(values)]
+    finite = np.isfinite(values)
+    known = values if finite.all() else values[finite]
     if not known.size:
         return values
     extremes = {float(known.min()), float(known.max())}
-    sizes = np.abs(values)
     for number in _NO_NUMBERS:
         if any(np.isclose(abs(x), number, rtol=1e-6, atol=0.0) for x in extremes):
-            found = np.isclose(sizes, number, rtol=1e-6, atol=0.0)
+            found = np.isclose(np.abs(values), number, rtol=1e-6, atol=0.0)
             values = _masked(table, column, values, found)
     for mark in extremes.intersection(_MARKS):
         others = known[known != mark]
@@ -432,5 +432,5 @@ def as_numbers(values: np.ndarray | np.ma.MaskedArray[Any, Any]) -> np.ndarray |
     if values.dtype.kind == "m":
         return values / np.timedelta64(1, "s")
     if values.dtype.kind in "biuf":
-        return values.astype(float)
+        return values.astype(float, copy=False)
     return ["" if value is None else str(value) for value in values]

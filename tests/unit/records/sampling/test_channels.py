@@ -46,6 +46,14 @@ def test_a_long_or_outer_hole_in_an_input_is_refused(tmp_path, hole, says):
     assert says in refusal(write_rows(tmp_path, rows))
 
 
+def test_a_short_stay_at_an_extreme_is_clipped_only_in_a_short_record(tmp_path):
+    for count, kinds_of_it in ((400, {"clipped"}), (600, set())):
+        rows = varied_rows(count)
+        for row in rows[100:105]:
+            row[2] = 9.0
+        assert set(read(write_rows(tmp_path, rows))[1]) == kinds_of_it
+
+
 def test_quantisation_gives_the_least_step(tmp_path):
     rows = [[t, u, round(y / 0.25) * 0.25] for t, u, y in varied_rows(400)]
     _, kinds = read(write_rows(tmp_path, rows))
