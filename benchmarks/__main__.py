@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from . import diagnosing, models, stepping, sweeping, systems
+from . import diagnosing, models, reading, stepping, sweeping, systems
 from .tables import DOCS, Table, Topic, publish
 
 PAGE = DOCS / "benchmarks.md"
@@ -129,6 +129,13 @@ TOPICS = {
         "The same without the catalogue of effects, so that the laws are searched for the cause.",
         "",
         diagnosing.laws,
+    ),
+    "text": Benchmark(
+        "Text tables",
+        "Files of 3 million numbers with a header: the table of one, and a record, with its units,"
+        " repairs and notices.",
+        "`pandas.read_csv` on the same file; all come to the same bits",
+        reading.tables,
     ),
     "import": Benchmark(
         "Start of the command line",

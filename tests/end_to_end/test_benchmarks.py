@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as command
-from benchmarks import models, stepping, sweeping, systems
+from benchmarks import models, reading, stepping, sweeping, systems
 from benchmarks.tables import Table, machine
 from benchmarks.timing import Times, comparison, exponent, take_turns, timed, verdict
 
@@ -63,6 +63,13 @@ def test_masters_are_not_timed_where_their_positions_differ() -> None:
     systems.check_agreement({systems.OURS: 1.0, systems.ECOS: 1.0 + 1e-12})
     with pytest.raises(RuntimeError, match=r"Ecos: position 1\.001 after the last step, ours 1\.0"):
         systems.check_agreement({systems.OURS: 1.0, systems.ECOS: 1.001})
+
+
+def test_tables_are_not_timed_where_their_numbers_differ() -> None:
+    column = np.array([1.0, 2.0])
+    reading.check_agreement({"ours": [column], "pandas": [column]})
+    with pytest.raises(RuntimeError, match="ours and pandas: not the same numbers"):
+        reading.check_agreement({"ours": [column], "pandas": [column + 1e-15]})
 
 
 @pytest.mark.slow
