@@ -15,6 +15,7 @@ from fmus.kit import UserError
 from orchestration.fmu import Archive, read_description
 from orchestration.fmu.wrapping import DeclaredVariable
 from orchestration.system.model import UNCHANGED, Connection, Member
+from orchestration.system.ssp.vocabulary import path_of
 
 
 class End(NamedTuple):
@@ -22,16 +23,19 @@ class End(NamedTuple):
 
     Attributes
     ----------
-    member : str or None
-        None for a connector of the system.
+    member : str
+        Empty for a connector of the system.
     connector : str
     indices : tuple of int
         Indices of an element of an array, from 1; empty for the whole connector.
     """
 
-    member: str | None
+    member: str
     connector: str
     indices: tuple[int, ...] = ()
+
+    def __str__(self) -> str:
+        return path_of(self.member, self.connector)
 
 
 class Wire(NamedTuple):
@@ -225,4 +229,4 @@ def _whole(wire: Wire) -> Wire:
 
 
 def _shape(end: End, members: Mapping[str, Member]) -> tuple[int, ...]:
-    return variable_of(members[end.member or ""], end.connector).shape
+    return variable_of(members[end.member], end.connector).shape

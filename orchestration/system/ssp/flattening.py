@@ -1,4 +1,4 @@
-"""Descriptions with systems in systems, rewritten as one system of members.
+"""Descriptions with systems in systems, collected as one system of members.
 
 A member of an inner system is named ``inner.member``; what is connected through a connector of the
 inner system is connected directly. Parameter connectors of a system become other names of the
@@ -7,104 +7,118 @@ parameters that they are connected to.
 
 from __future__ import annotations
 
-from xml.etree.ElementTree import Element, SubElement
+from collections.abc import Mapping
+from xml.etree.ElementTree import Element
 
-from orchestration.system.ssp.junctions import resolve
-from orchestration.system.ssp.transformations import OTHER, SIDES
-from orchestration.system.ssp.vocabulary import NAMESPACES, attribute, tag
-
-OWNER = "owner"  # attribute of a binding: the name of the system that it was declared in
-_PARAMETER = "parameter"
-
-Aliases = dict[str, list[str]]
+from fmus.kit.errors import UserError, find
+from orchestration.system.ssp.junctions import DeclaredConnection, Junction, entries
+from orchestration.system.ssp.package import Package
+from orchestration.system.ssp.vocabulary import NAMESPACES, attribute, path_of, tag
 
 
-def flatten(system: Element) -> Aliases:
-    """Rewrite a system in place as one without systems in it.
+class Structure:
+    """The elements of a system and of the systems in it, under their full names.
 
-    Parameters
+    Attributes
     ----------
-    system : Element
-        The ``System`` of a description, whose elements are known.
-
-    Returns
-    -------
-    dict of str to list of str
-        Parameters ``member.parameter`` by the name of the parameter connectors that set them.
-
-    Raises
-    ------
-    UserError
-        If an element of an array is connected through a connector of an inner system.
+    components : dict of str to Element
+    connectors : list of Element
+        Connectors of the outermost system other than parameters.
+    connections : list of DeclaredConnection
+    junctions : dict of str to dict of str to Junction
+        By element and connector.
+    bindings : list of (str, Element)
+        Parameter bindings with the name of their component or system; those that come later count.
     """
-    for wire in _wires(system):
-        for side in SIDES:  # an empty name is that of the system itself
-            if wire.get(f"{side}Element") == "":
-                del wire.attrib[f"{side}Element"]
-    aliases: Aliases = {}
-    for inner in system.findall("ssd:Elements/ssd:System", NAMESPACES):
-        name = attribute(inner, "name")
-        own = flatten(inner)
-        for connector, parameters in own.items():
-            aliases[f"{name}.{connector}"] = [f"{name}.{parameter}" for parameter in parameters]
-        _dissolve(inner, name, system)
-    resolve(system)
-    return aliases | _parameter_aliases(system, aliases)
 
+    def __init__(self, package: Package):
+        self.components: dict[str, Element] = {}
+        self.connectors: list[Element] = []
+        self.connections: list[DeclaredConnection] = []
+        self.junctions: dict[str, dict[str, Junction]] = {}
+        self.bindings: list[tuple[str, Element]] = []
+        self._package = package
+        self._aliases: dict[str, list[str]] = {}  # by the full name of a parameter connector
+        self._entries: dict[Element, dict[str, Junction]] = {}  # by dictionary
 
-def _wires(system: Element) -> list[Element]:
-    return system.findall("ssd:Connections/ssd:Connection", NAMESPACES)
+    def add(
+        self, system: Element, path: str = "", outer: Mapping[str, Element] | None = None
+    ) -> None:
+        """Add what is in a system, and in the systems in it.
 
+        Parameters
+        ----------
+        system : Element
+            A ``System``, or an element of an annotation with connectors of the system.
+        path : str
+            Its name; empty for the outermost.
+        outer : Mapping of str to Element, optional
+            Signal dictionaries of the systems around it.
 
-def _group(system: Element, name: str) -> Element:
-    """Return the element of a group in a system, a new one where it has none."""
-    found = system.find(name, NAMESPACES)
-    return SubElement(system, tag(name)) if found is None else found
+        Raises
+        ------
+        UserError
+            If two components have one name, or a signal dictionary or an attribute is missing.
+        """
+        dictionaries = dict(outer or {})
+        for element in system.iterfind("ssd:SignalDictionaries/ssd:SignalDictionary", NAMESPACES):
+            dictionaries[attribute(element, "name")] = element
+        self._add_connectors(system, path)
+        for element in system.iterfind("ssd:Connections/ssd:Connection", NAMESPACES):
+            self._add_connection(DeclaredConnection.of(element, path), path)
+        inner = []
+        for element in system.iterfind("ssd:Elements/*", NAMESPACES):
+            name = path_of(path, attribute(element, "name"))
+            if element.tag == tag("ssd:System"):
+                inner.append((element, name))
+            elif element.tag == tag("ssd:SignalDictionaryReference"):
+                self.junctions[name] = self._entries_of(name, element, dictionaries)
+            elif name in self.components:
+                raise UserError(f"two members have one name, {name!r}")
+            else:
+                self.components[name] = element
+                self._add_bindings(element, name)
+        for element, name in inner:
+            self.add(element, name, dictionaries)
+        self._add_bindings(system, path)
 
+    def parameters(self, name: str) -> list[str]:
+        """Return the parameters of members that a name sets, through connectors of systems."""
+        if name not in self._aliases:
+            return [name]
+        return [target for alias in self._aliases[name] for target in self.parameters(alias)]
 
-def _dissolve(inner: Element, name: str, system: Element) -> None:
-    """Move members, connections and parameter bindings of an inner system into its system.
+    def _add_bindings(self, owner: Element, path: str) -> None:
+        for binding in owner.iterfind("ssd:ParameterBindings/ssd:ParameterBinding", NAMESPACES):
+            self.bindings.append((path, binding))
 
-    Its connectors stay, for the connections that meet there.
-    """
-    elements = _group(system, "ssd:Elements")
-    for member in inner.findall("ssd:Elements/*", NAMESPACES):
-        member.set("name", f"{name}.{attribute(member, 'name')}")
-        elements.append(member)
-    for number, binding in enumerate(
-        inner.findall("ssd:ParameterBindings/ssd:ParameterBinding", NAMESPACES)
-    ):
-        binding.set(OWNER, ".".join(filter(None, (name, binding.get(OWNER)))))
-        # what the outer system sets comes later, and counts
-        _group(system, "ssd:ParameterBindings").insert(number, binding)
-    connections = _group(system, "ssd:Connections")
-    for wire in _wires(inner):
-        for side in SIDES:
-            owner = wire.get(f"{side}Element")
-            wire.set(f"{side}Element", name if owner is None else f"{name}.{owner}")
-        connections.append(wire)
+    def _add_connectors(self, system: Element, path: str) -> None:
+        others = []
+        for element in system.iterfind("ssd:Connectors/ssd:Connector", NAMESPACES):
+            if element.get("kind") == "parameter":
+                self._aliases[path_of(path, attribute(element, "name"))] = []
+            else:
+                others.append(element)
+        if path:
+            self.junctions[path] = {one.name: one for one in map(Junction, others)}
+        else:
+            self.connectors += others
 
+    def _add_connection(self, connection: DeclaredConnection, path: str) -> None:
+        """Add a connection, or what a parameter connector of its system sets."""
+        ends = (connection.start, connection.end)
+        for own, target in (ends, ends[::-1]):
+            if own.member == path != target.member and str(own) in self._aliases:
+                self._aliases[str(own)].append(str(target))
+                return
+        self.connections.append(connection)
 
-def _ends_at(wire: Element, owner: str | None) -> list[str]:
-    """Return the sides of a wire that are connectors of an owner; None is the system itself."""
-    return [side for side in SIDES if wire.get(f"{side}Element") == owner]
-
-
-def _parameter_aliases(system: Element, known: Aliases) -> Aliases:
-    """Remove the parameter connectors of a system with their wires; return what they set."""
-    connectors = _group(system, "ssd:Connectors")
-    connections = _group(system, "ssd:Connections")
-    aliases: Aliases = {}
-    for connector in list(connectors):
-        if connector.get("kind") == _PARAMETER:
-            connectors.remove(connector)
-            aliases[attribute(connector, "name")] = []
-    for wire in list(connections):
-        for side in _ends_at(wire, None):
-            targets = aliases.get(attribute(wire, f"{side}Connector"))
-            owner = wire.get(f"{OTHER[side]}Element")
-            if targets is not None and owner is not None:
-                connections.remove(wire)
-                name = f"{owner}.{attribute(wire, f'{OTHER[side]}Connector')}"
-                targets += known.get(name, [name])
-    return aliases
+    def _entries_of(
+        self, owner: str, reference: Element, dictionaries: Mapping[str, Element]
+    ) -> dict[str, Junction]:
+        """Return the entries of the dictionary of a reference, the same for all references."""
+        name = attribute(reference, "dictionary")
+        dictionary = find(name, dictionaries, f"{owner}: there is no signal dictionary")
+        if dictionary not in self._entries:
+            self._entries[dictionary] = entries(dictionary, self._package)
+        return self._entries[dictionary]

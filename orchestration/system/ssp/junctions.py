@@ -1,136 +1,239 @@
-"""Connectors of inner systems and entries of signal dictionaries, at which connections meet."""
+"""Connections as declared, and the junctions at which they meet.
+
+A junction is a connector of an inner system or an entry of a signal dictionary.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import combinations, product
+from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
 from fmus.kit.errors import UserError, error_context, find
-from orchestration.fmu.archive import parse_xml
+from orchestration.system.ssp.arrays import End
 from orchestration.system.ssp.package import Package
-from orchestration.system.ssp.transformations import OTHER, SIDES, far_end, joined
 from orchestration.system.ssp.vocabulary import (
+    LINEAR,
+    MAPPINGS,
     NAMESPACES,
+    WHOLE,
     attribute,
-    check_elements,
     check_version,
     find_all,
-    local_name,
-    tag,
+    number,
+    path_of,
 )
 
-Junctions = Mapping[str, Mapping[str, Element]]  # by element and connector
+
+class Step(NamedTuple):
+    """Change of a value on its way from one declared connector or parameter to the next.
+
+    Attributes
+    ----------
+    linear : tuple of float or None
+        Factor and offset.
+    mapping : Element or None
+        A mapping of booleans, integers or items of an enumeration.
+    suppresses_conversion : bool
+        Whether the value is not converted to the unit of its target.
+    """
+
+    linear: tuple[float, float] | None = None
+    mapping: Element | None = None
+    suppresses_conversion: bool = False
+
+    @classmethod
+    def of(cls, element: Element) -> Step:
+        """Return the step of a connection or of an entry of a parameter mapping.
+
+        Raises
+        ------
+        UserError
+            If a factor or an offset is not a finite number.
+        """
+        linear = None
+        for node in element.iterfind(LINEAR, NAMESPACES):
+            linear = number(node, "factor", "1"), number(node, "offset", "0")
+        return cls(
+            linear,
+            next((node for node in element if node.tag in MAPPINGS), None),
+            element.get("suppressUnitConversion") in ("true", "1"),
+        )
 
 
-def resolve(system: Element) -> None:
-    """Give references in a system the dictionaries that are defined there, and not further in."""
-    defined = {
-        attribute(dictionary, "name"): dictionary
-        for dictionary in find_all([system], "ssd:SignalDictionaries/ssd:SignalDictionary")
-    }
-    for reference in find_all([system], "ssd:Elements/ssd:SignalDictionaryReference"):
-        found = defined.get(attribute(reference, "dictionary"))
-        if found is not None:  # one that is there already comes first
-            reference.append(found)
+class Junction:
+    """A place where connections meet; references of one signal dictionary share its entries.
+
+    Attributes
+    ----------
+    name : str
+    unit : str or None
+    """
+
+    def __init__(self, element: Element):
+        self.name = attribute(element, "name")
+        self.unit = next((unit for node in element if (unit := node.get("unit"))), None)
 
 
-def take(top: Element, package: Package) -> Junctions:
-    """Remove inner systems and references of dictionaries from a flat system.
+Junctions = Mapping[str, Mapping[str, Junction]]  # by element and connector
+
+
+@dataclass(frozen=True, eq=False)
+class DeclaredConnection:
+    """A connection of a description; which end is the source depends on the connectors.
+
+    Attributes
+    ----------
+    start, end : End
+    steps : tuple of Step
+        Steps from the start to the end, one for each connection that it is made of.
+    junctions : tuple of Junction
+        Where these meet.
+    """
+
+    start: End
+    end: End
+    steps: tuple[Step, ...]
+    junctions: tuple[Junction, ...] = ()
+
+    @classmethod
+    def of(cls, element: Element, path: str) -> DeclaredConnection:
+        """Return the connection of an element.
+
+        Parameters
+        ----------
+        element : Element
+        path : str
+            Name of the system that it is in; empty for the outermost.
+
+        Raises
+        ------
+        UserError
+            If it lacks a connector, its indices are no whole numbers, or its factor is not finite.
+        """
+        start, end = (
+            End(
+                path_of(path, element.get(f"{side}Element", "")),
+                attribute(element, f"{side}Connector"),
+            )
+            for side in ("start", "end")
+        )
+        with error_context(f"connection {start} -> {end}"):
+            start = start._replace(indices=_indices(element, "startIndices"))
+            end = end._replace(indices=_indices(element, "endIndices"))
+            return cls(start, end, (Step.of(element),))
+
+    def __str__(self) -> str:
+        return f"connection {self.start} -> {self.end}"
+
+    def turned(self) -> DeclaredConnection:
+        """Return the connection with start and end exchanged."""
+        return DeclaredConnection(self.end, self.start, self.steps[::-1], self.junctions[::-1])
+
+    def joined(self, junction: Junction, other: DeclaredConnection) -> DeclaredConnection:
+        """Return this connection with one behind it, which starts at the junction where it ends.
+
+        Raises
+        ------
+        UserError
+            If an end there is one element of an array.
+        """
+        if self.end.indices or other.start.indices:
+            raise UserError(
+                f"connection through {junction.name}: elements of arrays are not known there"
+            )
+        junctions = (*self.junctions, junction, *other.junctions)
+        return DeclaredConnection(self.start, other.end, self.steps + other.steps, junctions)
+
+
+def _indices(element: Element, name: str) -> tuple[int, ...]:
+    texts = element.get(name, "").split()
+    if not all(map(WHOLE.fullmatch, texts)):
+        raise UserError(f"{name} {' '.join(texts)[:40]!r} are no whole numbers")
+    return tuple(map(int, texts))
+
+
+def entries(dictionary: Element, package: Package) -> dict[str, Junction]:
+    """Return the entries of a signal dictionary by name.
 
     Parameters
     ----------
-    top : Element
-        The ``System``.
+    dictionary : Element
+        A ``SignalDictionary`` of a system, which contains a table or names its file.
     package : Package
-
-    Returns
-    -------
-    Mapping of str to Mapping of str to Element
-        Their connectors; references of one dictionary share its entries.
 
     Raises
     ------
     UserError
-        If a dictionary does not exist.
+        If the file is missing or no signal dictionary.
     """
-    junctions = {}
-    for elements in find_all([top], "ssd:Elements"):
-        for element in list(elements):
-            if element.tag == tag("ssd:Component"):
-                continue
-            elements.remove(element)
-            name = attribute(element, "name")
-            found = element.findall("ssd:Connectors/ssd:Connector", NAMESPACES)
-            if element.tag != tag("ssd:System"):
-                found = _entries(element, package)
-            junctions[name] = {attribute(each, "name"): each for each in found}
-    return junctions
-
-
-def _entries(reference: Element, package: Package) -> list[Element]:
-    """Return the entries of the dictionary of a reference."""
-    dictionary = reference.find("ssd:SignalDictionary", NAMESPACES)
-    name = attribute(reference, "dictionary")
-    if dictionary is None:
-        raise UserError(f"{reference.get('name')}: there is no signal dictionary named {name!r}")
-    source = dictionary.attrib.pop("source", None)
-    with error_context(f"signal dictionary {name}"):
+    source = dictionary.get("source")
+    tables = dictionary.findall("ssb:SignalDictionary", NAMESPACES)
+    with error_context(f"signal dictionary {attribute(dictionary, 'name')}"):
+        for table in tables:
+            check_version(table, "it")
         if source is not None:
-            table = parse_xml(package.text(source), str(package.path), source)
-            if table.tag != tag("ssb:SignalDictionary"):
-                raise UserError(f"{source} is a {local_name(table)}, not a SignalDictionary")
-            check_elements(table)
-            dictionary.append(table)
-        for table in dictionary:
-            check_version(table, source or "it")
-    return find_all(dictionary, "ssb:DictionaryEntry")
+            tables.append(package.document(source, "ssb:SignalDictionary"))
+        listed = map(Junction, find_all(tables, "ssb:DictionaryEntry"))
+        return {entry.name: entry for entry in listed}
 
 
-def _junction(junctions: Junctions, owner: str | None, connector: str) -> Element | None:
-    if owner is None or owner not in junctions:
+def _junction(end: End, junctions: Junctions) -> Junction | None:
+    if end.member not in junctions:
         return None
-    return find(connector, junctions[owner], f"{owner}: no connector or entry")
+    return find(end.connector, junctions[end.member], f"{end.member}: no connector or entry")
 
 
-def connect(
-    wires: Iterable[Element], junctions: Junctions, receives: Callable[[Element, str], bool]
-) -> list[Element]:
+def join(
+    connections: Iterable[DeclaredConnection],
+    junctions: Junctions,
+    receives: Callable[[End], bool],
+) -> list[DeclaredConnection]:
     """Return connections in which those that meet at a junction are joined.
 
     Parameters
     ----------
-    wires : iterable of Element
-    junctions : Mapping of str to Mapping of str to Element
+    connections : iterable of DeclaredConnection
+    junctions : Mapping of str to Mapping of str to Junction
     receives : callable
-        Whether a side of a connection is the input of a member or an output of the system.
+        Whether an end is the input of a member or an output of the system.
 
     Raises
     ------
     UserError
-        If there is no such connector.
+        If a junction does not exist, or an end there is one element of an array.
     """
-    made: dict[Element, None] = {}
-    meetings: dict[Element, list[tuple[Element, str]]] = {}
+    made: dict[DeclaredConnection, None] = {}
+    meetings: dict[Junction, list[DeclaredConnection]] = {}
 
-    def add(wire: Element) -> None:
-        places = [_junction(junctions, *far_end(wire, side)) for side in SIDES[::-1]]
-        if places[0] is not None and places[0] is places[1]:
+    def add(connection: DeclaredConnection) -> None:
+        start, end = (_junction(each, junctions) for each in (connection.start, connection.end))
+        if start is not None and start is end:
             return  # a loop connects nothing
-        made[wire] = None
-        for side, place in zip(SIDES, places, strict=True):
-            if place is not None:
-                meetings.setdefault(place, []).append((wire, side))
+        made[connection] = None
+        for place in filter(None, (start, end)):
+            meetings.setdefault(place, []).append(connection)
 
-    for wire in wires:
-        add(wire)
+    for connection in connections:
+        add(connection)
     while meetings:
         place, listed = meetings.popitem()
-        ends = [end for end in listed if end[0] in made]
-        targets = [end for end in ends if receives(end[0], OTHER[end[1]])]
-        others = [end for end in ends if end not in targets]
-        for wire, _ in ends:
-            del made[wire]
-        for first, second in (*combinations(others, 2), *product(others, targets)):
-            add(joined(*first, place, *second))
+        met = [connection for connection in listed if connection in made]
+        for connection in met:
+            del made[connection]
+        arriving = [one if _junction(one.end, junctions) is place else one.turned() for one in met]
+        for connection in _through(place, arriving, receives):
+            add(connection)
     return list(made)
+
+
+def _through(
+    place: Junction, arriving: Sequence[DeclaredConnection], receives: Callable[[End], bool]
+) -> Iterator[DeclaredConnection]:
+    """Yield the connections that those that end at a junction make: of any two but two targets."""
+    targets = [connection for connection in arriving if receives(connection.start)]
+    others = [connection for connection in arriving if not receives(connection.start)]
+    for one, other in (*combinations(others, 2), *product(others, targets)):
+        yield one.joined(place, other.turned())

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from fmus.kit import UserError, units
+from fmus.kit import units
+from fmus.kit.errors import UserError, error_context
 from orchestration.fmu import Value
-from orchestration.fmu.archive import parse_xml
 from orchestration.system.checking import variable
 from orchestration.system.model import Member, owner_of
 from orchestration.system.ssp.arrays import enumeration_items, variable_of
 from orchestration.system.ssp.declarations import check_connectors, check_shape
-from orchestration.system.ssp.flattening import OWNER
+from orchestration.system.ssp.flattening import Structure
 from orchestration.system.ssp.package import Package
 from orchestration.system.ssp.vocabulary import (
     BOOLEANS,
@@ -22,10 +22,10 @@ from orchestration.system.ssp.vocabulary import (
     NAMESPACES,
     TYPES,
     attribute,
-    check_elements,
     check_version,
     find_all,
     local_name,
+    path_of,
     tag,
 )
 
@@ -36,20 +36,15 @@ _OTHER_IMPLEMENTATIONS = {
 }
 
 
-def read_members(
-    top: Element, package: Package, folder: Path, aliases: Mapping[str, Sequence[str]]
-) -> dict[str, Member]:
+def read_members(structure: Structure, package: Package, folder: Path) -> dict[str, Member]:
     """Read the members, with the parameter bindings of members and of the system.
 
     Parameters
     ----------
-    top : Element
-        The ``System``.
+    structure : Structure
     package : Package
     folder : Path
         Folder into which FMUs of an archive are unpacked.
-    aliases : Mapping of str to sequence of str
-        Parameters ``member.parameter`` by other names of them.
 
     Returns
     -------
@@ -62,68 +57,56 @@ def read_members(
         If a member is no FMU for co-simulation, its declaration differs from its FMU, or one of
         its parameters cannot be set.
     """
-    listed = [
-        _read_member(element, package, folder)
-        for element in top.findall("ssd:Elements/*", NAMESPACES)
-    ]
-    members = {member.name: member for member in listed}
-    if len(members) != len(listed):
-        raise UserError("two members have one name")
-    for name, value in _read_bindings(top, package, "system"):
-        for target in aliases.get(name, [name]):
-            owner = owner_of(target, members)
-            if owner is None:
-                raise UserError(
-                    f"parameter {name!r} of the system is not of the form member.parameter"
-                )
-            member = members[owner]
-            own = _read_values(member, target[len(owner) + 1 :], value)
-            members[owner] = replace(member, parameters={**member.parameters, **own})
-    return members
+    members = {
+        name: _read_member(name, element, package, folder)
+        for name, element in structure.components.items()
+    }
+    parameters: dict[str, dict[str, Value]] = {name: {} for name in members}
+    for path, binding in structure.bindings:
+        where = f"member {path}" if path in members else "system"
+        for own, value in _read_binding(binding, package, where):
+            for target in structure.parameters(path_of(path, own)):
+                owner = owner_of(target, members)
+                if owner is None:
+                    raise UserError(
+                        f"parameter {target!r} of the system is not of the form member.parameter"
+                    )
+                variable = target[len(owner) + 1 :]
+                parameters[owner] |= _read_values(members[owner], variable, value)
+    return {name: replace(members[name], parameters=parameters[name]) for name in members}
 
 
-def _read_member(element: Element, package: Package, folder: Path) -> Member:
-    """Read a member with its parameter bindings, and compare its connectors with its FMU."""
-    name = attribute(element, "name")
-    if element.tag != tag("ssd:Component"):
-        raise UserError(
-            f"{name} is a {local_name(element)}; this program runs components that are FMUs"
-        )
+def _read_member(name: str, element: Element, package: Package, folder: Path) -> Member:
+    """Read a member without parameters, and compare its connectors with its FMU."""
+    where = f"member {name}"
     kind = element.get("type", FMU)
     if kind != FMU:
-        raise UserError(f"member {name} is of type {kind}; this program runs FMUs")
+        raise UserError(f"{where} is of type {kind}; this program runs FMUs")
     other = _OTHER_IMPLEMENTATIONS.get(element.get("implementation", "any"))
     if other is not None:
-        raise UserError(f"member {name} is to be run by {other}; this program runs co-simulation")
-    try:
+        raise UserError(f"{where} is to be run by {other}; this program runs co-simulation")
+    with error_context(where):
         member = Member(name, package.fmu(attribute(element, "source"), folder))
         check_connectors(element, member)
-    except UserError as error:
-        text = str(error).removeprefix(f"{package.path}: ")
-        raise UserError(f"member {name}: {text}") from error
-    parameters: dict[str, Value] = {}
-    for key, value in _read_bindings(element, package, f"member {name}"):
-        parameters |= _read_values(member, key, value)
-    return replace(member, parameters=parameters)
+    return member
 
 
-def _read_bindings(element: Element, package: Package, where: str) -> Iterator[tuple[str, Element]]:
-    """Yield names and values of all parameters that are bound to an element."""
-    for binding in element.findall("ssd:ParameterBindings/ssd:ParameterBinding", NAMESPACES):
+def _read_binding(binding: Element, package: Package, where: str) -> Iterator[tuple[str, Element]]:
+    """Yield names and values of the parameters of a binding; messages begin with `where`."""
+    with error_context(where):
         if binding.get("sourceBase", "SSD") != "SSD":
-            raise UserError(f"{where}: parameters inside of an FMU are not known to this program")
-        mapped = _read_mapping(binding, package, where)
-        for parameter in _read_parameters(binding, package, where):
+            raise UserError("parameters inside of an FMU are not known to this program")
+        targets = _read_mapping(binding, package)
+        for parameter in _read_parameters(binding, package):
             own = binding.get("prefix", "") + attribute(parameter, "name")
             if len(parameter) == 0 or parameter[0].tag not in _PARAMETER_TYPES:
                 kind = local_name(parameter[0]) if len(parameter) else "nothing"
-                known = ", ".join(TYPES)
-                raise UserError(f"{where}: parameter {own} is {kind}; known are {known}")
-            for name in [own] if mapped is None else mapped.get(own, ()):
-                yield ".".join(filter(None, (binding.get(OWNER), name))), parameter
+                raise UserError(f"parameter {own} is {kind}; known are {', '.join(TYPES)}")
+            for name in [own] if targets is None else targets.get(own, ()):
+                yield name, parameter
 
 
-def _read_mapping(binding: Element, package: Package, where: str) -> dict[str, list[str]] | None:
+def _read_mapping(binding: Element, package: Package) -> dict[str, list[str]] | None:
     """Return the names that parameters of a binding are mapped to; None without a mapping.
 
     Raises
@@ -137,31 +120,24 @@ def _read_mapping(binding: Element, package: Package, where: str) -> dict[str, l
     mappings = declared.findall("ssm:ParameterMapping", NAMESPACES)
     source = declared.get("source")
     if source is not None:
-        mappings.append(parse_xml(package.text(source), str(package.path), source))
-        check_elements(mappings[-1])
+        mappings.append(package.document(source, "ssm:ParameterMapping"))
     names: dict[str, list[str]] = {}
     for entry in find_all(mappings, "ssm:MappingEntry"):
         target = attribute(entry, "target")
         if len(entry):
-            raise UserError(f"{where}: a transformation of parameter {target!r} is not known")
+            raise UserError(f"a transformation of parameter {target!r} is not known")
         names.setdefault(attribute(entry, "source"), []).append(target)
     return names
 
 
-def _read_parameters(binding: Element, package: Package, where: str) -> list[Element]:
+def _read_parameters(binding: Element, package: Package) -> list[Element]:
     """Return the parameters in a binding, and in the file that it refers to."""
     sets = binding.findall("ssd:ParameterValues/ssv:ParameterSet", NAMESPACES)
+    for each in sets:
+        check_version(each, "a ParameterSet")
     source = binding.get("source")
     if source is not None:
-        parameter_set = parse_xml(package.text(source), str(package.path), source)
-        check_elements(parameter_set)
-        if parameter_set.tag != tag("ssv:ParameterSet"):
-            raise UserError(
-                f"{where}: {source} is a {local_name(parameter_set)}, not a ParameterSet"
-            )
-        sets.append(parameter_set)
-    for each in sets:
-        check_version(each, f"{where}: {source or 'a ParameterSet'}")
+        sets.append(package.document(source, "ssv:ParameterSet"))
     return find_all(sets, "ssv:Parameters/ssv:Parameter")
 
 

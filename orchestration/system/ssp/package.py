@@ -7,10 +7,17 @@ import zipfile
 from pathlib import Path, PurePosixPath
 from typing import Any
 from urllib.parse import unquote
+from xml.etree.ElementTree import Element
 
 from fmus.kit import UserError, files
-from orchestration.fmu.archive import TEXT, UNREADABLE, check_size, open_zip
-from orchestration.system.ssp.vocabulary import DESCRIPTION
+from orchestration.fmu.archive import TEXT, UNREADABLE, check_size, open_zip, parse_xml
+from orchestration.system.ssp.vocabulary import (
+    DESCRIPTION,
+    check_elements,
+    check_version,
+    local_name,
+    tag,
+)
 
 
 class Package:
@@ -63,6 +70,29 @@ class Package:
         name = self._relative_path(source)
         check_size(str(self.path), name, self._size(name), TEXT)
         return self._read(name)
+
+    def document(self, source: str, root: str) -> Element:
+        """Return the root element of an XML file, whose elements are known.
+
+        Parameters
+        ----------
+        source : str
+            URI of the file.
+        root : str
+            Name of the root element, with the prefix of its namespace.
+
+        Raises
+        ------
+        UserError
+            If it is missing, damaged, too large, of another kind or version of SSP, or has an
+            unknown element.
+        """
+        element = parse_xml(self.text(source), str(self.path), source)
+        if element.tag != tag(root):
+            raise UserError(f"{source} is a {local_name(element)}, not a {root.partition(':')[2]}")
+        check_version(element, source)
+        check_elements(element)
+        return element
 
     def _size(self, name: str) -> int:
         """Return the size of a file in bytes; 0 if it is missing."""

@@ -8,11 +8,9 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from fmus.kit import UserError
-from orchestration.fmu.archive import parse_xml
 from orchestration.system.model import System
 from orchestration.system.ssp.connections import read_connections
-from orchestration.system.ssp.flattening import flatten
-from orchestration.system.ssp.junctions import take
+from orchestration.system.ssp.flattening import Structure
 from orchestration.system.ssp.members import read_members
 from orchestration.system.ssp.package import Package
 from orchestration.system.ssp.vocabulary import (
@@ -22,10 +20,7 @@ from orchestration.system.ssp.vocabulary import (
     STEP,
     attribute,
     check_elements,
-    check_version,
-    local_name,
     number,
-    tag,
 )
 
 
@@ -52,42 +47,37 @@ def read(path: Path, folder: Path) -> System:
     """
     with Package(path) as package, _path_in_errors(path):
         name = package.description
-        root = parse_xml(package.text(name), str(path), name)
-        if root.tag != tag("ssd:SystemStructureDescription"):
-            raise UserError(f"{name} is a {local_name(root)}, not a SystemStructureDescription")
-        check_version(root, name)
+        root = package.document(name, "ssd:SystemStructureDescription")
         systems = root.findall("ssd:System", NAMESPACES)
         if len(systems) != 1:
             raise UserError(f"{'more than one' if systems else 'no'} System in {name}")
-        check_elements(root)
         return _read_system(root, systems[0], package, folder)
 
 
 @contextmanager
 def _path_in_errors(path: Path) -> Iterator[None]:
-    """Put the path of the system before the message of a UserError, unless it is there."""
+    """Begin the message of a UserError with the path of the system, once."""
+    prefix = f"{path}: "
     try:
         yield
     except UserError as error:
-        if str(error).startswith(f"{path}: "):
-            raise
-        raise UserError(f"{path}: {error}") from error
+        raise UserError(prefix + str(error).replace(prefix, "")) from error
 
 
 def _read_system(root: Element, top: Element, package: Package, folder: Path) -> System:
     """Read the system in the element `top`."""
-    aliases = flatten(top)
-    junctions = take(top, package)
-    members = read_members(top, package, folder, aliases)
-    parts = [top, *_annotated_parts(top)]
-    connections, connectors = read_connections(parts, members, junctions)
+    structure = Structure(package)
+    for part in (top, *_annotated_parts(top)):
+        structure.add(part)
+    members = read_members(structure, package, folder)
+    connections, connectors = read_connections(structure, members)
     experiment = root.find("ssd:DefaultExperiment", NAMESPACES)
     return System(
         attribute(top, "name"),
         tuple(members.values()),
         tuple(connections),
-        {name: tuple(ports) for name, ports in connectors.inputs.items()},
-        connectors.connected_outputs(),
+        {name: tuple(one.ports) for name, one in connectors.items() if one.kind == "input"},
+        {name: one.ports[0] for name, one in connectors.items() if one.kind == "output"},
         top.get("description", ""),
         **({} if experiment is None else _read_experiment(experiment)),
     )

@@ -1,104 +1,36 @@
-"""Transformations of the values of a connection, composed of those of its parts.
-
-A connection through connectors of inner systems and entries of signal dictionaries is an element
-that contains its parts: connections, and between each two of them the connector where they meet.
-"""
+"""Transformations of the values of a connection, composed of those of its steps."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 from xml.etree.ElementTree import Element
 
 from fmus.kit.errors import UserError, find
 from orchestration.fmu import Signal
 from orchestration.system.checking import conversion
-from orchestration.system.ssp.vocabulary import (
-    BOOLEANS,
-    NAMESPACES,
-    TRANSFORMATIONS,
-    attribute,
-    local_name,
-    number,
-    tag,
-)
+from orchestration.system.ssp.junctions import DeclaredConnection, Step
+from orchestration.system.ssp.vocabulary import BOOLEANS, attribute, local_name, number
 
 _IDENTITY = (1.0, 0.0)  # factor and offset
-_TRUE = ("true", "1")
 
-SIDES = ("start", "end")  # of a connection
-OTHER = {"start": "end", "end": "start"}
-
-
-def joined(
-    first: Element, first_side: str, connector: Element, second: Element, second_side: str
-) -> Element:
-    """Return a connection made of two that meet at a connector.
-
-    Parameters
-    ----------
-    first, second : Element
-        Connections.
-    first_side, second_side : {"start", "end"}
-        The end of each that is the connector.
-    connector : Element
-        The connector, or the entry of a dictionary, with its type.
-
-    Raises
-    ------
-    UserError
-        If an end there is one element of an array.
-    """
-    if first.get(f"{first_side}Indices") or second.get(f"{second_side}Indices"):
-        raise UserError(
-            f"connection through {connector.get('name')}: elements of arrays are not known there"
-        )
-    whole = Element(first.tag)
-    for wire, near, side in ((first, first_side, "start"), (second, second_side, "end")):
-        for part in ("Element", "Connector", "Indices"):
-            text = wire.get(f"{OTHER[near]}{part}")
-            if text is not None:
-                whole.set(f"{side}{part}", text)
-    before = _parts(first)[:: 1 if first_side == "end" else -1]
-    after = _parts(second)[:: 1 if second_side == "start" else -1]
-    whole.extend([*before, connector, *after])
-    return whole
-
-
-def far_end(wire: Element, side: str) -> tuple[str | None, str]:
-    """Return element and connector of the end opposite to a side; None for the system."""
-    opposite = OTHER[side]
-    return wire.get(f"{opposite}Element"), attribute(wire, f"{opposite}Connector")
-
-
-def _parts(wire: Element) -> list[Element]:
-    """Return connections and connectors in turn, from the start to the end of a connection."""
-    is_joined = wire.find("ssd:Connection", NAMESPACES) is not None
-    return list(wire) if is_joined else [wire]
-
-
-def transformations(wire: Element) -> list[Element | None]:
-    """Return the transformation of each part of a connection, None where there is none."""
-    return [
-        next((node for node in part if node.tag in TRANSFORMATIONS), None)
-        for part in _parts(wire)[::2]
-    ]
+Items = Mapping[str, float]  # values of the items of an enumeration by name
+Table = tuple[tuple[float, float], ...]
 
 
 def compose(
-    wire: Element, source: Signal, target: Signal, items: Sequence[Mapping[str, float]]
-) -> dict[str, Any]:
-    """Return what a connection does to its values, as arguments of a `Connection`.
+    connection: DeclaredConnection, source: Signal, target: Signal, items: Sequence[Items]
+) -> tuple[float, float, Table]:
+    """Return factor, offset and table of a `Connection`.
 
-    SSP converts units before a linear transformation, in each part by itself.
+    SSP converts units before a linear transformation, in each step by itself.
 
     Parameters
     ----------
-    wire : Element
+    connection : DeclaredConnection
         Its start is its source.
     source, target : Signal
     items : sequence of Mapping of str to float
-        Values of the items by name, of the source and of the target.
+        Of the source and of the target.
 
     Raises
     ------
@@ -106,61 +38,76 @@ def compose(
         If a transformation does not fit its connectors, or a factor is applied to values whose
         unit changes: by SSP it is applied after the conversion, some tools apply it instead.
     """
-    parts = _parts(wire)[::2]
-    elements = transformations(wire)
-    suppressed = [part.get("suppressUnitConversion", "false") in _TRUE for part in parts]
-    if not any(suppressed) and elements == [None] * len(parts):
-        factor, offset = conversion(source.unit, target.unit) or _IDENTITY
-        return {"factor": factor, "offset": offset}
+    table = _table(connection.steps, (source.type, target.type), items)
+    if all(step == Step() for step in connection.steps):
+        return *(conversion(source.unit, target.unit) or _IDENTITY), table
+    units = [junction.unit for junction in connection.junctions]
+    return *_linear(connection.steps, source.unit, [*units, target.unit]), table
+
+
+def _linear(steps: Sequence[Step], unit: str, units: Sequence[str | None]) -> tuple[float, float]:
+    """Return factor and offset of steps that lead from a unit to others, one after each step."""
     factor, offset = _IDENTITY
-    table: dict[float, float] = {}
-    unit = source.unit
-    units = [*map(_declared_unit, _parts(wire)[1::2]), target.unit]
-    for k, element in enumerate(elements):
-        if element is not None and element.tag != tag("ssc:LinearTransformation"):
-            step = _entries(element, (source.type, target.type), items)
-            values = {value: table.get(value, value) for value in (*table, *step)}
-            table = {value: step.get(middle, middle) for value, middle in values.items()}
+    for k, step in enumerate(steps):
+        if step.mapping is not None:
             continue
         # a connector without a unit has that of the one whose values it passes on
-        to = units[k] or (unit if element is None else next(filter(None, units[k:]), unit))
-        scale, shift = _IDENTITY if suppressed[k] else conversion(unit, to) or _IDENTITY
-        if element is not None:
-            if (scale, shift) != _IDENTITY:
-                raise UserError(
-                    f"from {unit!r} to {to!r}, by a factor that may come on top of the conversion"
-                    ' or be all of it; say suppressUnitConversion="true" if it is all'
-                )
-            scale, shift = number(element, "factor", "1"), number(element, "offset", "0")
+        later = units[k:] if step.linear else units[k : k + 1]
+        to = next(filter(None, later), unit)
+        scale, shift = step_of(step, unit, to)
         factor, offset = factor * scale, offset * scale + shift
         unit = to
-    changed = sorted(entry for entry in table.items() if entry[0] != entry[1])
-    return {"factor": factor, "offset": offset, "table": tuple(changed)}
+    return factor, offset
 
 
-def _declared_unit(connector: Element) -> str | None:
-    return next((unit for node in connector if (unit := node.get("unit"))), None)
+def step_of(step: Step, unit: str, to: str) -> tuple[float, float]:
+    """Return factor and offset of a step, which is a conversion of units or a transformation.
+
+    Raises
+    ------
+    UserError
+        If it is both.
+    """
+    converted = conversion(unit, to) or _IDENTITY
+    if step.suppresses_conversion:
+        converted = _IDENTITY
+    if step.linear is None:
+        return converted
+    if converted != _IDENTITY:
+        raise UserError(
+            f"from {unit!r} to {to!r}, by a factor that may come on top of the conversion"
+            ' or be all of it; say suppressUnitConversion="true" if it is all'
+        )
+    return step.linear
 
 
-def _entries(
-    element: Element, types: Sequence[str], items: Sequence[Mapping[str, float]]
-) -> dict[float, float]:
+def _table(steps: Sequence[Step], types: Sequence[str], items: Sequence[Items]) -> Table:
+    """Return the values that mappings change, each with the one that replaces it."""
+    table: dict[float, float] = {}
+    for step in steps:
+        if step.mapping is not None:
+            entries = _entries(step.mapping, types, items)
+            values = {value: table.get(value, value) for value in (*table, *entries)}
+            table = {value: entries.get(middle, middle) for value, middle in values.items()}
+    return tuple(sorted(entry for entry in table.items() if entry[0] != entry[1]))
+
+
+def _entries(mapping: Element, types: Sequence[str], items: Sequence[Items]) -> dict[float, float]:
     """Return the values of a mapping with those that replace them."""
-    name = local_name(element)
+    name = local_name(mapping)
     kind = name.removesuffix("MappingTransformation")
     if set(types) != {"boolean" if kind == "Boolean" else "integer"}:
         raise UserError(f"{name} does not fit {types[0]} and {types[1]}")
+    words = {"Boolean": (BOOLEANS, BOOLEANS), "Enumeration": items}.get(kind, (None, None))
     entries: dict[float, float] = {}
-    for entry in element:
-        values = []
-        for side, known in zip(("source", "target"), items, strict=True):
-            words = {"Boolean": BOOLEANS, "Enumeration": known}.get(kind)
-            if words is None:
-                values.append(number(entry, side, ""))
-            else:
-                where = f"{side} of a {name}: none"
-                values.append(find(attribute(entry, side), words, where))
-        if values[0] in entries:
+    for entry in mapping:
+        value, other = (
+            number(entry, side, "")
+            if known is None
+            else find(attribute(entry, side), known, f"{side} of a {name}: none")
+            for side, known in zip(("source", "target"), words, strict=True)
+        )
+        if value in entries:
             raise UserError(f"a {name} has two entries for {attribute(entry, 'source')!r}")
-        entries[values[0]] = values[1]
+        entries[value] = other
     return entries

@@ -46,6 +46,7 @@ TYPES: dict[str, tuple[str, ...]] = {**_REALS, **_INTEGERS, **_WIDE, **_OTHERS}
 BOOLEANS = {"true": 1.0, "1": 1.0, "false": 0.0, "0": 0.0}
 
 
+WHOLE = re.compile(r"[0-9]{1,18}")  # an index or a size
 _VERSION = re.compile(r"[12]\.\d+(\.\d+)?(-.+)?")
 _NOT_EXCHANGED = ("Binary", "Clock")
 
@@ -56,10 +57,10 @@ def tag(name: str) -> str:
     return f"{{{NAMESPACES[prefix]}}}{local}"
 
 
+LINEAR = "ssc:LinearTransformation"
 _KINDS = ("Boolean", "Integer", "Enumeration")
 _MAPPINGS = [f"ssc:{kind}MappingTransformation" for kind in _KINDS]
-_CHANGES = ["ssc:LinearTransformation", *_MAPPINGS]
-TRANSFORMATIONS = frozenset(map(tag, _CHANGES))
+MAPPINGS = frozenset(map(tag, _MAPPINGS))
 _TYPE = " ".join(f"ssc:{name}" for name in (*TYPES, *_NOT_EXCHANGED, "Dimension"))
 # Elements that an element may contain; ignoring any other would change the system.
 _CONTENTS = {
@@ -76,14 +77,14 @@ _CONTENTS = {
     "ssd:Connectors": "ssd:Connector",
     "ssd:Connector": _TYPE,
     "ssd:Connections": "ssd:Connection",
-    "ssd:Connection": " ".join(_CHANGES),
+    "ssd:Connection": " ".join([LINEAR, *_MAPPINGS]),
     **dict.fromkeys(_MAPPINGS, "ssc:MapEntry"),
     "ssd:ParameterBindings": "ssd:ParameterBinding",
     "ssd:ParameterBinding": "ssd:ParameterValues ssd:ParameterMapping",
     "ssd:ParameterValues": "ssv:ParameterSet",
     "ssd:ParameterMapping": "ssm:ParameterMapping",
     "ssm:ParameterMapping": "ssm:MappingEntry",
-    "ssm:MappingEntry": "ssc:LinearTransformation",
+    "ssm:MappingEntry": LINEAR,
     "ssd:DefaultExperiment": "",
     "ssv:ParameterSet": "ssv:Parameters",
     "ssv:Parameters": "ssv:Parameter",
@@ -100,6 +101,11 @@ _ALLOWED = {
 }
 _ALLOWED[OUTSIDE] = {tag("ssd:Connectors"), tag("ssd:Connections")}
 _IGNORED_TAGS = {tag(name) for name in _IGNORED.split()}
+
+
+def path_of(*names: str) -> str:
+    """Return the name ``system.member.variable`` of names of which some may be empty."""
+    return ".".join(filter(None, names))
 
 
 def check_elements(element: Element) -> None:

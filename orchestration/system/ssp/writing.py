@@ -239,12 +239,12 @@ def _connectors_of_system(
 def _wires_of_system(system: System, members: Mapping[str, Member]) -> list[Wire]:
     """Return the connections of the connectors of the system to its members."""
     inputs = [
-        Wire(End(None, name), end_of(members[port.member], port.variable))
+        Wire(End("", name), end_of(members[port.member], port.variable))
         for name, ports in system.inputs.items()
         for port in ports
     ]
     outputs = [
-        Wire(end_of(members[port.member], port.variable), End(None, name))
+        Wire(end_of(members[port.member], port.variable), End("", name))
         for name, port in system.outputs.items()
     ]
     return inputs + outputs
@@ -254,7 +254,7 @@ def _connection(wire: Wire) -> Element:
     """Return the element of a connection."""
     element = Element(tag("ssd:Connection"))
     for side, end in (("start", wire.source), ("end", wire.target)):
-        if end.member is not None:
+        if end.member:
             element.set(f"{side}Element", end.member)
         element.set(f"{side}Connector", end.connector)
         if end.indices:
