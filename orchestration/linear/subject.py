@@ -231,15 +231,11 @@ class LinearSubject:
             return
         connections = self.system.connections if self.system else ()
         known = [*(str(c.target) for c in connections), *(v.name for v in layout.variables)]
-        advice = f"; connections are {', '.join(map(_arrow, connections))}" if connections else ""
+        advice = f"; connections are {', '.join(map(str, connections))}" if connections else ""
         raise UserError(
             f"{self.name}: {option('cut', cut)}: no state and no connection of this name"
             f"{suggestion(cut, known)}{advice}"
         )
-
-
-def _arrow(connection: Connection) -> str:
-    return f"{connection.source} -> {connection.target}"
 
 
 def _notes(point: OperatingPoint) -> tuple[str, ...]:

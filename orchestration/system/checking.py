@@ -6,12 +6,12 @@ An input without a connection stays at the start value that its FMU declares.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 
 from fmus.kit import units
-from fmus.kit.errors import UserError, error_context, suggestion
+from fmus.kit.errors import UserError, error_context, find, suggestion
 from orchestration.fmu import Archive, Model, Signal, find_model
 from orchestration.fmu.signal import check_value
 from orchestration.system.model import Connection, Member, Port, System
@@ -66,14 +66,8 @@ def check(system: System) -> None:
         has the wrong causality, types or units differ, an input has two sources, or none and no
         declared start value, or a value cannot be set.
     """
-    try:
+    with error_context(f"system {system.name}"):
         _check(system)
-    except UserError as error:
-        prefix = f"system {system.name}: "
-        message = str(error)
-        if not message.startswith(prefix):
-            message = prefix + message
-        raise UserError(message) from error
 
 
 def _check(system: System) -> None:
@@ -89,11 +83,12 @@ def _check(system: System) -> None:
         for name, value in member.parameters.items():
             check_value(variable(member, name), value, f"member {member.name}: {name}")
     for connection in system.connections:
-        _check_connection(system, models, connection)
+        with error_context(str(connection)):
+            _check_connection(models, connection)
     for name, ports in system.inputs.items():
-        _check_system_input(system, models, name, ports)
+        _check_system_input(models, name, ports)
     for port in system.outputs.values():
-        _find_end(system, models, port, "output")
+        _find_end(models, port, "output")
     _check_sources(system)
 
 
@@ -113,9 +108,9 @@ def _check_names(system: System) -> None:
                 raise UserError(f"{name!r} is no name for one of its {kind}: it is empty or padded")
 
 
-def _find_end(system: System, models: Mapping[str, Model], port: Port, causality: str) -> Signal:
+def _find_end(models: Mapping[str, Model], port: Port, causality: str) -> Signal:
     """Return the signal at an end of a connection; UserError if it has another causality."""
-    model = models[system.member(port.member).name]
+    model = find(port.member, models, "no member")
     groups = {"input": model.inputs, "output": model.outputs, "parameter": model.parameters}
     candidates = groups[causality]
     if port.variable in candidates:
@@ -130,49 +125,38 @@ def _find_end(system: System, models: Mapping[str, Model], port: Port, causality
     )
 
 
-def _check_connection(system: System, models: Mapping[str, Model], connection: Connection) -> None:
+def _check_connection(models: Mapping[str, Model], connection: Connection) -> None:
     """Raise UserError if a connection does not join an output with an input that fits."""
-    source = connection.source
-    target = connection.target
-    where = f"{source} -> {target}"
-    with error_context(where):
-        output = _find_end(system, models, source, "output")
-        input_ = _find_end(system, models, target, "input")
+    source, target = connection.source, connection.target
+    output = _find_end(models, source, "output")
+    input_ = _find_end(models, target, "input")
     if source.member == target.member:
-        raise UserError(f"{where}: a member cannot be connected with itself")
+        raise UserError("a member cannot be connected with itself")
     if output.type != input_.type and (output.type, input_.type) != ("integer", "real"):
         raise UserError(
-            f"{where}: {source} is {output.type} and {target} is {input_.type}; types must be the"
-            " same"
+            f"{source} is {output.type} and {target} is {input_.type}; types must be the same"
         )
     transformation = (connection.factor, connection.offset)
     if not all(map(math.isfinite, transformation)):
-        raise UserError(
-            f"{where}: factor {connection.factor} and offset {connection.offset} must be finite"
-        )
-    if connection.passes_on and output.declares_unit and input_.declares_unit:
-        _check_units(connection, output.unit, input_.unit)
-    elif connection.passes_on:
-        return
+        raise UserError(f"factor {connection.factor} and offset {connection.offset} must be finite")
+    if connection.passes_on:
+        if output.declares_unit and input_.declares_unit:
+            _check_units(connection, output.unit, input_.unit)
     elif (output.type == "real") == bool(connection.table):
         kinds = "integers and booleans" if connection.table else "real variables"
         change = "a mapping" if connection.table else _describe(transformation)
-        raise UserError(f"{where}: {change} is for {kinds}, these are {output.type}")
+        raise UserError(f"{change} is for {kinds}, these are {output.type}")
 
 
 def _check_units(connection: Connection, unit: str, to: str) -> None:
     """Raise UserError if units differ at the ends of a connection without factor and offset."""
-    source = connection.source
-    target = connection.target
+    source, target = connection.source, connection.target
     needed = conversion(unit, to)
     if needed is None:
-        raise UserError(
-            f"{source} -> {target}: unit {unit!r} of {source} cannot become {to!r} of {target}"
-        )
+        raise UserError(f"unit {unit!r} of {source} cannot become {to!r} of {target}")
     if needed != _IDENTITY:
         raise UserError(
-            f"{source} -> {target}: {source} is in {unit!r} and {target} in {to!r}; it needs"
-            f" {_describe(needed)}"
+            f"{source} is in {unit!r} and {target} in {to!r}; it needs {_describe(needed)}"
         )
 
 
@@ -196,11 +180,9 @@ def _describe(transformation: tuple[float, float]) -> str:
     return f"factor {factor:.12g}" + (f" and offset {offset:.12g}" if offset else "")
 
 
-def _check_system_input(
-    system: System, models: Mapping[str, Model], name: str, ports: tuple[Port, ...]
-) -> None:
+def _check_system_input(models: Mapping[str, Model], name: str, ports: Sequence[Port]) -> None:
     """Raise UserError if a system input feeds inputs that differ in type or unit."""
-    signals = [_find_end(system, models, port, "input") for port in ports]
+    signals = [_find_end(models, port, "input") for port in ports]
     for port, signal in zip(ports[1:], signals[1:], strict=True):
         for attribute in ("type", "unit"):
             first = getattr(signals[0], attribute)
@@ -216,9 +198,7 @@ def _check_sources(system: System) -> None:
     """Raise UserError if an input has several sources, or neither a source nor a value."""
     sources: dict[Port, str] = {}
     pairs = [(str(connection.source), connection.target) for connection in system.connections]
-    pairs += [
-        (f"system input {name}", port) for name, ports in system.inputs.items() for port in ports
-    ]
+    pairs += [(f"system input {name}", port) for name, port in system.fed_ports]
     for source, target in pairs:
         if target in sources:
             raise UserError(f"{target} has two sources, {sources[target]} and {source}")
@@ -234,7 +214,7 @@ def _check_sources(system: System) -> None:
 def open_inputs(system: System) -> dict[Port, Signal]:
     """Return the inputs of members without a connection and without a value in the system."""
     fed = {connection.target for connection in system.connections}
-    fed |= {port for ports in system.inputs.values() for port in ports}
+    fed |= {port for _, port in system.fed_ports}
     return {
         Port(member.name, name): signal
         for member in system.members
@@ -259,13 +239,13 @@ def _unit_warnings(system: System, connection: Connection) -> Iterator[str]:
     if output.declares_unit != input_.declares_unit:
         without, other = (target, unit) if output.declares_unit else (source, to)
         if other != "1":
-            yield f"{source} -> {target}: {without} has no unit; it is taken in {other!r}"
+            yield f"{connection}: {without} has no unit; it is taken in {other!r}"
         return
     needed = conversion(unit, to)
     actual = (connection.factor, connection.offset)
     if needed is not None and unit != to and not _are_close(needed, actual):
         yield (
-            f"{source} -> {target}: from {unit!r} to {to!r}"
+            f"{connection}: from {unit!r} to {to!r}"
             f" the units ask for {_describe(needed)}, given is {_describe(actual)}"
         )
 

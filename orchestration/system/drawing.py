@@ -61,9 +61,8 @@ def draw(system: System, path: Path) -> None:
         _draw_net(axes, boxes, connections, lanes[source], color)
     for box in boxes.values():
         _draw_box(axes, box)
-    for name, ports in system.inputs.items():
-        for port in ports:
-            _draw_pin(axes, boxes[port.member], port.variable, name, output=False)
+    for name, port in system.fed_ports:
+        _draw_pin(axes, boxes[port.member], port.variable, name, output=False)
     for name, port in system.outputs.items():
         _draw_pin(axes, boxes[port.member], port.variable, name, output=True)
     _draw_title(figure, axes, system, boxes, lanes)

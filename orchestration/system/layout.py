@@ -8,8 +8,8 @@ further right and below them otherwise, and then a vertical track before the col
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from orchestration.system.checking import interface
@@ -134,8 +134,8 @@ def arrange(system: System) -> tuple[dict[str, DiagramBox], dict[Port, Lane]]:
         If an FMU cannot be read.
     """
     boxes = _make_boxes(system)
-    tracks = _choose_tracks(system, boxes)
-    gaps = _place_columns(system, boxes, tracks)
+    tracks, track_counts = _choose_tracks(system, boxes)
+    gaps = _place_columns(system, boxes, track_counts)
     height = _place_rows(boxes)
     lanes = {
         source: Lane(
@@ -170,95 +170,75 @@ def _assign_columns(system: System) -> dict[str, int]:
     fed_by: dict[str, list[str]] = {member.name: [] for member in system.members}
     for connection in system.connections:
         fed_by[connection.source.member].append(connection.target.member)
-    visited, forward = _visit_depth_first(fed_by)
     columns = dict.fromkeys(fed_by, 0)
-    for name in reversed(visited):  # sources before targets
-        for source, target in forward:
-            if source == name:
-                columns[target] = max(columns[target], columns[name] + 1)
+    forward = _without_cycles(fed_by)
+    for name in reversed(forward):  # sources before targets
+        for target in forward[name]:
+            columns[target] = max(columns[target], columns[name] + 1)
     return columns
 
 
-def _visit_depth_first(
-    successors: Mapping[str, Sequence[str]],
-) -> tuple[list[str], set[tuple[str, str]]]:
-    """Visit all nodes of a graph depth first.
-
-    Returns
-    -------
-    list of str
-        The nodes, each after its successors.
-    set of (str, str)
-        The edges that close no cycle.
-    """
-    visited: list[str] = []
-    forward: set[tuple[str, str]] = set()
+def _without_cycles(successors: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
+    """Return a graph without the edges that close a cycle, each node after its successors."""
+    forward: dict[str, list[str]] = {}
 
     def visit(name: str, path: tuple[str, ...]) -> None:
-        """Visit the successors of a node, and then the node, which was reached by `path`."""
-        for other in successors[name]:
-            if other in (*path, name):  # the edge closes a cycle
-                continue
-            forward.add((name, other))
-            if other not in visited:
-                visit(other, (*path, name))
-        if name not in visited:
-            visited.append(name)
+        """Visit the successors of the last node of a path, and then the node."""
+        onward = [other for other in successors[name] if other not in path]
+        for other in onward:
+            if other not in forward:
+                visit(other, (*path, other))
+        forward[name] = onward
 
     for name in successors:
-        if name not in visited:
-            visit(name, ())
-    return visited, forward
+        if name not in forward:
+            visit(name, (name,))
+    return forward
 
 
-def _choose_tracks(system: System, boxes: Mapping[str, DiagramBox]) -> Mapping[Port, _NetTracks]:
-    """Return the numbers of the tracks and of the lane of every net, by its source."""
+def _choose_tracks(
+    system: System, boxes: Mapping[str, DiagramBox]
+) -> tuple[dict[Port, _NetTracks], Counter[int]]:
+    """Return the numbers of the tracks and of the lane of every net, by its source.
+
+    The number of tracks in each gap is returned, too, by the column before the gap.
+    """
     nets = nets_of(system)
-    used: dict[int, int] = {}
+    counts: Counter[int] = Counter()
 
     def next_track(gap: int) -> int:
         """Return the number of a further track in the gap after a column."""
-        used[gap] = used.get(gap, 0) + 1
-        return used[gap] - 1
+        counts[gap] += 1
+        return counts[gap] - 1
 
     # in a gap, the tracks from the column before it are left of those to the column behind it
     source_tracks = {source: next_track(boxes[source.member].column) for source in nets}
-    lanes_over = 0
-    lanes_under = 0
+    lanes: Counter[int] = Counter()
     tracks = {}
     for source, connections in nets.items():
         column = boxes[source.member].column
         targets = {boxes[connection.target.member].column for connection in connections}
         distant = sorted(targets - {column + 1})
-        lane = 0
-        if distant and distant[0] <= column:  # backward wires run below the boxes
-            lanes_under -= 1
-            lane = lanes_under
-        elif distant:
-            lanes_over += 1
-            lane = lanes_over
         entries = {other: next_track(other - 1) for other in distant}
-        tracks[source] = _NetTracks(source_tracks[source], entries, lane)
-    return tracks
+        # lanes are 1, 2 … above the boxes, and -1, -2 … below them, where a wire runs backward
+        side = 0 if not distant else -1 if distant[0] <= column else 1
+        lanes[side] += side
+        tracks[source] = _NetTracks(source_tracks[source], entries, lanes[side])
+    return tracks, counts
 
 
 def _place_columns(
-    system: System, boxes: Mapping[str, DiagramBox], tracks: Mapping[Port, _NetTracks]
+    system: System, boxes: Mapping[str, DiagramBox], track_counts: Mapping[int, int]
 ) -> dict[int, float]:
     """Set x of every box, and return x of each gap's tracks, by the column before the gap.
 
     From left to right follow the pins of outputs of a column, the tracks of the gap, the pins of
     inputs of the next column, and its boxes.
     """
-    columns = _boxes_by_column(boxes)
-    input_pins = [(name, port) for name, ports in system.inputs.items() for port in ports]
-    input_widths = _pin_widths(input_pins, boxes, len(columns))
-    output_widths = _pin_widths(list(system.outputs.items()), boxes, len(columns))
-    track_counts = Counter(boxes[source.member].column for source in tracks)
-    for net in tracks.values():
-        track_counts.update(column - 1 for column in net.entries)
+    input_widths = _pin_widths(system.fed_ports, boxes)
+    output_widths = _pin_widths(system.outputs.items(), boxes)
     gaps = {-1: 0.2}
-    for k, column in enumerate(columns):
+    for k, column in enumerate(_boxes_by_column(boxes)):
         end_of_tracks = gaps[k - 1] + _TRACK * (track_counts[k - 1] + 1) + 0.1
         x = end_of_tracks + (input_widths[k] + 0.5)
         for box in column:
@@ -273,14 +253,14 @@ def _boxes_by_column(boxes: Mapping[str, DiagramBox]) -> list[list[DiagramBox]]:
 
 
 def _pin_widths(
-    pins: Sequence[tuple[str, Port]], boxes: Mapping[str, DiagramBox], count: int
-) -> list[float]:
+    pins: Iterable[tuple[str, Port]], boxes: Mapping[str, DiagramBox]
+) -> defaultdict[int, float]:
     """Return the width of the longest name among the inputs or outputs at each column."""
-    longest = [0] * count
+    widths: defaultdict[int, float] = defaultdict(float)
     for name, port in pins:
         column = boxes[port.member].column
-        longest[column] = max(longest[column], len(name))
-    return [LETTER * length for length in longest]
+        widths[column] = max(widths[column], LETTER * len(name))
+    return widths
 
 
 def _place_rows(boxes: Mapping[str, DiagramBox]) -> float:

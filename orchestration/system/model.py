@@ -110,6 +110,9 @@ class Connection:
         """True if the input receives the value unchanged."""
         return self.change == UNCHANGED
 
+    def __str__(self) -> str:
+        return f"{self.source} -> {self.target}"
+
     @property
     def transformation(self) -> str:
         """Text of factor, offset and table, without those that change nothing."""
@@ -160,6 +163,11 @@ class System:
     def duration(self) -> float:
         """Duration of the default experiment in seconds."""
         return self.stop - self.start
+
+    @property
+    def fed_ports(self) -> list[tuple[str, Port]]:
+        """Each input of the system with each port that it feeds."""
+        return [(name, port) for name, ports in self.inputs.items() for port in ports]
 
     def member(self, name: str) -> Member:
         """Return the member of a name.

@@ -28,13 +28,9 @@ def signal_names(system: System) -> dict[str, Port]:
     # outputs first: where a signal has both ends, the output gives its unit
     ports = [Port(name, v) for name, m in models.items() for v in (*m.outputs, *m.inputs)]
     known = {str(port): port for port in ports}
-    for name, fed in system.inputs.items():
-        if fed:
-            known.setdefault(name, fed[0])
-    for name, port in system.outputs.items():
+    unambiguous = _unambiguous_variables(system, ports)
+    for name, port in (*system.fed_ports, *system.outputs.items(), *unambiguous.items()):
         known.setdefault(name, port)
-    for variable, port in _unambiguous_variables(system, ports).items():
-        known.setdefault(variable, port)
     return known
 
 
@@ -54,7 +50,7 @@ def _unambiguous_variables(system: System, ports: Sequence[Port]) -> dict[str, P
 
 def _nets(system: System) -> dict[Port, str]:
     """Name the net of every port that is connected; ports of a net have the same value."""
-    nets = {port: f"input {name}" for name, ports in system.inputs.items() for port in ports}
+    nets = {port: f"input {name}" for name, port in system.fed_ports}
     for connection in system.connections:
         if connection.passes_on:
             nets[connection.source] = str(connection.source)

@@ -84,11 +84,10 @@ def _show_connections(system: System) -> None:
         unit = models[connection.target.member].inputs[connection.target.variable].unit
         source = f"{connection.source} {connection.transformation}".rstrip()
         table.add_row(source, "→", str(connection.target), unit)
-    for name, ports in system.inputs.items():
-        for port in ports:
-            table.add_row(
-                f"input {name}", "→", str(port), models[port.member].inputs[port.variable].unit
-            )
+    for name, port in system.fed_ports:
+        table.add_row(
+            f"input {name}", "→", str(port), models[port.member].inputs[port.variable].unit
+        )
     for name, port in system.outputs.items():
         table.add_row(
             str(port), "→", f"output {name}", models[port.member].outputs[port.variable].unit

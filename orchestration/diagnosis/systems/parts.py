@@ -132,7 +132,7 @@ class Cuts:
         self._known = _known_ports(system, measured)
         self._given = given
         self._feeding = {c.target: c for c in system.connections}
-        self._outer = {port: name for name, ports in system.inputs.items() for port in ports}
+        self._outer = {port: name for name, port in system.fed_ports}
 
     def parts(self) -> list[Part]:
         """Return the smallest parts whose inputs are known, in the order of the system."""

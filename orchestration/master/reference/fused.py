@@ -129,9 +129,7 @@ def _received_expressions(
             (part.layout.outputs, part.outputs),
         ):
             values |= {v.name: value for v, value in _pairs(group, vector)}
-    received = {
-        str(port): system_inputs[name] for name, ports in system.inputs.items() for port in ports
-    }
+    received = {str(port): system_inputs[name] for name, port in system.fed_ports}
     return received | {
         str(c.target): c.factor * values[str(c.source)] + c.offset for c in system.connections
     }

@@ -240,8 +240,7 @@ def _wires_of_system(system: System, members: Mapping[str, Member]) -> list[Wire
     """Return the connections of the connectors of the system to its members."""
     inputs = [
         Wire(End("", name), end_of(members[port.member], port.variable))
-        for name, ports in system.inputs.items()
-        for port in ports
+        for name, port in system.fed_ports
     ]
     outputs = [
         Wire(end_of(members[port.member], port.variable), End("", name))
