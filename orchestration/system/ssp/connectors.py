@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
-from xml.etree.ElementTree import Element, SubElement
+from xml.etree.ElementTree import Element
 
 from fmus.kit import UserError, units
 from fmus.kit.build import define_units
@@ -18,7 +18,7 @@ from orchestration.fmu import Signal
 from orchestration.fmu.signal import read_signal
 from orchestration.system.model import Member
 from orchestration.system.ssp.arrays import scalars, type_name
-from orchestration.system.ssp.vocabulary import SSD, TYPES, tag
+from orchestration.system.ssp.vocabulary import SSD, TYPES, node
 
 _ITEM = re.compile(r"[+-]?\d{1,10}")
 _INT = range(-(2**31), 2**31)  # xs:int, the type of values of items
@@ -57,12 +57,16 @@ class Definitions:
 
     def append_to(self, root: Element) -> None:
         """Append the definitions to a description."""
-        if self.enumerations:
-            parent = SubElement(root, tag("ssd:Enumerations"))
-            for name, items in sorted(self.enumerations.items()):
-                node = SubElement(parent, tag("ssc:Enumeration"), name=name)
-                for item, value in items.items():
-                    SubElement(node, tag("ssc:Item"), name=item, value=value)
+        enumerations = [
+            node(
+                "ssc:Enumeration",
+                *(node("ssc:Item", name=item, value=value) for item, value in items.items()),
+                name=name,
+            )
+            for name, items in sorted(self.enumerations.items())
+        ]
+        if enumerations:
+            root.append(node("ssd:Enumerations", *enumerations))
         define_units(root, SSD, self.units)
 
 
@@ -89,10 +93,9 @@ def connector(
     -------
     Element
     """
-    element = Element(tag("ssd:Connector"), name=name, kind=kind)
-    element.extend([] if type_element is None else [type_element])
-    element.extend(Element(tag("ssc:Dimension"), size=str(size)) for size in shape)
-    return element
+    types = [] if type_element is None else [type_element]
+    sizes = [node("ssc:Dimension", size=str(size)) for size in shape]
+    return node("ssd:Connector", *types, *sizes, name=name, kind=kind)
 
 
 def type_of(member: Member, variable: str, definitions: Definitions) -> Element | None:
@@ -108,18 +111,18 @@ def type_of(member: Member, variable: str, definitions: Definitions) -> Element 
     """
     scalar = scalars(member)[variable]
     kind = type_name(member, variable)
-    node = Element(tag(f"ssc:{kind}"))
+    element = node(f"ssc:{kind}")
     if kind == "Enumeration":
         name = definitions.name_of(scalar.declaredType)
         if name is None:
             return None
-        node.set("name", name)
+        element.set("name", name)
     elif TYPES[kind] == ("real",):
         unit = known_unit(read_signal(scalar)).unit
         if unit:
-            node.set("unit", unit)
+            element.set("unit", unit)
             definitions.units.add(unit)
-    return node
+    return element
 
 
 def known_unit(signal: Signal) -> Signal:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from xml.etree.ElementTree import Element, SubElement
+from xml.etree.ElementTree import Element
 
 from fmus.kit import UserError
 from fmus.kit.build import define_units, serialized, to_ssv
@@ -13,7 +12,7 @@ from orchestration.system.checking import variable
 from orchestration.system.model import Member
 from orchestration.system.ssp.arrays import declared, end_of, enumeration_items
 from orchestration.system.ssp.connectors import known_unit
-from orchestration.system.ssp.vocabulary import PARAMETER_SET, SSV, TYPES, tag
+from orchestration.system.ssp.vocabulary import PARAMETER_SET, SSV, TYPES, node
 
 
 def write_parameters(member: Member) -> bytes:
@@ -40,15 +39,21 @@ def write_parameters(member: Member) -> bytes:
     if not variables:
         signals = {name: variable(member, name) for name in member.parameters}
         return to_ssv(PARAMETER_SET, member.parameters, signals)
-    root = Element(tag("ssv:ParameterSet"), version="2.0", name=PARAMETER_SET)
-    parameters = SubElement(root, tag("ssv:Parameters"))
     used: set[str] = set()
     # each array once, in the place of its first element
-    for name in dict.fromkeys(end_of(member, each).connector for each in member.parameters):
-        node = SubElement(parameters, tag("ssv:Parameter"), name=name)
-        node.append(_value(member, variables[name], used))
-        for size in variables[name].shape:
-            SubElement(node, tag("ssc:Dimension"), size=str(size))
+    names = dict.fromkeys(end_of(member, each).connector for each in member.parameters)
+    parameters = [
+        node(
+            "ssv:Parameter",
+            _value(member, variables[name], used),
+            *(node("ssc:Dimension", size=str(size)) for size in variables[name].shape),
+            name=name,
+        )
+        for name in names
+    ]
+    root = node(
+        "ssv:ParameterSet", node("ssv:Parameters", *parameters), version="2.0", name=PARAMETER_SET
+    )
     define_units(root, SSV, used)
     return serialized(root)
 
@@ -60,22 +65,14 @@ def _value(member: Member, whole: DeclaredVariable, used_units: set[str]) -> Ele
         _text(member, whole.kind, signal, member.parameters.get(signal.name, signal.default))
         for signal in signals
     ]
-    node = Element(tag(f"ssv:{whole.kind}"))
-    unit = signals[0].unit
-    if TYPES[whole.kind] == ("real",) and unit:
-        node.set("unit", unit)
-        used_units.add(unit)
-    _set_values(node, whole, texts)
-    return node
-
-
-def _set_values(node: Element, whole: DeclaredVariable, texts: Sequence[str]) -> None:
-    """Set the values of an element: a list of numbers, or one node for each text or item."""
+    attributes = {}
+    if TYPES[whole.kind] == ("real",) and signals[0].unit:
+        attributes["unit"] = signals[0].unit
+        used_units.add(signals[0].unit)
+    # one node for each text or item, or a list of numbers
     if whole.shape and whole.kind in ("String", "Enumeration"):
-        for text in texts:
-            SubElement(node, tag("ssv:Value"), value=text)
-    else:
-        node.set("value", " ".join(texts))
+        return node(f"ssv:{whole.kind}", *(node("ssv:Value", value=text) for text in texts))
+    return node(f"ssv:{whole.kind}", **attributes, value=" ".join(texts))
 
 
 def _text(member: Member, kind: str, signal: Signal, value: Value) -> str:

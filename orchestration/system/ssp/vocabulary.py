@@ -103,6 +103,13 @@ _ALLOWED[OUTSIDE] = {tag("ssd:Connectors"), tag("ssd:Connections")}
 _IGNORED_TAGS = {tag(name) for name in _IGNORED.split()}
 
 
+def node(name: str, /, *children: Element, **attributes: str) -> Element:
+    """Return an element ``prefix:name`` with children and attributes."""
+    element = Element(tag(name), attributes)
+    element.extend(children)
+    return element
+
+
 def path_of(*names: str) -> str:
     """Return the name ``system.member.variable`` of names of which some may be empty."""
     return ".".join(filter(None, names))

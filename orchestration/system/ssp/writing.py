@@ -10,7 +10,7 @@ import re
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree.ElementTree import Element, SubElement, register_namespace
+from xml.etree.ElementTree import Element, register_namespace
 
 import numpy as np
 
@@ -26,12 +26,13 @@ from orchestration.system.ssp.vocabulary import (
     DESCRIPTION,
     ENDINGS,
     FMU,
+    LINEAR,
     MASTER,
     NAMESPACES,
     OUTSIDE,
     PARAMETERS,
     STEP,
-    tag,
+    node,
 )
 
 
@@ -132,9 +133,13 @@ def _describe(system: System, places: Mapping[str, _Places], connectors: bool) -
     for prefix, namespace in NAMESPACES.items():
         register_namespace(prefix, namespace)
     version = "2.0" if any(map(declared, system.members)) else "1.0"
-    root = Element(tag("ssd:SystemStructureDescription"), version=version, name=system.name)
     definitions = Definitions()
-    root.append(_system_element(system, places, connectors, definitions))
+    root = node(
+        "ssd:SystemStructureDescription",
+        _system_element(system, places, connectors, definitions),
+        version=version,
+        name=system.name,
+    )
     definitions.append_to(root)
     root.append(_experiment(system))
     return serialized(root)
@@ -157,13 +162,16 @@ def _system_element(
     annotations = [_master_annotation(system.step)]  # OMSimulator reads the first one only
     if system_connectors and not connectors:
         annotations.append(_outside_annotation(system_connectors, outer))
-    top = Element(tag("ssd:System"), name=system.name)
+    top = node(
+        "ssd:System",
+        *_group("ssd:Connectors", system_connectors if connectors else []),
+        *_group("ssd:Elements", components),
+        *_group("ssd:Connections", map(_connection, written)),
+        *_group("ssd:Annotations", annotations),
+        name=system.name,
+    )
     if system.doc:
         top.set("description", system.doc)
-    top.extend(_group("ssd:Connectors", system_connectors if connectors else []))
-    top.extend(_group("ssd:Elements", components))
-    top.extend(_group("ssd:Connections", map(_connection, written)))
-    top.extend(_group("ssd:Annotations", annotations))
     return top
 
 
@@ -172,25 +180,24 @@ def _group(name: str, children: Iterable[Element]) -> list[Element]:
 
     SSP allows no empty groups.
     """
-    element = Element(tag(name))
-    element.extend(children)
-    return [element] if len(element) else []
+    listed = list(children)
+    return [node(name, *listed)] if listed else []
 
 
 def _component(member: Member, connectors: Sequence[Element], places: _Places) -> Element:
     """Return the element of a member with its connectors and its parameter binding."""
-    component = Element(
-        tag("ssd:Component"),
+    bindings = []
+    if places.parameters is not None:
+        bindings = [node("ssd:ParameterBinding", type=PARAMETERS, source=places.parameters)]
+    return node(
+        "ssd:Component",
+        *_group("ssd:Connectors", connectors),
+        *_group("ssd:ParameterBindings", bindings),
         name=member.name,
         type=FMU,
         source=places.fmu,
         implementation="CoSimulation",
     )
-    component.extend(_group("ssd:Connectors", connectors))
-    if places.parameters is not None:
-        bindings = SubElement(component, tag("ssd:ParameterBindings"))
-        SubElement(bindings, tag("ssd:ParameterBinding"), type=PARAMETERS, source=places.parameters)
-    return component
 
 
 def _connectors_of(member: Member, ends: Container[End], definitions: Definitions) -> list[Element]:
@@ -251,7 +258,7 @@ def _wires_of_system(system: System, members: Mapping[str, Member]) -> list[Wire
 
 def _connection(wire: Wire) -> Element:
     """Return the element of a connection."""
-    element = Element(tag("ssd:Connection"))
+    element = node("ssd:Connection")
     for side, end in (("start", wire.source), ("end", wire.target)):
         if end.member:
             element.set(f"{side}Element", end.member)
@@ -261,24 +268,23 @@ def _connection(wire: Wire) -> Element:
     factor, offset, table = wire.change
     if table:  # enumerations are mapped by their values, too
         kind = "Boolean" if wire.is_boolean else "Integer"
-        mapping = SubElement(element, tag(f"ssc:{kind}MappingTransformation"))
-        for value, received in table:
-            entry = {"source": f"{value:.0f}", "target": f"{received:.0f}"}
-            SubElement(mapping, tag("ssc:MapEntry"), entry)
+        entries = [
+            node("ssc:MapEntry", source=f"{value:.0f}", target=f"{received:.0f}")
+            for value, received in table
+        ]
+        element.append(node(f"ssc:{kind}MappingTransformation", *entries))
     elif not wire.passes_on:
         element.set("suppressUnitConversion", "true")  # the factor includes the conversion
-        values = {"factor": repr(float(factor)), "offset": repr(float(offset))}
-        SubElement(element, tag("ssc:LinearTransformation"), values)
+        element.append(node(LINEAR, factor=repr(float(factor)), offset=repr(float(offset))))
     return element
 
 
 def _outside_annotation(connectors: Sequence[Element], outer: Sequence[Wire]) -> Element:
     """Return our annotation with the connectors of the system, and their connections."""
-    annotation = Element(tag("ssc:Annotation"), type=CONNECTORS)
-    outside = SubElement(annotation, OUTSIDE)  # an annotation has one element
+    outside = Element(OUTSIDE)  # an annotation has one element
     outside.extend(_group("ssd:Connectors", connectors))
     outside.extend(_group("ssd:Connections", map(_connection, outer)))
-    return annotation
+    return node("ssc:Annotation", outside, type=CONNECTORS)
 
 
 def _master_annotation(step: float) -> Element:
@@ -289,27 +295,23 @@ def _master_annotation(step: float) -> Element:
     step : float
         Communication step, s.
     """
-    annotation = Element(tag("ssc:Annotation"), type=MASTER)
-    own_annotations = SubElement(annotation, tag("oms:Annotations"))
-    simulation = SubElement(own_annotations, tag("oms:SimulationInformation"))
     # The tolerances are OMSimulator's defaults. It passes one to the FMUs, of which ours take the
     # smaller of it and their own.
     values = {"stepSize": step, "absoluteTolerance": 1e-4, "relativeTolerance": 1e-4}
     # xs:decimal has no exponent
     texts = {name: np.format_float_positional(value, trim="0") for name, value in values.items()}
-    SubElement(simulation, tag("oms:FixedStepMaster"), {"description": "oms-ma"} | texts)
-    return annotation
+    master = node("oms:FixedStepMaster", description="oms-ma", **texts)
+    information = node("oms:SimulationInformation", master)
+    return node("ssc:Annotation", node("oms:Annotations", information), type=MASTER)
 
 
 def _experiment(system: System) -> Element:
     """Describe the default experiment, with libcosim's annotation of the communication step."""
-    experiment = Element(
-        tag("ssd:DefaultExperiment"),
+    step = node("osp:FixedStepAlgorithm", baseStepSize=repr(float(system.step)))
+    annotation = node("ssc:Annotation", node("osp:Algorithm", step), type=STEP)
+    return node(
+        "ssd:DefaultExperiment",
+        node("ssd:Annotations", annotation),
         startTime=repr(float(system.start)),
         stopTime=repr(float(system.stop)),
     )
-    annotations = SubElement(experiment, tag("ssd:Annotations"))
-    annotation = SubElement(annotations, tag("ssc:Annotation"), type=STEP)
-    algorithm = SubElement(annotation, tag("osp:Algorithm"))
-    SubElement(algorithm, tag("osp:FixedStepAlgorithm"), baseStepSize=repr(float(system.step)))
-    return experiment
