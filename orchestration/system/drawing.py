@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 from fmus.kit.extras import optional
 from orchestration.reporting import pictures
-from orchestration.system.layout import LETTER, TITLE, DiagramBox, Lane, arrange, nets_of, route
+from orchestration.system.layout import (
+    LETTER,
+    TITLE,
+    DiagramBox,
+    Lane,
+    arrange,
+    nets_of,
+    pin_widths,
+    route,
+)
 from orchestration.system.model import Connection, Port, System
 
 if TYPE_CHECKING:
@@ -173,9 +182,9 @@ def _draw_title(
 ) -> None:
     """Set the size of the picture, and draw the name and the description of the system."""
     right = _right_border(system, boxes, lanes)
-    bottoms = [box.y - box.height for box in boxes.values()]
-    bottom = min(bottoms + [lane.y for lane in lanes.values() if lane.y < 0])
-    top = max([0.15, *(lane.y for lane in lanes.values())])
+    heights = [lane.y for lane in lanes.values()]
+    bottom = min([*(box.y - box.height for box in boxes.values()), *heights])
+    top = max([0.15, *heights])
     lines = textwrap.wrap(system.doc, max(20, math.floor((right - 0.4) / (LETTER * 0.95))))
     height = 0.42 + 0.2 * len(lines)
     axes.set_xlim(0.0, right)
@@ -199,10 +208,6 @@ def _right_border(
     system: System, boxes: Mapping[str, DiagramBox], lanes: Mapping[Port, Lane]
 ) -> float:
     """Return x of the right border of the picture, in inches, beyond all boxes, pins and tracks."""
-    # letters of the longest name of an output of the system, by column
-    longest = dict.fromkeys((box.column for box in boxes.values()), 0)
-    for name, port in system.outputs.items():
-        column = boxes[port.member].column
-        longest[column] = max(longest[column], len(name))
-    rights = [box.x + box.width + 0.6 + LETTER * longest[box.column] for box in boxes.values()]
+    widths = pin_widths(system.outputs.items(), boxes)
+    rights = [box.x + box.width + 0.6 + widths[box.column] for box in boxes.values()]
     return max([*rights, *(lane.source_track + 0.2 for lane in lanes.values()), 5.0])

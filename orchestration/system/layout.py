@@ -56,8 +56,8 @@ class DiagramBox:
     @property
     def width(self) -> float:
         """Width for the longest names of both lists, and for the title."""
-        longest_input = max((len(name) for name in self.inputs), default=0)
-        longest_output = max((len(name) for name in self.outputs), default=0)
+        longest_input = max(map(len, self.inputs), default=0)
+        longest_output = max(map(len, self.outputs), default=0)
         return max(
             LETTER * (longest_input + longest_output) + 0.45, LETTER * 1.1 * len(self.title) + 0.3
         )
@@ -235,8 +235,8 @@ def _place_columns(
     From left to right follow the pins of outputs of a column, the tracks of the gap, the pins of
     inputs of the next column, and its boxes.
     """
-    input_widths = _pin_widths(system.fed_ports, boxes)
-    output_widths = _pin_widths(system.outputs.items(), boxes)
+    input_widths = pin_widths(system.fed_ports, boxes)
+    output_widths = pin_widths(system.outputs.items(), boxes)
     gaps = {-1: 0.2}
     for k, column in enumerate(_boxes_by_column(boxes)):
         end_of_tracks = gaps[k - 1] + _TRACK * (track_counts[k - 1] + 1) + 0.1
@@ -252,10 +252,18 @@ def _boxes_by_column(boxes: Mapping[str, DiagramBox]) -> list[list[DiagramBox]]:
     return [[box for box in boxes.values() if box.column == c] for c in range(count)]
 
 
-def _pin_widths(
+def pin_widths(
     pins: Iterable[tuple[str, Port]], boxes: Mapping[str, DiagramBox]
 ) -> defaultdict[int, float]:
-    """Return the width of the longest name among the inputs or outputs at each column."""
+    """Return the width of the longest name among inputs or outputs of a system at each column.
+
+    Parameters
+    ----------
+    pins : iterable of (str, Port)
+        Names, and ports of members.
+    boxes : Mapping of str to DiagramBox
+        By member.
+    """
     widths: defaultdict[int, float] = defaultdict(float)
     for name, port in pins:
         column = boxes[port.member].column

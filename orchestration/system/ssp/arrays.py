@@ -189,15 +189,12 @@ def wires(connections: Sequence[Connection], members: Mapping[str, Member]) -> l
     list of Wire
         In the order of the connections.
     """
-    single = [
-        Wire(
-            end_of(members[connection.source.member], connection.source.variable),
-            end_of(members[connection.target.member], connection.target.variable),
-            connection.change,
-            type_name(members[connection.source.member], connection.source.variable) == "Boolean",
-        )
-        for connection in connections
-    ]
+    single = []
+    for connection in connections:
+        source, target = connection.source, connection.target
+        is_boolean = type_name(members[source.member], source.variable) == "Boolean"
+        start, end = (end_of(members[port.member], port.variable) for port in (source, target))
+        single.append(Wire(start, end, connection.change, is_boolean))
     of_arrays = _array_wires(single, members)
     merged = [_whole(wire) if _whole(wire) in of_arrays else wire for wire in single]
     return list(dict.fromkeys(merged))

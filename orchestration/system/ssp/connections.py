@@ -72,12 +72,9 @@ def read_connections(
         for declared in join(structure.connections, structure.junctions, reader.receives)
         for connection in reader.read(declared)
     ]
-    unconnected = [
-        name for name, one in reader.connectors.items() if one.kind == "output" and not one.ports
-    ]
-    if unconnected:
-        raise UserError(f"system output {min(unconnected)} is connected with nothing")
     for name, connector in reader.connectors.items():
+        if connector.kind == "output" and not connector.ports:
+            raise UserError(f"system output {name} is connected with nothing")
         for port in connector.ports:
             scalar = scalars(members[port.member]).get(port.variable)
             if scalar is not None:

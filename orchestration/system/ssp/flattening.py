@@ -7,13 +7,16 @@ parameters that they are connected to.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cache, partial
 from xml.etree.ElementTree import Element
 
 from fmus.kit.errors import UserError, find
 from orchestration.system.ssp.junctions import DeclaredConnection, Junction, entries
 from orchestration.system.ssp.package import Package
 from orchestration.system.ssp.vocabulary import NAMESPACES, attribute, path_of, tag
+
+_Dictionary = Callable[[], dict[str, Junction]]
 
 
 class Structure:
@@ -39,10 +42,9 @@ class Structure:
         self.bindings: list[tuple[str, Element]] = []
         self._package = package
         self._aliases: dict[str, list[str]] = {}  # by the full name of a parameter connector
-        self._entries: dict[Element, dict[str, Junction]] = {}  # by dictionary
 
     def add(
-        self, system: Element, path: str = "", outer: Mapping[str, Element] | None = None
+        self, system: Element, path: str = "", outer: Mapping[str, _Dictionary] | None = None
     ) -> None:
         """Add what is in a system, and in the systems in it.
 
@@ -52,8 +54,8 @@ class Structure:
             A ``System``, or an element of an annotation with connectors of the system.
         path : str
             Its name; empty for the outermost.
-        outer : Mapping of str to Element, optional
-            Signal dictionaries of the systems around it.
+        outer : Mapping of str to callable, optional
+            Signal dictionaries of the systems around it, as functions that return the entries.
 
         Raises
         ------
@@ -62,7 +64,9 @@ class Structure:
         """
         dictionaries = dict(outer or {})
         for element in system.iterfind("ssd:SignalDictionaries/ssd:SignalDictionary", NAMESPACES):
-            dictionaries[attribute(element, "name")] = element
+            # read once and only if it is referred to
+            read = cache(partial(entries, element, self._package))
+            dictionaries[attribute(element, "name")] = read
         self._add_connectors(system, path)
         for element in system.iterfind("ssd:Connections/ssd:Connection", NAMESPACES):
             self._add_connection(DeclaredConnection.of(element, path), path)
@@ -72,7 +76,8 @@ class Structure:
             if element.tag == tag("ssd:System"):
                 inner.append((element, name))
             elif element.tag == tag("ssd:SignalDictionaryReference"):
-                self.junctions[name] = self._entries_of(name, element, dictionaries)
+                where = f"{name}: there is no signal dictionary"
+                self.junctions[name] = find(attribute(element, "dictionary"), dictionaries, where)()
             elif name in self.components:
                 raise UserError(f"two members have one name, {name!r}")
             else:
@@ -112,13 +117,3 @@ class Structure:
                 self._aliases[str(own)].append(str(target))
                 return
         self.connections.append(connection)
-
-    def _entries_of(
-        self, owner: str, reference: Element, dictionaries: Mapping[str, Element]
-    ) -> dict[str, Junction]:
-        """Return the entries of the dictionary of a reference, the same for all references."""
-        name = attribute(reference, "dictionary")
-        dictionary = find(name, dictionaries, f"{owner}: there is no signal dictionary")
-        if dictionary not in self._entries:
-            self._entries[dictionary] = entries(dictionary, self._package)
-        return self._entries[dictionary]

@@ -20,7 +20,6 @@ from orchestration.system.ssp.vocabulary import (
     NAMESPACES,
     WHOLE,
     attribute,
-    check_version,
     find_all,
     number,
     path_of,
@@ -169,13 +168,8 @@ def entries(dictionary: Element, package: Package) -> dict[str, Junction]:
     UserError
         If the file is missing or no signal dictionary.
     """
-    source = dictionary.get("source")
-    tables = dictionary.findall("ssb:SignalDictionary", NAMESPACES)
     with error_context(f"signal dictionary {attribute(dictionary, 'name')}"):
-        for table in tables:
-            check_version(table, "it")
-        if source is not None:
-            tables.append(package.document(source, "ssb:SignalDictionary"))
+        tables = package.documents(dictionary, "ssb:SignalDictionary")
         listed = map(Junction, find_all(tables, "ssb:DictionaryEntry"))
         return {entry.name: entry for entry in listed}
 

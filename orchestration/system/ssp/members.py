@@ -22,7 +22,6 @@ from orchestration.system.ssp.vocabulary import (
     NAMESPACES,
     TYPES,
     attribute,
-    check_version,
     find_all,
     local_name,
     path_of,
@@ -97,7 +96,8 @@ def _read_binding(binding: Element, package: Package, where: str) -> Iterator[tu
         if binding.get("sourceBase", "SSD") != "SSD":
             raise UserError("parameters inside of an FMU are not known to this program")
         targets = _read_mapping(binding, package)
-        for parameter in _read_parameters(binding, package):
+        sets = package.documents(binding, "ssd:ParameterValues/ssv:ParameterSet")
+        for parameter in find_all(sets, "ssv:Parameters/ssv:Parameter"):
             own = binding.get("prefix", "") + attribute(parameter, "name")
             if len(parameter) == 0 or parameter[0].tag not in _PARAMETER_TYPES:
                 kind = local_name(parameter[0]) if len(parameter) else "nothing"
@@ -117,10 +117,7 @@ def _read_mapping(binding: Element, package: Package) -> dict[str, list[str]] | 
     declared = binding.find("ssd:ParameterMapping", NAMESPACES)
     if declared is None:
         return None
-    mappings = declared.findall("ssm:ParameterMapping", NAMESPACES)
-    source = declared.get("source")
-    if source is not None:
-        mappings.append(package.document(source, "ssm:ParameterMapping"))
+    mappings = package.documents(declared, "ssm:ParameterMapping")
     names: dict[str, list[str]] = {}
     for entry in find_all(mappings, "ssm:MappingEntry"):
         target = attribute(entry, "target")
@@ -128,17 +125,6 @@ def _read_mapping(binding: Element, package: Package) -> dict[str, list[str]] | 
             raise UserError(f"a transformation of parameter {target!r} is not known")
         names.setdefault(attribute(entry, "source"), []).append(target)
     return names
-
-
-def _read_parameters(binding: Element, package: Package) -> list[Element]:
-    """Return the parameters in a binding, and in the file that it refers to."""
-    sets = binding.findall("ssd:ParameterValues/ssv:ParameterSet", NAMESPACES)
-    for each in sets:
-        check_version(each, "a ParameterSet")
-    source = binding.get("source")
-    if source is not None:
-        sets.append(package.document(source, "ssv:ParameterSet"))
-    return find_all(sets, "ssv:Parameters/ssv:Parameter")
 
 
 def _value_texts(element: Element, is_array: bool) -> list[str]:

@@ -13,6 +13,7 @@ from fmus.kit import UserError, files
 from orchestration.fmu.archive import TEXT, UNREADABLE, check_size, open_zip, parse_xml
 from orchestration.system.ssp.vocabulary import (
     DESCRIPTION,
+    NAMESPACES,
     check_elements,
     check_version,
     local_name,
@@ -93,6 +94,28 @@ class Package:
         check_version(element, source)
         check_elements(element)
         return element
+
+    def documents(self, owner: Element, path: str) -> list[Element]:
+        """Return the documents in an element, and the one in the file that it names as its source.
+
+        Parameters
+        ----------
+        owner : Element
+        path : str
+            Path of the documents in it; the last name is that of the root element of the file.
+
+        Raises
+        ------
+        UserError
+            As `document`.
+        """
+        found = owner.findall(path, NAMESPACES)
+        for element in found:
+            check_version(element, f"a {local_name(element)}")
+        source = owner.get("source")
+        if source is not None:
+            found.append(self.document(source, path.rpartition("/")[2]))
+        return found
 
     def _size(self, name: str) -> int:
         """Return the size of a file in bytes; 0 if it is missing."""
