@@ -34,13 +34,14 @@ class Structure:
         Parameter bindings with the name of their component or system; those that come later count.
     """
 
-    def __init__(self, package: Package):
+    def __init__(self, package: Package, enumerations: Mapping[str, Element]):
         self.components: dict[str, Element] = {}
         self.connectors: list[Element] = []
         self.connections: list[DeclaredConnection] = []
         self.junctions: dict[str, dict[str, Junction]] = {}
         self.bindings: list[tuple[str, Element]] = []
         self._package = package
+        self._enumerations = enumerations  # by name
         self._aliases: dict[str, list[str]] = {}  # by the full name of a parameter connector
 
     def add(
@@ -105,7 +106,8 @@ class Structure:
             else:
                 others.append(element)
         if path:
-            self.junctions[path] = {one.name: one for one in map(Junction, others)}
+            listed = [Junction(each, self._enumerations) for each in others]
+            self.junctions[path] = {junction.name: junction for junction in listed}
         else:
             self.connectors += others
 

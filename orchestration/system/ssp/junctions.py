@@ -20,7 +20,7 @@ from orchestration.system.ssp.vocabulary import (
     NAMESPACES,
     WHOLE,
     attribute,
-    find_all,
+    enumerations,
     number,
     path_of,
 )
@@ -69,11 +69,17 @@ class Junction:
     ----------
     name : str
     unit : str or None
+    items : dict of str to float
+        Values of the items of its enumeration by name; empty if it has none.
     """
 
-    def __init__(self, element: Element):
+    def __init__(self, element: Element, enumerations: Mapping[str, Element]):
         self.name = attribute(element, "name")
         self.unit = next((unit for node in element if (unit := node.get("unit"))), None)
+        self.items: dict[str, float] = {}
+        for declared in element.iterfind("ssc:Enumeration", NAMESPACES):
+            for item in enumerations.get(declared.get("name", ""), ()):
+                self.items[attribute(item, "name")] = number(item, "value", "")
 
 
 Junctions = Mapping[str, Mapping[str, Junction]]  # by element and connector
@@ -170,7 +176,11 @@ def entries(dictionary: Element, package: Package) -> dict[str, Junction]:
     """
     with error_context(f"signal dictionary {attribute(dictionary, 'name')}"):
         tables = package.documents(dictionary, "ssb:SignalDictionary")
-        listed = map(Junction, find_all(tables, "ssb:DictionaryEntry"))
+        listed = [
+            Junction(entry, enumerations(table, "ssb"))
+            for table in tables
+            for entry in table.iterfind("ssb:DictionaryEntry", NAMESPACES)
+        ]
         return {entry.name: entry for entry in listed}
 
 

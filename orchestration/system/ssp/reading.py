@@ -20,6 +20,7 @@ from orchestration.system.ssp.vocabulary import (
     STEP,
     attribute,
     check_elements,
+    enumerations,
     number,
 )
 
@@ -66,7 +67,7 @@ def _path_in_errors(path: Path) -> Iterator[None]:
 
 def _read_system(root: Element, top: Element, package: Package, folder: Path) -> System:
     """Read the system in the element `top`."""
-    structure = Structure(package)
+    structure = Structure(package, enumerations(root, "ssd"))
     for part in (top, *_annotated_parts(top)):
         structure.add(part)
     members = read_members(structure, package, folder)

@@ -38,7 +38,8 @@ def compose(
         If a transformation does not fit its connectors, or a factor is applied to values whose
         unit changes: by SSP it is applied after the conversion, some tools apply it instead.
     """
-    table = _table(connection.steps, (source.type, target.type), items)
+    known = [items[0], *(junction.items for junction in connection.junctions), items[1]]
+    table = _table(connection.steps, (source.type, target.type), known)
     if all(step == Step() for step in connection.steps):
         return *(conversion(source.unit, target.unit) or _IDENTITY), table
     units = [junction.unit for junction in connection.junctions]
@@ -82,11 +83,17 @@ def step_of(step: Step, unit: str, to: str) -> tuple[float, float]:
 
 
 def _table(steps: Sequence[Step], types: Sequence[str], items: Sequence[Items]) -> Table:
-    """Return the values that mappings change, each with the one that replaces it."""
+    """Return the values that mappings change, each with the one that replaces it.
+
+    `items` are those before, between and after the steps; empty where nothing defines any, whose
+    names are then those of the next connector that does.
+    """
     table: dict[float, float] = {}
-    for step in steps:
+    for k, step in enumerate(steps):
         if step.mapping is not None:
-            entries = _entries(step.mapping, types, items)
+            before = next(filter(None, reversed(items[: k + 1])), {})
+            after = next(filter(None, items[k + 1 :]), {})
+            entries = _entries(step.mapping, types, (before, after))
             values = {value: table.get(value, value) for value in (*table, *entries)}
             table = {value: entries.get(middle, middle) for value, middle in values.items()}
     return tuple(sorted(entry for entry in table.items() if entry[0] != entry[1]))

@@ -202,6 +202,12 @@ def number(element: Element, name: str, default: str) -> float:
     return value
 
 
+def enumerations(root: Element, prefix: str) -> dict[str, Element]:
+    """Return the definitions of enumerations in a root element of a namespace, by name."""
+    found = root.iterfind(f"{prefix}:Enumerations/ssc:Enumeration", NAMESPACES)
+    return {element.get("name", ""): element for element in found}
+
+
 def find_all(parts: Iterable[Element], path: str) -> list[Element]:
     """Return the elements at a path in several elements."""
     return [node for part in parts for node in part.findall(path, NAMESPACES)]

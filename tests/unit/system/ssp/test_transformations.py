@@ -68,7 +68,9 @@ def read(tmp_path):
     }
     _rewrite(tmp_path / "part.fmu", changed)
 
-    def of(kind: str, inside: str, outside: str, place: str, swapped=(False, False), more=""):
+    def of(
+        kind: str, inside: str, outside: str, place: str, swapped=(False, False), more="", end=""
+    ):
         parts = [
             f'<ssd:Component name="{name}" type="application/x-fmu-sharedlibrary"'
             f' source="part.fmu"><ssd:Connectors>{connector(port, way, "")}</ssd:Connectors>'
@@ -85,7 +87,7 @@ def read(tmp_path):
         text = (
             f'<ssd:SystemStructureDescription version="1.0" name="s" {NAMESPACES}>'
             f'<ssd:System name="s"><ssd:Elements>{parts[1]}{inner}</ssd:Elements>'
-            f"<ssd:Connections>{wire(*beyond, outside)}</ssd:Connections></ssd:System>"
+            f"<ssd:Connections>{wire(*beyond, outside)}</ssd:Connections></ssd:System>{end}"
             "</ssd:SystemStructureDescription>"
         )
         if "yes" not in text:
@@ -156,6 +158,21 @@ def test_items_are_mapped_by_name(read):
         "Enumeration", mapping("Enumeration", ("red", "go")), mapping("Integer", (20, 4)), ""
     )
     assert system.connections[0].table == ((1, 4), (20, 4))
+
+
+def test_items_between_are_those_of_the_connector_there(read):
+    """Red, of 1, is go, of 7 there, and arrives as 7, or as off, of 4; 7 is no value of a light."""
+    place = '<ssc:Enumeration name="Between"/>'
+    items = '<ssc:Item name="go" value="7"/><ssc:Item name="wait" value="8"/>'
+    end = f'<ssc:Enumeration name="Between">{items}</ssc:Enumeration>'
+    end = f"<ssd:Enumerations>{end}</ssd:Enumerations>"
+    first = mapping("Enumeration", ("red", "go"))
+    assert read("Enumeration", first, "", place, end=end).connections[0].table == ((1, 7),)
+    second = mapping("Enumeration", ("go", "off"), ("wait", "stop"))
+    both = read("Enumeration", first, second, place, end=end).connections[0]
+    assert both.table == ((1, 4), (7, 4), (8, 10))
+    with pytest.raises(UserError, match=r"source of a .*: none named 'green'"):
+        read("Enumeration", "", mapping("Enumeration", ("green", "off")), place, end=end)
 
 
 @pytest.mark.parametrize(
