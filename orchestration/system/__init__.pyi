@@ -2,6 +2,7 @@ from . import checking as checking
 from . import library as library
 from .checking import check as check
 from .checking import interface as interface
+from .checking import signal_at as signal_at
 from .checking import variable as variable
 from .checking import warnings as warnings
 from .drawing import draw as draw

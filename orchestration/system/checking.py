@@ -56,6 +56,18 @@ def variable(member: Member, name: str) -> Signal:
     return known[name]
 
 
+def signal_at(system: System, port: Port) -> Signal:
+    """Return the output or input at a port of a system.
+
+    Raises
+    ------
+    UserError
+        If there is no such member.
+    """
+    model = interface(system.member(port.member))
+    return model.outputs.get(port.variable) or model.inputs[port.variable]
+
+
 def check(system: System) -> None:
     """Raise an error if a system cannot be run.
 
@@ -233,8 +245,7 @@ def _unit_warnings(system: System, connection: Connection) -> Iterator[str]:
     """Yield a warning if factor and offset of a connection are not those of its units."""
     source = connection.source
     target = connection.target
-    output = interface(system.member(source.member)).outputs[source.variable]
-    input_ = interface(system.member(target.member)).inputs[target.variable]
+    output, input_ = signal_at(system, source), signal_at(system, target)
     unit, to = output.unit, input_.unit
     if output.declares_unit != input_.declares_unit:
         without, other = (target, unit) if output.declares_unit else (source, to)

@@ -13,7 +13,7 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.records import Record, Source, read_record
 from orchestration.records.tables import split_header_cell
-from orchestration.system.checking import interface
+from orchestration.system.checking import interface, signal_at
 from orchestration.system.model import Port, System
 
 
@@ -86,7 +86,7 @@ def read_system_record(
     if isinstance(source, Record):
         record = source
     else:
-        units = {name: _unit(system, port) for name, port in known.items()}
+        units = {name: signal_at(system, port).unit for name, port in known.items()}
         record = read_record(source, units, mapping=mapping)
     measured: dict[Port, Array] = {}
     for name, values in record.signals.items():
@@ -132,8 +132,3 @@ def columns_of(
         if column is not None:
             columns |= {port: column for port in ports if port not in columns}
     return columns
-
-
-def _unit(system: System, port: Port) -> str:
-    model = interface(system.member(port.member))
-    return (model.outputs.get(port.variable) or model.inputs[port.variable]).unit

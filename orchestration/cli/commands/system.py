@@ -76,22 +76,17 @@ def _format_value(value: Value, signal: Signal) -> str:
 def _show_connections(system: System) -> None:
     from orchestration.reporting import plain_table
     from orchestration.reporting.console import out
-    from orchestration.system import interface
+    from orchestration.system import signal_at
 
-    models = {member.name: interface(member) for member in system.members}
+    rows = [
+        (f"{one.source} {one.transformation}".rstrip(), str(one.target), one.target)
+        for one in system.connections
+    ]
+    rows += [(f"input {name}", str(port), port) for name, port in system.fed_ports]
+    rows += [(str(port), f"output {name}", port) for name, port in system.outputs.items()]
     table = plain_table(None, "connection", "", "", "unit")
-    for connection in system.connections:
-        unit = models[connection.target.member].inputs[connection.target.variable].unit
-        source = f"{connection.source} {connection.transformation}".rstrip()
-        table.add_row(source, "→", str(connection.target), unit)
-    for name, port in system.fed_ports:
-        table.add_row(
-            f"input {name}", "→", str(port), models[port.member].inputs[port.variable].unit
-        )
-    for name, port in system.outputs.items():
-        table.add_row(
-            str(port), "→", f"output {name}", models[port.member].outputs[port.variable].unit
-        )
+    for source, target, port in rows:
+        table.add_row(source, "→", target, signal_at(system, port).unit)
     out.print()
     out.print(table)
 

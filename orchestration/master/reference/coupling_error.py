@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.kit.arrays import Array, Signals
-from orchestration.system import Connection, System, interface
+from orchestration.system import Connection, System, signal_at
 
 
 class Mechanical(NamedTuple):
@@ -60,7 +60,7 @@ def mechanical(system: System) -> list[Mechanical]:
         """Return the connections in a unit, by source and target member."""
         pairs: dict[tuple[str, str], list[Connection]] = {}
         for c in system.connections:
-            if interface(system.member(c.source.member)).outputs[c.source.variable].unit == unit:
+            if signal_at(system, c.source).unit == unit:
                 pairs.setdefault((c.source.member, c.target.member), []).append(c)
         return pairs
 

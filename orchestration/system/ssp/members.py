@@ -8,14 +8,16 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from fmus.kit import units
-from fmus.kit.errors import UserError, error_context
-from orchestration.fmu import Value
+from fmus.kit.errors import UserError, error_context, find
+from orchestration.fmu import Signal, Value
 from orchestration.system.checking import variable
 from orchestration.system.model import Member, owner_of
 from orchestration.system.ssp.arrays import enumeration_items, variable_of
 from orchestration.system.ssp.declarations import check_connectors, check_shape
 from orchestration.system.ssp.flattening import Structure
+from orchestration.system.ssp.junctions import Step
 from orchestration.system.ssp.package import Package
+from orchestration.system.ssp.transformations import change
 from orchestration.system.ssp.vocabulary import (
     BOOLEANS,
     FMU,
@@ -63,15 +65,15 @@ def read_members(structure: Structure, package: Package, folder: Path) -> dict[s
     parameters: dict[str, dict[str, Value]] = {name: {} for name in members}
     for path, binding in structure.bindings:
         where = f"member {path}" if path in members else "system"
-        for own, value in _read_binding(binding, package, where):
+        for own, value, step in _read_binding(binding, package, where):
             for target in structure.parameters(path_of(path, own)):
                 owner = owner_of(target, members)
                 if owner is None:
                     raise UserError(
                         f"parameter {target!r} of the system is not of the form member.parameter"
                     )
-                variable = target[len(owner) + 1 :]
-                parameters[owner] |= _read_values(members[owner], variable, value)
+                name = target[len(owner) + 1 :]
+                parameters[owner] |= _read_values(members[owner], name, value, step)
     return {name: replace(members[name], parameters=parameters[name]) for name in members}
 
 
@@ -90,8 +92,13 @@ def _read_member(name: str, element: Element, package: Package, folder: Path) ->
     return member
 
 
-def _read_binding(binding: Element, package: Package, where: str) -> Iterator[tuple[str, Element]]:
-    """Yield names and values of the parameters of a binding; messages begin with `where`."""
+def _read_binding(
+    binding: Element, package: Package, where: str
+) -> Iterator[tuple[str, Element, Step]]:
+    """Yield names, values and transformations of the parameters of a binding.
+
+    Messages begin with `where`.
+    """
     with error_context(where):
         if binding.get("sourceBase", "SSD") != "SSD":
             raise UserError("parameters inside of an FMU are not known to this program")
@@ -102,29 +109,21 @@ def _read_binding(binding: Element, package: Package, where: str) -> Iterator[tu
             if len(parameter) == 0 or parameter[0].tag not in _PARAMETER_TYPES:
                 kind = local_name(parameter[0]) if len(parameter) else "nothing"
                 raise UserError(f"parameter {own} is {kind}; known are {', '.join(TYPES)}")
-            for name in [own] if targets is None else targets.get(own, ()):
-                yield name, parameter
+            for name, step in [(own, Step())] if targets is None else targets.get(own, ()):
+                yield name, parameter, step
 
 
-def _read_mapping(binding: Element, package: Package) -> dict[str, list[str]] | None:
-    """Return the names that parameters of a binding are mapped to; None without a mapping.
-
-    Raises
-    ------
-    UserError
-        If a value is transformed on the way.
-    """
+def _read_mapping(binding: Element, package: Package) -> dict[str, list[tuple[str, Step]]] | None:
+    """Return what the parameters of a binding are mapped to, by name; None without a mapping."""
     declared = binding.find("ssd:ParameterMapping", NAMESPACES)
     if declared is None:
         return None
     mappings = package.documents(declared, "ssm:ParameterMapping")
-    names: dict[str, list[str]] = {}
+    targets: dict[str, list[tuple[str, Step]]] = {}
     for entry in find_all(mappings, "ssm:MappingEntry"):
-        target = attribute(entry, "target")
-        if len(entry):
-            raise UserError(f"a transformation of parameter {target!r} is not known")
-        names.setdefault(attribute(entry, "source"), []).append(target)
-    return names
+        target = (attribute(entry, "target"), Step.of(entry))
+        targets.setdefault(attribute(entry, "source"), []).append(target)
+    return targets
 
 
 def _value_texts(element: Element, is_array: bool) -> list[str]:
@@ -136,7 +135,7 @@ def _value_texts(element: Element, is_array: bool) -> list[str]:
     return text.split() if is_array else [text]
 
 
-def _read_values(member: Member, name: str, parameter: Element) -> dict[str, Value]:
+def _read_values(member: Member, name: str, parameter: Element, step: Step) -> dict[str, Value]:
     """Return the value of a parameter, or the values of all elements of an array, by name."""
     element = parameter[0]
     names = variable_of(member, name).elements
@@ -145,55 +144,49 @@ def _read_values(member: Member, name: str, parameter: Element) -> dict[str, Val
     check_shape(parameter, name, member, where)
     if len(texts) != len(names):
         raise UserError(f"{where}: has {len(texts)} values; expected {len(names)}")
-    return {
-        each: _read_scalar(member, each, element, text)
-        for each, text in zip(names, texts, strict=True)
-    }
+    values: dict[str, Value] = {}
+    for each, text in zip(names, texts, strict=True):
+        signal = variable(member, each)
+        with error_context(f"member {member.name}: {each}"):
+            if step.linear and signal.type != "real":
+                raise UserError(f"a factor is for real parameters, this is {signal.type}")
+            if element.tag == tag("ssv:Enumeration") and signal.type == "integer":
+                items = enumeration_items(member, each)
+                values[each] = find(text, items, "its enumeration has no item")
+            else:
+                values[each] = _read_scalar(signal, element, text, step)
+    return values
 
 
-def _read_scalar(member: Member, name: str, element: Element, text: str) -> Value:
-    """Return the value of a scalar parameter, converted to the FMU's unit.
+def _read_scalar(signal: Signal, element: Element, text: str, step: Step) -> Value:
+    """Return the value of a scalar parameter, converted to the FMU's unit and transformed.
 
     Parameters
     ----------
-    member : Member
-    name : str
-        Name of the parameter.
+    signal : Signal
+        The parameter.
     element : Element
-        Its type, with the unit of the value.
+        Type of the value, with its unit.
     text : str
         The value.
+    step : Step
+        What the mapping of the parameter does to it.
     """
-    signal = variable(member, name)
-    where = f"member {member.name}: {name}"
     kinds = _PARAMETER_TYPES[element.tag]
     if signal.type not in kinds:
-        raise UserError(f"{where}: given as {kinds[0]}, but the FMU has it as {signal.type}")
+        raise UserError(f"given as {kinds[0]}, but the FMU has it as {signal.type}")
     if signal.type == "string":
         return text
-    if element.tag == tag("ssv:Enumeration"):
-        return _item(member, name, text)
     if signal.type == "boolean":
         if text not in BOOLEANS:
-            raise UserError(f"{where}: {text!r} is neither true nor false")
+            raise UserError(f"{text!r} is neither true nor false")
         return BOOLEANS[text]
     try:
         value = float(text)
-        return float(units.convert(value, element.get("unit", signal.unit), signal.unit, where))
-    except UserError as error:
-        if where in str(error):  # only some messages about units begin with it
-            raise
-        raise UserError(f"{where}: {error}") from error
     except ValueError as error:
-        raise UserError(f"{where}: {text!r} is not a number") from error
-
-
-def _item(member: Member, name: str, text: str) -> float:
-    """Return the value of an item of an enumeration by the name of the item."""
-    items = enumeration_items(member, name)
-    if text not in items:
-        raise UserError(
-            f"member {member.name}: {name}: {text!r} is no item of its enumeration; items are"
-            f" {', '.join(items) or 'none'}"
-        )
-    return items[text]
+        raise UserError(f"{text!r} is not a number") from error
+    unit = element.get("unit", signal.unit)
+    if step == Step():
+        return float(units.convert(value, unit, signal.unit, f"value {text}"))
+    factor, offset = change(step, unit, signal.unit)
+    return factor * value + offset

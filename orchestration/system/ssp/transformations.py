@@ -55,13 +55,13 @@ def _linear(steps: Sequence[Step], unit: str, units: Sequence[str | None]) -> tu
         # a connector without a unit has that of the one whose values it passes on
         later = units[k:] if step.linear else units[k : k + 1]
         to = next(filter(None, later), unit)
-        scale, shift = step_of(step, unit, to)
+        scale, shift = change(step, unit, to)
         factor, offset = factor * scale, offset * scale + shift
         unit = to
     return factor, offset
 
 
-def step_of(step: Step, unit: str, to: str) -> tuple[float, float]:
+def change(step: Step, unit: str, to: str) -> tuple[float, float]:
     """Return factor and offset of a step, which is a conversion of units or a transformation.
 
     Raises

@@ -137,3 +137,68 @@ def test_parameters_that_cannot_be_set(archive, tmp_path, value, parts):
 )
 def test_bindings_that_cannot_be_followed(archive, tmp_path, binding, part):
     refused(repacked(archive, bound(binding)), tmp_path / "u", part)
+
+
+def mapped(name, element, target, more="", inside=""):
+    """A binding of one parameter with an entry of a mapping."""
+    values = INLINE.format(f'<ssv:Parameter name="{name}">{element}</ssv:Parameter>')
+    space = 'xmlns:ssm="http://ssp-standard.org/SSP1/SystemStructureParameterMapping"'
+    mapping = (
+        f'<ssd:ParameterMapping><ssm:ParameterMapping {space} version="1.0">'
+        f'<ssm:MappingEntry source="{name}" target="{target}"{more}>{inside}</ssm:MappingEntry>'
+        "</ssm:ParameterMapping></ssd:ParameterMapping></ssd:ParameterBinding>"
+    )
+    assert "</ssd:ParameterBinding>" in values
+    return bound(values.replace("</ssd:ParameterBinding>", mapping))
+
+
+LINEAR = '<ssc:LinearTransformation factor="2" offset="1"/>'
+SUPPRESSED = ' suppressUnitConversion="true"'
+
+
+@pytest.mark.parametrize(
+    ("unit", "more", "inside", "value"),
+    [
+        ("", "", "", 3.0),
+        ("mN/A", "", "", 0.003),
+        ("mN/A", SUPPRESSED, "", 3.0),
+        ("", "", LINEAR, 7.0),
+        ("N/A", "", LINEAR, 7.0),
+        ("mN/A", SUPPRESSED, LINEAR, 7.0),
+    ],
+)
+def test_a_mapping_transforms_in_place_of_a_conversion(
+    archive, tmp_path, unit, more, inside, value
+):
+    """2 x 3 + 1 in the unit of the FMU, N/A."""
+    element = f'<ssv:Real value="3" unit="{unit}"/>'.replace(' unit=""', "")
+    other = repacked(archive, mapped("size", element, "gain", more, inside))
+    assert parameters(other, tmp_path / "u") == {"gain": pytest.approx(value, rel=1e-15)}
+
+
+@pytest.mark.parametrize(
+    ("element", "target", "inside", "part"),
+    [
+        ('<ssv:Real value="3" unit="mN/A"/>', "gain", LINEAR, "may come on top of the conversion"),
+        ('<ssv:Integer value="3"/>', "steps", LINEAR, "for real parameters, this is integer"),
+        ('<ssv:Boolean value="true"/>', "armed", LINEAR, "for real parameters, this is boolean"),
+        (
+            '<ssv:Real value="3"/>',
+            "gain",
+            LINEAR.replace('"2"', '"two"'),
+            "factor 'two' of a LinearTransformation is not a finite number",
+        ),
+    ],
+)
+def test_transformations_of_parameters_that_do_not_fit(
+    archive, tmp_path, element, target, inside, part
+):
+    other = repacked(archive, mapped("size", element, target, inside=inside))
+    refused(other, tmp_path / "u", "member drive", part)
+
+
+def test_a_file_that_is_no_mapping(archive, tmp_path):
+    mapping = '<ssd:ParameterMapping source="resources/drive.ssv"/></ssd:ParameterBinding>'
+    values = INLINE.format('<ssv:Parameter name="gain"><ssv:Real value="1"/></ssv:Parameter>')
+    other = repacked(archive, bound(values.replace("</ssd:ParameterBinding>", mapping)))
+    refused(other, tmp_path / "u", "drive.ssv is a ParameterSet, not a ParameterMapping")

@@ -140,8 +140,8 @@ def test_arrays_among_the_parameters_of_others(archive, tmp_path):
 @pytest.mark.parametrize(
     ("name", "element", "message"),
     [
-        ("mood_in", '<ssv:Enumeration value="grim"/>', "'grim' is no item of its enumeration"),
-        ("i32_in", '<ssv:Enumeration value="glad"/>', "'glad' is no item of its enumeration"),
+        ("mood_in", '<ssv:Enumeration value="grim"/>', "its enumeration has no item named 'grim'"),
+        ("i32_in", '<ssv:Enumeration value="glad"/>', "its enumeration has no item named 'glad'"),
         ("f64_in", '<ssv:Int32 value="1"/>', "given as integer, but the FMU has it as real"),
         ("f64_in", '<ssv:Float128 value="1"/>', "parameter f64_in is Float128; known are Float32"),
         ("f64_in", '<ssv:Float64 value="1"/><ssc:Dimension/>', "in the FMU it has no dimension"),
