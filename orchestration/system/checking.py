@@ -27,9 +27,8 @@ def interface(member: Member) -> Model:
     UserError
         If the FMU is missing or cannot be read, naming the member.
     """
-    path = member.fmu.absolute()
     with error_context(f"member {member.name}"):
-        return _read_interface(path, path.stat().st_mtime_ns if path.is_file() else 0)
+        return _read_interface(*member.version)
 
 
 @lru_cache(maxsize=64)

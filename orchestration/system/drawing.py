@@ -189,19 +189,11 @@ def _draw_title(
     height = 0.42 + 0.2 * len(lines)
     axes.set_xlim(0.0, right)
     axes.set_ylim(bottom - 0.25, top + height)
-    axes.text(
-        0.2,
-        top + height - 0.22,
-        system.name,
-        fontsize=11,
-        weight="bold",
-        color=_TEXT_COLOR,
-        va="center",
-    )
-    for number, line in enumerate(lines):
-        y = top + height - 0.46 - 0.2 * number
-        axes.text(0.2, y, line, fontsize=8, color=_DOC_COLOR, va="center")
     figure.set_size_inches(right, top + height - bottom + 0.25)
+    y = top + height - 0.22
+    axes.text(0.2, y, system.name, fontsize=11, weight="bold", color=_TEXT_COLOR, va="center")
+    for number, line in enumerate(lines):
+        axes.text(0.2, y - 0.24 - 0.2 * number, line, fontsize=8, color=_DOC_COLOR, va="center")
 
 
 def _right_border(

@@ -297,14 +297,9 @@ def route(
     target = boxes[connection.target.member]
     start = source.end(connection.source.variable, output=True)
     end = target.end(connection.target.variable, output=False)
-    if target.column == source.column + 1:
-        return [start, (lane.source_track, start[1]), (lane.source_track, end[1]), end]
+    track = lane.source_track
+    if target.column not in lane.entries:
+        return [start, (track, start[1]), (track, end[1]), end]
     entry = lane.entries[target.column]
-    return [
-        start,
-        (lane.source_track, start[1]),
-        (lane.source_track, lane.y),
-        (entry, lane.y),
-        (entry, end[1]),
-        end,
-    ]
+    corners = [(track, start[1]), (track, lane.y), (entry, lane.y), (entry, end[1])]
+    return [start, *corners, end]

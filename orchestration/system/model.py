@@ -45,6 +45,12 @@ class Member:
     parameters: Mapping[str, Value] = field(default_factory=dict)
     cls: type[Component] | None = None
 
+    @property
+    def version(self) -> tuple[Path, int]:
+        """Absolute path of the FMU, and the time of its file in ns; 0 without a file."""
+        path = self.fmu.absolute()
+        return path, path.stat().st_mtime_ns if path.is_file() else 0
+
     @classmethod
     def of(
         cls,

@@ -80,8 +80,7 @@ class _Variables(NamedTuple):
 
 
 def _variables(member: Member) -> _Variables:
-    path = member.fmu.absolute()
-    return _read(path, path.stat().st_mtime_ns)
+    return _read(*member.version)
 
 
 @lru_cache(maxsize=64)

@@ -24,6 +24,8 @@ from orchestration.system.ssp.vocabulary import (
 class Package:
     """Context manager of the files of a system.
 
+    Messages of its methods name a file of the system, and not the system.
+
     Parameters
     ----------
     path : Path
@@ -130,9 +132,9 @@ class Package:
                 return (self.path.parent / name).read_bytes()
             return self._zip.read(name)
         except (KeyError, FileNotFoundError) as error:
-            raise UserError(f"{self.path}: {name} is missing") from error
+            raise UserError(f"{name} is missing") from error
         except UNREADABLE as error:
-            raise UserError(f"{self.path}: {name} cannot be read ({error})") from error
+            raise UserError(f"{name} cannot be read ({error})") from error
 
     def fmu(self, source: str, folder: Path) -> Path:
         """Return the path of an FMU file; one in an archive is extracted into a folder first.
@@ -154,15 +156,15 @@ class Package:
             path = folder / name
             files.write(path, self._read(name))
         elif not files.is_file(path):
-            raise UserError(f"{self.path}: {name} is missing")
-        _open_safely(path, f"{self.path}: {name}").close()
+            raise UserError(f"{name} is missing")
+        _open_safely(path, name).close()
         return path
 
     def _relative_path(self, source: str) -> str:
         """Return the path of a file, given its URI, which must not lead out of the folder."""
         name = unquote(source)
         if _leads_out(name) or "://" in name:
-            raise UserError(f"{self.path}: {name!r} leads out of the folder of the system")
+            raise UserError(f"{name!r} leads out of the folder of the system")
         return str(PurePosixPath(name))
 
 

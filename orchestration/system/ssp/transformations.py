@@ -94,7 +94,7 @@ def _table(steps: Sequence[Step], types: Sequence[str], items: Sequence[Items]) 
             before = next(filter(None, reversed(items[: k + 1])), {})
             after = next(filter(None, items[k + 1 :]), {})
             entries = _entries(step.mapping, types, (before, after))
-            values = {value: table.get(value, value) for value in (*table, *entries)}
+            values = {value: value for value in entries} | table
             table = {value: entries.get(middle, middle) for value, middle in values.items()}
     return tuple(sorted(entry for entry in table.items() if entry[0] != entry[1]))
 
