@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
 
-from fmus.kit.errors import UserError, error_context
+from fmus.kit.errors import UserError, error_context, find
 from orchestration.fmu.wrapping import MOST_ELEMENTS, DeclaredVariable, element_names
 from orchestration.system.checking import interface
 from orchestration.system.model import Connection, Member, Port
@@ -179,9 +179,8 @@ class _ConnectionReader:
         """Return the variable of an end without its indices."""
         if not end.member:
             return self._variables.get(end.connector, DeclaredVariable("", (), (end.connector,)))
-        if end.member not in self._members:
-            raise UserError(f"there is no member named {end.member!r}")
-        return variable_of(self._members[end.member], end.connector)
+        member = find(end.member, self._members, "there is no member")
+        return variable_of(member, end.connector)
 
     def _at(self, end: End) -> DeclaredVariable:
         """Return the variable at an end; one element of an array is a scalar."""

@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 from fmus.kit.errors import UserError, find
 from orchestration.system.ssp.junctions import DeclaredConnection, Junction, entries
 from orchestration.system.ssp.package import Package
-from orchestration.system.ssp.vocabulary import NAMESPACES, attribute, path_of, tag
+from orchestration.system.ssp.vocabulary import NAMESPACES, attribute, local_name, path_of, tag
 
 _Dictionary = Callable[[], dict[str, Junction]]
 
@@ -61,7 +61,8 @@ class Structure:
         Raises
         ------
         UserError
-            If two components have one name, or a signal dictionary or an attribute is missing.
+            If a name is empty or that of two components, or a signal dictionary or an attribute is
+            missing.
         """
         dictionaries = dict(outer or {})
         for element in system.iterfind("ssd:SignalDictionaries/ssd:SignalDictionary", NAMESPACES):
@@ -74,6 +75,10 @@ class Structure:
         inner = []
         for element in system.iterfind("ssd:Elements/*", NAMESPACES):
             name = path_of(path, attribute(element, "name"))
+            if name == path:
+                raise UserError(
+                    f"{path or 'the system'}: a {local_name(element)} has an empty name"
+                )
             if element.tag == tag("ssd:System"):
                 inner.append((element, name))
             elif element.tag == tag("ssd:SignalDictionaryReference"):

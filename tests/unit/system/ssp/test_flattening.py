@@ -153,3 +153,10 @@ def test_an_element_of_an_array_is_not_joined(read):
     outer = outer.replace(' endConnector="in"', ' endConnector="in" endIndices="1"')
     with pytest.raises(UserError, match="elements of arrays are not known there"):
         read(member("first") + inner_, outer)
+
+
+@pytest.mark.parametrize("unnamed", [inner().replace('"inner"', '""'), member("")])
+def test_an_element_without_a_name_is_refused(read, unnamed):
+    """Its members would be those of the system around it."""
+    with pytest.raises(UserError, match=r"outer: a (System|Component) has an empty name"):
+        read(f'<ssd:System name="outer"><ssd:Elements>{unnamed}</ssd:Elements></ssd:System>', "")
