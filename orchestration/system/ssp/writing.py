@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from itertools import chain, count
 from pathlib import Path
 from xml.etree.ElementTree import Element, register_namespace
 
@@ -62,8 +62,8 @@ def write(system: System, path: Path, connectors: bool = False) -> None:
             f" {path.suffix or 'without an ending'}"
         )
     check(system)
-    places, resources = _collect_resources(system)
-    description = _describe(system, places, connectors)
+    resources: dict[str, bytes] = {}  # contents by path
+    description = _describe(system, resources, connectors)
     if path.suffix == ".ssp":
         files.write(path, archive.pack(resources | {DESCRIPTION: description}))
         return
@@ -76,67 +76,32 @@ def write(system: System, path: Path, connectors: bool = False) -> None:
     files.write(path, description)
 
 
-# --- the other files
-
-
-@dataclass(frozen=True)
-class _Places:
-    """Paths in the package of a member's FMU and of its parameters; None without parameters."""
-
-    fmu: str
-    parameters: str | None
-
-
-def _collect_resources(system: System) -> tuple[dict[str, _Places], dict[str, bytes]]:
-    """Return the files of each member, and the contents by path of all files but the description.
-
-    Equal files of one name are stored once.
-    """
-    resources: dict[str, bytes] = {}
-    places = {}
-    for member in system.members:
-        fmu = _store(resources, member.fmu.stem, ".fmu", member.fmu.read_bytes())
-        parameters = None
-        if member.parameters:
-            parameters = _store(resources, member.name, ".ssv", write_parameters(member))
-        places[member.name] = _Places(fmu, parameters)
-    return places, resources
-
-
 def _store(resources: dict[str, bytes], name: str, ending: str, contents: bytes) -> str:
-    """Add a file to the resources, and return its path.
+    """Add a file to the resources, and return its path; equal files of one name are stored once.
 
     The path has only characters that are the same in a URI, as some tools do not distinguish paths
     and URIs. It has a number if other contents have that path.
     """
     plain = re.sub(r"[^A-Za-z0-9_.-]", "_", name)
-    path = f"resources/{plain}{ending}"
-    number = 1
+    suffixes = chain([""], (f"_{number}" for number in count(2)))
+    paths = (f"resources/{plain}{suffix}{ending}" for suffix in suffixes)
     # some file systems do not distinguish upper and lower case
-    used = {other.casefold(): other for other in resources}
-    while True:
-        other = used.get(path.casefold())
-        is_stored = other == path and resources[path] == contents
-        if other is None or is_stored:
-            break
-        number += 1
-        path = f"resources/{plain}_{number}{ending}"
+    taken = {other.casefold() for other in resources}
+    free = (p for p in paths if resources.get(p) == contents or p.casefold() not in taken)
+    path = next(free)
     resources[path] = contents
     return path
 
 
-# --- the description
-
-
-def _describe(system: System, places: Mapping[str, _Places], connectors: bool) -> bytes:
-    """Return the description of a system, an SSD in UTF-8."""
+def _describe(system: System, resources: dict[str, bytes], connectors: bool) -> bytes:
+    """Return the description of a system, an SSD in UTF-8; add the other files to `resources`."""
     for prefix, namespace in NAMESPACES.items():
         register_namespace(prefix, namespace)
     version = "2.0" if any(map(declared, system.members)) else "1.0"
     definitions = Definitions()
     root = node(
         "ssd:SystemStructureDescription",
-        _system_element(system, places, connectors, definitions),
+        _system_element(system, resources, connectors, definitions),
         version=version,
         name=system.name,
     )
@@ -146,9 +111,9 @@ def _describe(system: System, places: Mapping[str, _Places], connectors: bool) -
 
 
 def _system_element(
-    system: System, places: Mapping[str, _Places], connectors: bool, definitions: Definitions
+    system: System, resources: dict[str, bytes], connectors: bool, definitions: Definitions
 ) -> Element:
-    """Return the element ``System``; `connectors` as in `write`."""
+    """Return the element ``System``; `connectors` as in `write`, others as in `_describe`."""
     members = {member.name: member for member in system.members}
     system_connectors = _connectors_of_system(system, members, definitions)
     outer = _wires_of_system(system, members)
@@ -156,7 +121,7 @@ def _system_element(
     written = [*inner, *outer] if connectors else inner
     ends = {end for wire in written for end in (wire.source, wire.target)}
     components = [
-        _component(member, _connectors_of(member, ends, definitions), places[member.name])
+        _component(member, _connectors_of(member, ends, definitions), resources)
         for member in system.members
     ]
     annotations = [_master_annotation(system.step)]  # OMSimulator reads the first one only
@@ -184,18 +149,22 @@ def _group(name: str, children: Iterable[Element]) -> list[Element]:
     return [node(name, *listed)] if listed else []
 
 
-def _component(member: Member, connectors: Sequence[Element], places: _Places) -> Element:
-    """Return the element of a member with its connectors and its parameter binding."""
+def _component(
+    member: Member, connectors: Sequence[Element], resources: dict[str, bytes]
+) -> Element:
+    """Return the element of a member with its connectors; add its FMU and its parameters."""
+    fmu = _store(resources, member.fmu.stem, ".fmu", member.fmu.read_bytes())
     bindings = []
-    if places.parameters is not None:
-        bindings = [node("ssd:ParameterBinding", type=PARAMETERS, source=places.parameters)]
+    if member.parameters:
+        source = _store(resources, member.name, ".ssv", write_parameters(member))
+        bindings = [node("ssd:ParameterBinding", type=PARAMETERS, source=source)]
     return node(
         "ssd:Component",
         *_group("ssd:Connectors", connectors),
         *_group("ssd:ParameterBindings", bindings),
         name=member.name,
         type=FMU,
-        source=places.fmu,
+        source=fmu,
         implementation="CoSimulation",
     )
 
