@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, register_namespace
 
 from fmus.kit import UserError
 from fmus.kit.build import SSC, SSV
@@ -19,6 +19,8 @@ SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
 OSP = "http://opensimulationplatform.com/SSP/OSPAnnotations"
 OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
 NAMESPACES = {"ssd": SSD, "ssc": SSC, "ssv": SSV, "ssm": SSM, "ssb": SSB, "osp": OSP, "oms": OMS}
+for _prefix, _namespace in NAMESPACES.items():
+    register_namespace(_prefix, _namespace)  # of the process: no file may depend on earlier ones
 
 ENDINGS = (".ssp", ".ssd")  # an archive, and a bare description
 DESCRIPTION = "SystemStructure.ssd"

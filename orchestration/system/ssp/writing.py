@@ -10,7 +10,7 @@ import re
 from collections.abc import Container, Iterable, Mapping, Sequence
 from itertools import chain, count
 from pathlib import Path
-from xml.etree.ElementTree import Element, register_namespace
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -28,7 +28,6 @@ from orchestration.system.ssp.vocabulary import (
     FMU,
     LINEAR,
     MASTER,
-    NAMESPACES,
     OUTSIDE,
     PARAMETERS,
     STEP,
@@ -95,8 +94,6 @@ def _store(resources: dict[str, bytes], name: str, ending: str, contents: bytes)
 
 def _describe(system: System, resources: dict[str, bytes], connectors: bool) -> bytes:
     """Return the description of a system, an SSD in UTF-8; add the other files to `resources`."""
-    for prefix, namespace in NAMESPACES.items():
-        register_namespace(prefix, namespace)
     version = "2.0" if any(map(declared, system.members)) else "1.0"
     definitions = Definitions()
     root = node(

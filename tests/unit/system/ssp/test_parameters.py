@@ -26,6 +26,7 @@ def written(tmp_path):
         fmu = pack(tmp_path / f"{model}.fmu", {"modelDescription.xml": description(model)})
         text = write_parameters(Member("m", fmu, values))
         validate(text, "SystemStructureParameterValues.xsd", schemas_of_2())
+        assert b"<ssv:ParameterSet " in text  # also if nothing was written in the process before
         root = ElementTree.fromstring(text)
         assert root.get("version") == "2.0"
         return {
