@@ -62,18 +62,6 @@ class Package:
         if self._zip is not None:
             self._zip.close()
 
-    def text(self, source: str) -> bytes:
-        """Return the contents of an XML file, given its URI.
-
-        Raises
-        ------
-        UserError
-            If it is missing, damaged or too large.
-        """
-        name = self._relative_path(source)
-        check_size(str(self.path), name, self._size(name), TEXT)
-        return self._read(name)
-
     def document(self, source: str, root: str) -> Element:
         """Return the root element of an XML file, whose elements are known.
 
@@ -90,7 +78,9 @@ class Package:
             If it is missing, damaged, too large, of another kind or version of SSP, or has an
             unknown element.
         """
-        element = parse_xml(self.text(source), str(self.path), source)
+        name = self._relative_path(source)
+        check_size(str(self.path), name, self._size(name), TEXT)
+        element = parse_xml(self._read(name), str(self.path), source)
         if element.tag != tag(root):
             raise UserError(f"{source} is a {local_name(element)}, not a {root.partition(':')[2]}")
         check_version(element, source)

@@ -72,7 +72,6 @@ def _read_system(root: Element, top: Element, package: Package, folder: Path) ->
         structure.add(part)
     members = read_members(structure, package, folder)
     connections, connectors = read_connections(structure, members)
-    experiment = root.find("ssd:DefaultExperiment", NAMESPACES)
     return System(
         attribute(top, "name"),
         tuple(members.values()),
@@ -80,26 +79,27 @@ def _read_system(root: Element, top: Element, package: Package, folder: Path) ->
         {name: tuple(one.ports) for name, one in connectors.items() if one.kind == "input"},
         {name: one.ports[0] for name, one in connectors.items() if one.kind == "output"},
         top.get("description", ""),
-        **({} if experiment is None else _read_experiment(experiment)),
+        **_read_experiment(root),
     )
 
 
 def _annotated_parts(top: Element) -> list[Element]:
     """Return the elements of our annotations with connectors of the system."""
-    annotations = top.findall("ssd:Annotations/ssc:Annotation", NAMESPACES)
-    ours = [annotation for annotation in annotations if annotation.get("type") == CONNECTORS]
-    parts = [part for annotation in ours for part in annotation.findall(OUTSIDE)]
+    annotation = f"ssd:Annotations/ssc:Annotation[@type='{CONNECTORS}']"
+    parts = top.findall(f"{annotation}/{OUTSIDE}", NAMESPACES)
     for part in parts:
         check_elements(part)
     return parts
 
 
-def _read_experiment(experiment: Element) -> dict[str, float]:
+def _read_experiment(root: Element) -> dict[str, float]:
     """Read start, stop and communication step as keyword arguments of a `System`."""
-    times = {"start": number(experiment, "startTime", "0")}
-    times["stop"] = number(experiment, "stopTime", repr(times["start"] + 1.0))
-    for annotation in experiment.findall("ssd:Annotations/ssc:Annotation", NAMESPACES):
-        algorithm = annotation.find("osp:Algorithm/osp:FixedStepAlgorithm", NAMESPACES)
-        if annotation.get("type") == STEP and algorithm is not None:
-            times["step"] = number(algorithm, "baseStepSize", "")
+    times: dict[str, float] = {}
+    for experiment in root.iterfind("ssd:DefaultExperiment", NAMESPACES):
+        times["start"] = number(experiment, "startTime", "0")
+        times["stop"] = number(experiment, "stopTime", repr(times["start"] + 1.0))
+        annotation = f"ssd:Annotations/ssc:Annotation[@type='{STEP}']"
+        algorithm = f"{annotation}/osp:Algorithm/osp:FixedStepAlgorithm"
+        for element in experiment.iterfind(algorithm, NAMESPACES):
+            times["step"] = number(element, "baseStepSize", "")
     return times
