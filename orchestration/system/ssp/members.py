@@ -128,11 +128,9 @@ def _read_mapping(binding: Element, package: Package) -> dict[str, list[tuple[st
 
 def _value_texts(element: Element, is_array: bool) -> list[str]:
     """Return the texts of values: of elements ``Value``, or in the attribute ``value``."""
-    nodes = element.findall("ssv:Value", NAMESPACES)
-    if nodes:
-        return [node.get("value", "") for node in nodes]
+    listed = [node.get("value", "") for node in element.iterfind("ssv:Value", NAMESPACES)]
     text = element.get("value", "")
-    return text.split() if is_array else [text]
+    return listed or (text.split() if is_array else [text])
 
 
 def _read_values(member: Member, name: str, parameter: Element, step: Step) -> dict[str, Value]:

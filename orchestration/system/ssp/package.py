@@ -48,12 +48,9 @@ class Package:
             return
         self.description = DESCRIPTION
         self._zip = _open_safely(path, str(path))
-        try:
-            if DESCRIPTION not in self._zip.namelist():
-                raise UserError(f"{path}: a zip archive but no SSP ({DESCRIPTION} is not in it)")
-        except UserError:
+        if DESCRIPTION not in self._zip.namelist():
             self._zip.close()
-            raise
+            raise UserError(f"{path}: a zip archive but no SSP ({DESCRIPTION} is not in it)")
 
     def __enter__(self) -> Package:
         return self
