@@ -133,6 +133,11 @@ class DeclaredConnection:
     def __str__(self) -> str:
         return f"connection {self.start} -> {self.end}"
 
+    @property
+    def is_plain(self) -> bool:
+        """True if no step changes the value."""
+        return all(step == Step() for step in self.steps)
+
     def turned(self) -> DeclaredConnection:
         """Return the connection with start and end exchanged."""
         return DeclaredConnection(self.end, self.start, self.steps[::-1], self.junctions[::-1])
@@ -207,30 +212,34 @@ def join(
     Raises
     ------
     UserError
-        If a junction does not exist, or an end there is one element of an array.
+        If a junction does not exist, an end there is one element of an array, or two ends are
+        connected in two ways of which one changes the value.
     """
-    made: dict[DeclaredConnection, None] = {}
-    meetings: dict[Junction, list[DeclaredConnection]] = {}
+    made: dict[object, DeclaredConnection] = {}  # by their ends, unless declared from end to end
+    meetings: dict[Junction, list[object]] = {}
 
     def add(connection: DeclaredConnection) -> None:
         start, end = (_junction(each, junctions) for each in (connection.start, connection.end))
         if start is not None and start is end:
             return  # a loop connects nothing
-        made[connection] = None
+        is_declared = start is None and end is None and not connection.junctions
+        ends = frozenset((start or connection.start, end or connection.end))
+        key = connection if is_declared else ends
+        if key in made and not (made[key].is_plain and connection.is_plain):
+            raise UserError(f"{connection}: there is another way between these, and values change")
+        made.setdefault(key, connection)
         for place in filter(None, (start, end)):
-            meetings.setdefault(place, []).append(connection)
+            meetings.setdefault(place, []).append(key)
 
     for connection in connections:
         add(connection)
     while meetings:
         place, listed = meetings.popitem()
-        met = [connection for connection in listed if connection in made]
-        for connection in met:
-            del made[connection]
+        met = [made.pop(key) for key in listed if key in made]
         arriving = [one if _junction(one.end, junctions) is place else one.turned() for one in met]
         for connection in _through(place, arriving, receives):
             add(connection)
-    return list(made)
+    return list(made.values())
 
 
 def _through(

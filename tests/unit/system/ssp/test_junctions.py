@@ -7,6 +7,7 @@ Oracle: the flat connections that the standard means (SSP 1.0, 5.3.3), written o
 from __future__ import annotations
 
 import zipfile
+from itertools import combinations
 
 import pytest
 
@@ -212,6 +213,25 @@ def test_a_loop_at_an_entry_connects_nothing(read):
     connections = wires("a.y bus.speed", "bus.speed x.speed", "x.speed b.u")
     ends, _ = read(system(elements, connections, dictionaries(signals="bus.ssb")))
     assert [*ends] == ["a.y b.u"]
+
+
+def test_entries_that_are_all_connected_with_each_other_are_one(read):
+    """Ways from end to end grow with the factorial of the entries, connections do not."""
+    names = [f"e{k}" for k in range(12)]
+    elements = member("a") + member("b") + reference("bus", "signals", *names)
+    between = [f"bus.{one} bus.{other}" for one, other in combinations(names, 2)]
+    connections = wires("a.y bus.e0", *between, "bus.e11 b.u")
+    ends, _ = read(system(elements, connections, dictionaries(signals=entries(*names))))
+    assert ends == {"a.y b.u": (1.0, 0.0)}
+
+
+def test_another_way_on_which_a_value_changes_is_refused(read):
+    names = ["e0", "e1", "e2"]
+    elements = member("a") + member("b") + reference("bus", "signals", *names)
+    between = [f"bus.e0 bus.e1 {LINEAR}", "bus.e1 bus.e2", "bus.e0 bus.e2"]
+    connections = wires("a.y bus.e0", *between, "bus.e2 b.u")
+    with pytest.raises(UserError, match=r"there is another way between these, and values change"):
+        read(system(elements, connections, dictionaries(signals=entries(*names))))
 
 
 def test_a_dictionary_in_an_archive(read, tmp_path):
