@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import faulthandler
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from math import nan
 from typing import Any, NoReturn, TypeVar
@@ -52,23 +51,6 @@ def call(name: str, function: Callable[..., Result], *arguments: Any) -> Result:
         raise BackendError(_short(str(error))) from error
     except (Exception, SystemExit) as error:  # a library may even want to end the program
         raise BackendError(f"{name} raised {type(error).__name__}: {_short(str(error))}") from error
-
-
-@contextmanager
-def deadline(seconds: float) -> Iterator[None]:
-    """End this process with exit status 1 if the context lasts too long, even inside a driver.
-
-    Parameters
-    ----------
-    seconds : float
-    """
-    with open(os.devnull, "w", encoding="utf-8") as nowhere:
-        # a thread in C, which needs no lock of Python
-        faulthandler.dump_traceback_later(seconds, exit=True, file=nowhere)
-        try:
-            yield
-        finally:
-            faulthandler.cancel_dump_traceback_later()
 
 
 def leave(status: int) -> NoReturn:

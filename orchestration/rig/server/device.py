@@ -24,12 +24,11 @@ from orchestration.rig.server.calls import (
     BackendError,
     BackendSignals,
     call,
-    deadline,
     leave,
     measure,
     read_back,
 )
-from orchestration.rig.server.processes import detach
+from orchestration.rig.server.processes import Reserve, detach
 from orchestration.rig.server.scheduling import Collector, Deadlines, Suspension, prefer
 from orchestration.rig.server.settings import BUSY, ServerSettings
 from orchestration.rig.server.shared_memory import (
@@ -51,8 +50,6 @@ from orchestration.rig.stuck import StuckMonitor
 _LOOK = 0.01
 SLEEP = "sleep"  # an activity of the device apart from calls of the backend
 ENDED = "ended"
-# s that the last calls of the backend may take if nobody remains to kill this process
-_LONGEST_END = 5.0
 _END = Command(END)  # the order that holds when none can be read, which does not happen
 
 
@@ -110,6 +107,7 @@ class Device:
         self._number = 0
         self._looked = 0.0
         self._look = longest_sleep(settings.watchdog)
+        self._reserve = Reserve()
 
     def end(self, *_: object) -> None:
         """End the loop, with the rig in its safe state."""
@@ -126,11 +124,10 @@ class Device:
         try:
             self._open(notes)
             self._loop()
-            with deadline(_LONGEST_END):
-                self._rest()
-                self._call("close()", self._backend.close)
-        except BackendError as error:
-            self._fail(str(error))
+            self._rest()
+            self._call("close()", self._backend.close)
+        except Exception as error:  # such as MemoryError: whatever it is, the rig goes safe
+            self._fail(str(error) if isinstance(error, BackendError) else repr(error))
         self._beat(ENDED, monotonic())
 
     def _open(self, notes: Sequence[str]) -> None:
@@ -269,6 +266,7 @@ class Device:
 
     def _fail(self, reason: str) -> None:
         """Go safe with a backend that raised, if that is still possible; else the guard has to."""
+        self._reserve.release()
         self._safe = 0.0
         failures = [reason]
         if hasattr(self, "_backend"):

@@ -18,8 +18,8 @@ from typing import Any
 
 from orchestration.rig.backends import backend_class, open_backend
 from orchestration.rig.server import device
-from orchestration.rig.server.calls import BackendError, call, deadline, leave
-from orchestration.rig.server.processes import OtherProcess, detach, undisturbed
+from orchestration.rig.server.calls import call, leave
+from orchestration.rig.server.processes import OtherProcess, Reserve, deadline, detach, undisturbed
 from orchestration.rig.server.settings import BUSY, ServerSettings
 from orchestration.rig.server.shared_memory import (
     END,
@@ -124,6 +124,7 @@ class Guard:
         self._acknowledged = 0
         self._ending = False
         self._reached = True
+        self._reserve = Reserve()
         self._tick = min(0.01, max(0.002, settings.watchdog / 10))
 
     def end(self, *_: object) -> None:
@@ -169,7 +170,8 @@ class Guard:
             self._start()
         parent = parent_process()
         while not self._is_to_end(parent):
-            self._check_device()
+            with suppress(Exception):  # such as MemoryError: it is tried again, or shows no life
+                self._check_device()
             watched = [process for process in (parent, self._device) if process is not None]
             wait([process.sentinel for process in watched], self._tick)
         self._end()
@@ -190,13 +192,14 @@ class Guard:
 
     def _start(self) -> None:
         """Start a device process, which takes a while: with a sign of life before and after."""
-        self._device = self._context.Process(
+        started = self._context.Process(
             target=device.main, args=(self._settings, self._memory), name="device"
         )
         self._started = monotonic()
         self._show_life(OPENING)
         with undisturbed():
-            self._device.start()
+            started.start()
+        self._device = started
         self._show_life(OPENING)
 
     def _check_device(self) -> None:
@@ -278,12 +281,13 @@ class Guard:
 
     def _reach_safe_state(self, reason: str, begun: float) -> None:
         """Try to bring the rig to its safe state, a bounded number of times."""
+        self._reserve.release()
         for attempt in range(1, ATTEMPTS + 1):
             self._show_life(RESCUING)
             try:
                 with deadline(LONGEST_ATTEMPT):
                     self._try_safe_state(reason, begun)
-            except BackendError as error:
+            except Exception as error:
                 if not self._reached:
                     text = (
                         f"{reason}; THE SAFE STATE WAS NOT REACHED, attempt {attempt} of"

@@ -1,12 +1,15 @@
 """Processes of the server: each in a session of its own, and handles on processes of others.
 
-A terminal sends signals to all processes of its foreground group: Ctrl-C, Ctrl+backslash, Ctrl-Z,
-and the hang-up when it is closed. Of the server's processes only the front must receive them.
+A terminal sends signals to all processes of its foreground group, and an operator may send one to
+all processes of the server. Only the front must receive them: the others end by SIGTERM, by
+SIGKILL, or with the front.
 """
 
 from __future__ import annotations
 
+import mmap
 import os
+import select
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -14,24 +17,19 @@ from time import monotonic, sleep
 
 import psutil
 
-# signals that concern the front alone
-_FOR_FRONT_ALONE = (
-    "SIGINT",
-    "SIGQUIT",
-    "SIGHUP",
-    "SIGTSTP",
-    "SIGTTIN",
-    "SIGTTOU",
-    "SIGUSR1",
-    "SIGUSR2",
-    "SIGBREAK",
-)
+# by which the others learn of their children and are ended, or which no process can ignore
+_FOR_ALL = ("SIGTERM", "SIGCHLD", "SIGKILL", "SIGSTOP")
 _LOOK = 0.001  # s between two looks whether a process has ended
+_MEMORY = 2**26  # bytes of address space that opening a backend may take
+_DESCRIPTORS = 16
 
 
 def detach() -> None:
-    """Leave the terminal: a session of its own, in which signals for the front are ignored."""
-    numbers = _available_signals()
+    """Leave the terminal: a session of its own, in which signals for the front are ignored.
+
+    A fault of the process itself, such as SIGSEGV, ends it in spite of that.
+    """
+    numbers = _for_front_alone()
     for number in numbers:
         signal.signal(number, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
@@ -51,22 +49,71 @@ def undisturbed() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _available_signals())
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _for_front_alone())
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _available_signals() -> list[signal.Signals]:
-    """Return the signals for the front alone that this platform has."""
-    return [getattr(signal, name) for name in _FOR_FRONT_ALONE if hasattr(signal, name)]
+def _for_front_alone() -> set[signal.Signals | int]:
+    """Return the signals of this platform that are for the front alone."""
+    for_all = {getattr(signal, name) for name in _FOR_ALL if hasattr(signal, name)}
+    return set(signal.valid_signals()) - for_all
+
+
+@contextmanager
+def deadline(seconds: float) -> Iterator[None]:
+    """End this process, even inside a driver, if the context lasts too long.
+
+    The kernel keeps the time: nothing is started or opened for it.
+
+    Parameters
+    ----------
+    seconds : float
+        Infinity for no end.
+    """
+    if seconds == float("inf") or not hasattr(signal, "setitimer"):
+        yield  # without such a timer, the other guard ends a process that hangs
+        return
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, signal.SIG_IGN)
+
+
+class Reserve:
+    """Address space and descriptors that are kept for the way to the safe state."""
+
+    def __init__(self) -> None:
+        self._memory: list[mmap.mmap] = []
+        self._descriptors: list[int] = []
+        self.fill()
+
+    def fill(self) -> None:
+        """Take what is there; nothing of it costs memory of the machine."""
+        with suppress(OSError, MemoryError):
+            while not self._memory:
+                self._memory.append(mmap.mmap(-1, _MEMORY))
+            while len(self._descriptors) < _DESCRIPTORS:
+                self._descriptors.append(os.open(os.devnull, os.O_RDONLY))
+
+    def release(self) -> None:
+        """Give it back to whatever this process does next."""
+        while self._memory:
+            self._memory.pop().close()
+        while self._descriptors:
+            os.close(self._descriptors.pop())
 
 
 class OtherProcess:
     """A process of the server that another process started.
 
-    A later process with the same number is not taken for it.
+    A later process with the same number is not taken for it. Where the system has descriptors of
+    processes, it is held by one from now on: nothing is opened to look at it or to end it.
 
     Parameters
     ----------
@@ -77,25 +124,47 @@ class OtherProcess:
     def __init__(self, number: int) -> None:
         self.number = number
         self._process: psutil.Process | None = None
-        with suppress(psutil.Error):
-            self._process = psutil.Process(number)
+        self._ended: select.poll | None = None
+        self._descriptor = -1
+        self._is_number_valid = True
+        try:
+            if hasattr(os, "pidfd_open"):
+                self._descriptor = os.pidfd_open(number)
+                self._ended = select.poll()
+                self._ended.register(self._descriptor, select.POLLIN)
+            else:
+                self._process = psutil.Process(number)
+        except (OSError, psutil.Error) as error:
+            # without a descriptor that is left, the number has to do
+            has_ended = isinstance(error, (ProcessLookupError, psutil.Error)) or os.name == "nt"
+            self._is_number_valid = not has_ended
+
+    def __del__(self) -> None:
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
 
     def is_alive(self) -> bool:
         """Return True if the process has not ended, even if it does not run."""
+        if self._ended is not None:
+            return not self._ended.poll(0)
         try:
-            return (
-                self._process is not None
-                and self._process.is_running()
-                and self._process.status() != psutil.STATUS_ZOMBIE
-            )
-        except psutil.Error:
+            if self._process is None:
+                if self._is_number_valid:
+                    os.kill(self.number, 0)
+                return self._is_number_valid
+            return self._process.is_running() and self._process.status() != psutil.STATUS_ZOMBIE
+        except (psutil.Error, ProcessLookupError):
             return False
 
     def kill(self) -> None:
         """End the process at once."""
-        with suppress(psutil.Error):
-            if self._process is not None:
+        with suppress(psutil.Error, OSError):
+            if self._ended is not None:
+                signal.pidfd_send_signal(self._descriptor, signal.SIGKILL)
+            elif self._process is not None:
                 self._process.kill()
+            elif self._is_number_valid:
+                os.kill(self.number, signal.SIGKILL)
 
     def join(self, timeout: float) -> None:
         """Wait until the process has ended, at most `timeout` in s."""

@@ -38,10 +38,12 @@ from orchestration.rig.server.standby import LONGEST_ATTEMPT, longest_silence
 
 _Values = tuple[float | None, ...]
 _LOOK = 0.01  # s
-_GUARDS = 3  # that may fail before the front gives up starting others
+# s between two starts of guards: from the first pause on they are doubled, until all has been calm
+_PAUSES = (0.1, 5.0)
 # the watchdog time has to be as many times the latest wake-up of a process: half of it is there for
 # late wake-ups, which may become twice as late as those seen so far
 _WAKE_UPS = 4.0
+_CALM = 10.0  # s without a start of a guard, after which the next is not delayed
 _LONGEST_START = 5.0  # s that a process may take to show its first sign of life
 _SPARE = 2.0  # s, beyond the time that guard and device may take to end
 
@@ -72,13 +74,15 @@ class RealTimeRig:
         self._rests = 0  # number of the newest order to rest
         self._seen: dict[str, float] = {}
         self._guards: dict[int, Any] = {}  # processes by number
-        self._failed = 0  # guards since the last acknowledgement
-        self._has_given_up = False  # starting others
+        self._pause = 0.0  # s between two starts of a guard
         self._changed = 0.0  # when one was started or failed, s
+        self._cannot_start = False  # as was reported
         self._is_silent = False  # as was reported of the guard on duty
         self.bound = 0.0
         self.beat()
-        self._start_guard("")
+        trouble = self._start_guard("")
+        if trouble:
+            raise cannot_open(settings, trouble[0])
         try:
             self.signals = self._wait_until_open()
         except BaseException:
@@ -87,15 +91,34 @@ class RealTimeRig:
 
     clock = staticmethod(monotonic)
 
-    def _start_guard(self, rescue: str, *, stands_by: bool = False) -> None:
-        """Start a guard process, with the arguments of `guard.main`."""
+    def _start_guard(self, rescue: str, *, stands_by: bool = False) -> list[str]:
+        """Start a guard process, with arguments of `guard.main`; return why it cannot be.
+
+        There is a pause after each start. What keeps a guard from being started is said once.
+        """
+        now = monotonic()
+        if now - self._changed < self._pause:
+            return []
+        least, most = _PAUSES
+        self._pause = min(max(least, 2 * self._pause), most)
+        self._changed = now
+        try:
+            process = self._start_process(rescue, stands_by)
+        except Exception as error:  # no process, memory or descriptor is left
+            is_news = not self._cannot_start
+            self._cannot_start = True
+            return [f"no guard process can be started: {error}"] * is_news
+        self._cannot_start = False
+        self._guards[process.pid or 0] = process
+        return []
+
+    def _start_process(self, rescue: str, stands_by: bool) -> Any:
         arguments = (self._settings, self._memory, rescue, stands_by)
         name = "standby" if stands_by else "guard"
         process = get_context("spawn").Process(target=guard.main, args=arguments, name=name)
         with undisturbed():
             process.start()
-        self._guards[process.pid or 0] = process
-        self._changed = monotonic()
+        return process
 
     def _wait_until_open(self) -> BackendSignals:
         """Wait until the device serves and a standby guard runs; return the signals.
@@ -198,8 +221,7 @@ class RealTimeRig:
 
     def release(self) -> None:
         """Let the device serve again, or another one if it has ended."""
-        self._failed = 0
-        self._has_given_up = False
+        self._pause = 0.0
         self._order(self._command._replace(order=REST, acknowledged=self._command.acknowledged + 1))
         if not self._guards:
             self._start_guard("")
@@ -252,8 +274,6 @@ class RealTimeRig:
             if not process.is_alive():
                 process.join()
                 del self._guards[number]
-                self._failed += 1
-                self._changed = monotonic()
         watch = self._shared.watch.read()
         if not self._guards or watch is None:
             return self._replace_guards("the guard process has ended")
@@ -262,14 +282,13 @@ class RealTimeRig:
             for process in self._guards.values():
                 process.kill()
                 process.join(_LOOK)
-            self._failed += len(self._guards)
             self._guards = {}
             return self._replace_guards(f"no guard shows a sign of life for {silent:.3g} s")
         was_silent = self._is_silent
         self._is_silent = silent > longest
         if not self._is_silent:
-            self._keep_a_standby(watch)
-        elif not was_silent:
+            return self._keep_a_standby(watch)
+        if not was_silent:
             return [f"the guard shows no sign of life for {silent:.3g} s; {BUSY}"]
         return []
 
@@ -283,23 +302,20 @@ class RealTimeRig:
             return now - watch.time, longest_silence(watch.at, self._settings)
         return now - self._changed, _LONGEST_START
 
-    def _keep_a_standby(self, watch: Watch) -> None:
-        """Start a standby guard if there is none."""
-        if list(self._guards) == [watch.process] and self._failed <= _GUARDS:
-            self._start_guard("", stands_by=True)
+    def _keep_a_standby(self, watch: Watch) -> list[str]:
+        """Start a standby guard if there is none; return why it cannot be."""
+        if list(self._guards) == [watch.process]:
+            return self._start_guard("", stands_by=True)
+        if monotonic() - self._changed > _CALM:
+            self._pause = 0.0
+        return []
 
     def _replace_guards(self, reason: str) -> list[str]:
-        """Start a guard that brings the rig to its safe state, a bounded number of times."""
-        if self._guards or self._has_given_up:
+        """Start a guard that brings the rig to its safe state."""
+        if self._guards:
             return []
-        rescue = self._shared.rescue.read()
-        has_failed = rescue is not None and not rescue.reached
-        cause = "THE SAFE STATE WAS NOT REACHED: the backend hangs" if has_failed else reason
-        if self._failed > _GUARDS:
-            self._has_given_up = True
-            return [f"{cause}; given up after {self._failed} processes"]
-        self._start_guard(cause)
-        return [f"{cause}; another process tries for the safe state"]
+        trouble = self._start_guard(reason)
+        return [f"{reason}; another process tries for the safe state"] if self._guards else trouble
 
     def state(self) -> RigState:
         """Return the newest sample."""

@@ -172,3 +172,17 @@ def test_it_ends_safe_and_says_so(bench):
     beat = one.shared.beat.read()
     assert read_text(beat.call) == ENDED
     assert beat.safe > 0.0
+
+
+def test_whatever_is_raised_it_goes_safe(bench, monkeypatch):
+    one = bench()
+    one.keep_commanding((0.5, 2.0), 0, lambda: one.applied() == (0.5, 2.0))
+
+    def fail(*arguments):
+        raise MemoryError
+
+    monkeypatch.setattr(one.device._monitor, "check", fail)
+    one.thread.join(PATIENCE)
+    trip = one.shared.trip.read()
+    assert (trip.reached, trip.ended, read_text(trip.reason)) == (True, True, "MemoryError()")
+    assert one.calls()[-2:] == ["safe", "close"]

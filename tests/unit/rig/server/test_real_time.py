@@ -12,6 +12,7 @@ import time
 import pytest
 
 from fmus.kit import UserError
+from orchestration.rig.server import real_time as module
 from orchestration.rig.server.calls import BackendSignals
 from orchestration.rig.server.device import ENDED
 from orchestration.rig.server.real_time import RealTimeRig
@@ -42,8 +43,8 @@ SIGNALS = BackendSignals({"current": "A", "force": "N"}, {"voltage": "V", "charg
 class Guard:
     """A guard process that does nothing but live and end."""
 
-    def __init__(self, exitcode=0):
-        self.alive, self.exitcode = True, exitcode
+    def __init__(self, pid):
+        self.alive, self.pid = True, pid
 
     def is_alive(self):
         return self.alive
@@ -59,10 +60,9 @@ def on_duty(rig, at=SERVING, number=1, age=0.0, acknowledged=0):
     rig._shared.watch.write(Watch(time.monotonic() - age, number, at, acknowledged, False))
 
 
-def start(rig, reasons, rescue, stands_by=False):
+def start(reasons, rescue, stands_by=False):
     reasons.append("standby" if stands_by else rescue)
-    rig._guards[len(reasons)] = Guard()
-    rig._changed = time.monotonic()
+    return Guard(len(reasons))
 
 
 @pytest.fixture
@@ -70,13 +70,15 @@ def started(monkeypatch):
     """Reasons for which guards were started; the first opens the device at once."""
     reasons = []
 
-    def serve(rig, rescue, *, stands_by=False):
-        start(rig, reasons, rescue, stands_by)
+    def serve(rig, rescue, stands_by):
+        process = start(reasons, rescue, stands_by)
         on_duty(rig)
         rig._shared.standby.write(SignOfLife(1.0, 2))
         rig._shared.description.write(SIGNALS.to_record()._replace(opening=0.25))
+        return process
 
-    monkeypatch.setattr(RealTimeRig, "_start_guard", serve)
+    monkeypatch.setattr(RealTimeRig, "_start_process", serve)
+    monkeypatch.setattr(module, "_PAUSES", (0.0, 0.0))
     return reasons
 
 
@@ -104,13 +106,14 @@ def test_it_is_open_when_the_guard_says_so(rig, started):
 def test_a_backend_that_does_not_open_is_an_error_with_its_reason(
     monkeypatch, report, alive, reason
 ):
-    def fail(rig, rescue, *, stands_by=False):
-        start(rig, [], rescue)
-        rig._guards[1].alive = alive
+    def fail(rig, rescue, stands_by):
+        process = start([], rescue)
+        process.alive = alive
         if report:
             rig._shared.trip.write(Trip(1.0, True, True, write_text(report)))
+        return process
 
-    monkeypatch.setattr(RealTimeRig, "_start_guard", fail)
+    monkeypatch.setattr(RealTimeRig, "_start_process", fail)
     with pytest.raises(UserError, match=rf"^backend own\.py:Own: {reason}$"):
         RealTimeRig(ServerSettings("own.py:Own"))
 
@@ -211,19 +214,44 @@ def test_alarms_are_told_once(rig):
     assert rig.alarms() == []
 
 
-def test_a_guard_that_ends_has_another_behind_it_a_bounded_number_of_times(rig, started):
+def test_a_guard_that_ends_has_another_behind_it_for_ever(rig, started):
     """The one that stands by takes its place, and the front starts another that stands by."""
     told = []
-    for number in range(1, 7):
-        if number in rig._guards:
-            rig._guards[number].alive = False
-        told += rig.troubles()
+    for number in range(1, 20):
+        rig._guards[number].alive = False
         on_duty(rig, GONE, number + 1)
         told += rig.troubles()
-    assert started == ["", "standby", "standby", "standby", "standby"]
-    assert told == ["the guard process has ended; given up after 5 processes"]
+    assert started == ["", *["standby"] * 20]
+    assert told == []
+
+
+def test_guards_are_started_with_pauses_that_grow(rig, started, monkeypatch):
+    monkeypatch.setattr(module, "_PAUSES", (0.05, 10.0))
+    rig._pause = 0.0
+    begun = time.monotonic()
+    for wanted in (3, 4, 5):
+        while len(started) < wanted:
+            rig._guards.clear()
+            rig.troubles()
+    assert 0.15 <= time.monotonic() - begun
+    rig._guards.clear()
+    assert rig.troubles() == []
     rig.release()
-    assert started[5:] == [""], "an operator's acknowledgement starts another"
+    assert len(started) == 6, "an operator's acknowledgement starts one at once"
+
+
+def test_where_no_process_can_be_started_the_reason_is_told_once(rig, started, monkeypatch):
+    def fail(rig, rescue, stands_by):
+        raise BlockingIOError(11, "Resource temporarily unavailable")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(RealTimeRig, "_start_process", fail)
+        rig._guards[2].alive = False
+        (trouble,) = rig.troubles()
+        assert trouble.startswith("no guard process can be started: [Errno 11]")
+        assert rig.troubles() == []
+    assert rig.troubles() == []
+    assert started == ["", "standby", "standby"]
 
 
 def test_guards_that_both_show_no_sign_of_life_are_replaced(rig, started):
