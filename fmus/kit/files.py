@@ -9,11 +9,62 @@ import shutil
 import sys
 import tempfile
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from fmus.kit.errors import UserError
 from fmus.kit.interrupt import uninterrupted
+
+_kept: dict[str, bytes] | None = None  # contents by absolute path
+
+
+@contextlib.contextmanager
+def kept() -> Iterator[dict[str, bytes]]:
+    """Keep the contents of files that :func:`contents` reads while the context lasts.
+
+    Yields
+    ------
+    dict of str to bytes
+        Contents by absolute path.
+    """
+    global _kept
+    found = _kept = {}
+    try:
+        yield found
+    finally:
+        keep(None)
+
+
+def keep(found: Mapping[str, bytes] | None) -> None:
+    """Let :func:`contents` return contents that were read before, and keep what it reads.
+
+    Parameters
+    ----------
+    found : Mapping of str to bytes or None
+        Contents by absolute path; None to read files anew each time, as at the beginning.
+    """
+    global _kept
+    _kept = None if found is None else dict(found)
+
+
+def contents(path: Path) -> bytes:
+    """Return the contents of a file: those that are kept, if there are any.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    """
+    if _kept is None:
+        return path.read_bytes()
+    key = str(path.absolute())
+    if key not in _kept:
+        _kept[key] = path.read_bytes()
+    return _kept[key]
 
 
 def write(path: Path, contents: bytes) -> None:

@@ -19,7 +19,7 @@ from pydantic import (
     model_validator,
 )
 
-from fmus.kit import units
+from fmus.kit import files, units
 from fmus.kit.errors import UserError, suggestion
 from orchestration.fmu.signal import read_quantity
 
@@ -103,7 +103,7 @@ File = Annotated[str, BeforeValidator(_resolve_path)]
 def read_toml(path: Path) -> dict[str, Any]:
     """Read a file as TOML; UserError with the first wrong line."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        return tomllib.loads(files.contents(path).decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         raise UserError(f"{path}: not a text in UTF-8") from error
     except tomllib.TOMLDecodeError as error:

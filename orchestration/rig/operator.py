@@ -165,5 +165,7 @@ def _summarise_state(answer: Mapping[str, Any]) -> str:
         return "THE SAFE STATE WAS NOT REACHED"
     reached = answer["reached"]
     if state == protocol.SAFE and reached is not None:
-        return f"{state} (reached after {1000 * reached:.0f} ms)"
+        # a server that is not ours need not say whether it is
+        verified = "" if answer.get("verified", True) else "; commanded safe, not verified"
+        return f"{state} (reached after {1000 * reached:.0f} ms{verified})"
     return state

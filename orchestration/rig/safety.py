@@ -29,14 +29,22 @@ class CommandFilter:
         Commanded signals and their units.
     limits : Mapping of str to Limit
         Limits by signal; a signal without one has no limits.
+    safe_values : sequence of float, optional
+        Values at rest, in the order of `inputs`; zero unless given.
 
     Attributes
     ----------
     applied : tuple of float
-        The last values that were taken, in the order of `inputs`; zero at rest.
+        The last values that were taken, in the order of `inputs`; the safe values at rest.
     """
 
-    def __init__(self, inputs: Mapping[str, str], limits: Mapping[str, Limit]) -> None:
+    def __init__(
+        self,
+        inputs: Mapping[str, str],
+        limits: Mapping[str, Limit],
+        safe_values: Sequence[float] = (),
+    ) -> None:
+        self._safe_values = tuple(safe_values) or (0.0,) * len(inputs)
         self._signals = [(name, unit, limits.get(name, Limit())) for name, unit in inputs.items()]
         self._remainders = [_EARLY] * len(self._signals)  # of every budget, s at the limit
         self._taken: float | None = None  # when the last values were
@@ -44,7 +52,7 @@ class CommandFilter:
 
     def reset(self) -> None:
         """Note that the rig went to its safe state, where nothing is commanded."""
-        self.applied = (0.0,) * len(self._signals)
+        self.applied = self._safe_values
 
     def take(self, values: Sequence[float], now: float, longest: float) -> list[str]:
         """Take a set of commands, unless one is refused.
@@ -96,15 +104,24 @@ class SlewLimiter:
         Limits by signal.
     now : float
         Time in s at which the rig was at rest.
+    safe_values : sequence of float, optional
+        Values at rest, in the order of `inputs`; zero unless given.
     """
 
-    def __init__(self, inputs: Iterable[str], limits: Mapping[str, Limit], now: float) -> None:
+    def __init__(
+        self,
+        inputs: Iterable[str],
+        limits: Mapping[str, Limit],
+        now: float,
+        safe_values: Sequence[float] = (),
+    ) -> None:
         self._rates = [limits[name].rate if name in limits else inf for name in inputs]
+        self._safe_values = tuple(safe_values) or (0.0,) * len(self._rates)
         self.rest(now)
 
     def rest(self, now: float) -> None:
         """Note that the rig is at rest at a time in s."""
-        self._applied = (0.0,) * len(self._rates)
+        self._applied = self._safe_values
         self._time = now
 
     def towards(self, values: Sequence[float], now: float) -> tuple[float, ...]:
@@ -173,6 +190,32 @@ def excess(
             f"is a change by {value - before:+.3g} {unit} in {elapsed:.3g} s, faster than"
             f" {limit.rate:g} {unit}/s"
         )
+    return ""
+
+
+def beyond(inputs: Mapping[str, str], limits: Mapping[str, Limit], values: Sequence[float]) -> str:
+    """Describe which value of a set of commands must not be written, whatever came before.
+
+    Parameters
+    ----------
+    inputs : Mapping of str to str
+        Commanded signals and their units.
+    limits : Mapping of str to Limit
+        Limits by signal.
+    values : sequence of float
+        Commands in the order of `inputs`, SI.
+
+    Returns
+    -------
+    str
+        Such as ``current 4 A is above 1.3 A``; empty if all are within their limits.
+    """
+    for (name, unit), value in zip(inputs.items(), values, strict=True):
+        fault = "is no finite number"
+        if isfinite(value):
+            fault = excess(limits.get(name, Limit()), value, None, 0.0, unit)
+        if fault:
+            return f"{name} {value:g} {unit} {fault}"
     return ""
 
 

@@ -37,7 +37,7 @@ class StuckMonitor:
         samples: int,
     ) -> None:
         self._inputs, self._outputs = signals
-        self._least_changes = [_CHANGE * _range_width(limits.get(name)) for name in self._inputs]
+        self._least_changes = [least_change(limits.get(name)) for name in self._inputs]
         self._samples = samples
         self._sensors = {name: _Sensor(self._least_changes, samples) for name in self._outputs}
         self._ignored = dict.fromkeys(self._inputs, 0)
@@ -181,8 +181,13 @@ class _Span:
         return frozenset(k for k, (low, high, least) in enumerate(spans) if high - low > least)
 
 
-def _range_width(limit: Limit | None) -> float:
-    """Return the width of a signal's range; 0 if it is not limited."""
+def least_change(limit: Limit | None) -> float:
+    """Return the smallest difference of a signal that counts; 0 if its range is not limited.
+
+    Parameters
+    ----------
+    limit : Limit or None
+    """
     if limit is None or not isfinite(limit.max - limit.min):
         return 0.0
-    return limit.max - limit.min
+    return _CHANGE * (limit.max - limit.min)

@@ -13,15 +13,26 @@ import time
 
 import pytest
 
-from tests.support.command import posix
+from orchestration.rig.endpoint import read_endpoint
+from orchestration.rig.operator import acknowledge, ask, stop
+from tests.support.command import here, posix
 from tests.support.rig.driver import Driver
 from tests.support.rig.exhausted import no_descriptors, no_memory, no_threads
-from tests.support.rig.process import Server
+from tests.support.rig.process import BACKENDS, Server
 
 pytestmark = [posix, pytest.mark.timeout(120), pytest.mark.real_time]
 
 PATIENCE = 3.0  # s, for what is promised within half a second on a quiet machine
 COMMANDS = (0.8, 1.0)
+ANOTHER_ORDER = """
+import struct
+
+class Own(Reporting):
+    inputs = {"force": "N", "current": "A"}
+
+    def _hold(self, values):
+        self._hardware[:16] = struct.pack("<2d", values["current"], values["force"])
+"""
 
 
 def held(folder):
@@ -36,6 +47,15 @@ def wait_held(folder, values, patience=PATIENCE):
         assert time.monotonic() - begun < patience, f"still {held(folder)} after {patience:g} s"
         time.sleep(0.001)
     return time.monotonic() - begun
+
+
+def serve(folder, backend="Reporting", *arguments, backends=BACKENDS, **options):
+    given = {"trigger": folder / "trigger", **options}
+    return Server(folder, backend, *arguments, options=given, backends=backends)
+
+
+def calls_of(server, what):
+    return len([call for call in server.calls() if call.what.startswith(what)])
 
 
 def driven(server, folder):
@@ -79,3 +99,176 @@ def test_a_signal_to_all_processes_ends_safe(tmp_path, name):
         took = wait_held(tmp_path, (0.0, 0.0))
         print(f"{name}: safe after {1e3 * took:.0f} ms")
         driver.stop(orderly=False)
+
+
+@pytest.mark.slow
+def test_an_opening_of_five_seconds_is_waited_for(tmp_path):
+    with serve(tmp_path, opening=5.2) as server:
+        driver = driven(server, tmp_path)
+        os.kill(server.roles()["device"], signal.SIGKILL)
+        took = wait_held(tmp_path, (0.0, 0.0), 8.0)
+        print(f"safe after {took:.2f} s; promised are {server.promised():.2f} s")
+        assert took < server.promised() + 0.2
+        driver.stop(orderly=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("event", ["", "stop", "USR1", "front"])
+def test_a_device_that_cannot_be_opened_is_tried_for_ever_and_at_once_at_a_stop(tmp_path, event):
+    with serve(tmp_path, "Faulty", where="open", how="raise") as server:
+        driver = driven(server, tmp_path)
+        (tmp_path / "trigger").touch()
+        roles = server.roles()
+        os.kill(roles["device"], signal.SIGKILL)
+        time.sleep(4.0)
+        assert held(tmp_path) == COMMANDS
+        if event == "front":
+            os.kill(roles["front"], signal.SIGKILL)
+            time.sleep(2.0)
+        if event in ("stop", "USR1"):
+            server.wait_call("fault open", time.monotonic())  # the next one is due later
+            before = calls_of(server, "fault open")
+            if event == "stop":
+                ask(read_endpoint(server.endpoint), "stop", reason="again")
+            else:
+                server.send(signal.SIGUSR1)
+            time.sleep(0.3)
+            assert calls_of(server, "fault open") > before
+        (tmp_path / "trigger").unlink()
+        took = wait_held(tmp_path, (0.0, 0.0), 6.0)
+        print(f"{event or 'glitch'}: safe {took:.2f} s after the device was there again")
+        driver.stop(orderly=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("state", ["idle", "latched", "rescued"])
+def test_every_stop_writes_safe_values(tmp_path, state):
+    with serve(tmp_path) as server:
+        remote = read_endpoint(server.wait_ready())
+        if state != "idle":
+            stop(remote, "smoke")
+        if state == "rescued":
+            os.kill(server.roles()["device"], signal.SIGKILL)
+            server.wait_line("the guard opened the backend")
+        for number in range(3):
+            before = calls_of(server, "safe")
+            if number == 2:
+                server.send(signal.SIGUSR1)
+                time.sleep(0.3)
+            else:
+                assert stop(remote, "again")["state"] == "safe"
+            assert calls_of(server, "safe") > before, (number, server.lines)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("state", ["idle", "latched", "rescued"])
+def test_a_device_that_leaves_its_safe_state_is_brought_back(tmp_path, state):
+    """As by a write that was queued before the rescue."""
+    with serve(tmp_path) as server:
+        remote = read_endpoint(server.wait_ready())
+        if state != "idle":
+            stop(remote, "smoke")
+        if state == "rescued":
+            os.kill(server.roles()["device"], signal.SIGKILL)
+            server.wait_line("the guard opened the backend")
+            time.sleep(0.45)
+        with (tmp_path / "calls.log.held").open("r+b") as device:
+            device.write(struct.pack("<2d", 1.0, 0.0))
+        took = wait_held(tmp_path, (0.0, 0.0))
+        print(f"{state}: brought back after {1e3 * took:.0f} ms")
+        assert took < 0.25
+        server.wait_line("in the safe state the device has current = 1 A")
+        assert ask(remote, "status")["latch"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("state", ["idle", "commanded", "latched", "rescued"])
+def test_safe_is_not_said_where_the_device_reports_something_else(tmp_path, state):
+    with serve(tmp_path, "Reporting", "--watchdog", 2.0) as server:
+        remote = read_endpoint(server.wait_ready())
+        driver = driven(server, tmp_path) if state == "commanded" else None
+        if state in ("latched", "rescued"):
+            stop(remote, "smoke")
+        if state == "rescued":
+            os.kill(server.roles()["device"], signal.SIGKILL)
+            server.wait_line("the guard opened the backend")
+        begun = time.monotonic()
+        (tmp_path / "trigger").touch()
+        told = stop(remote, "smoke") if state == "commanded" else ask(remote, "status")
+        while told["state"] != "not reached":
+            assert time.monotonic() - begun < PATIENCE, told
+            told = ask(remote, "status")
+        took = time.monotonic() - begun
+        print(f"{state}: NOT REACHED after {1e3 * took:.0f} ms")
+        assert took < 0.6
+        assert "current = 1 A" in told["alarm"]
+        again = here("rig", "stop", "--endpoint", server.endpoint, cwd=tmp_path)
+        assert again.returncode == 1
+        assert "NOT REACHED" in again.stdout
+        (tmp_path / "trigger").unlink()
+        server.wait_line("safe, reached after")
+        if driver is not None:
+            driver.stop(orderly=False)
+
+
+def test_a_device_that_reports_nothing_is_commanded_again_and_not_called_verified(tmp_path):
+    with Server(tmp_path, "Mute") as server:
+        remote = read_endpoint(server.wait_ready())
+        told = stop(remote, "smoke")
+        assert (told["state"], told["verified"]) == ("safe", False)
+        line = "commanded safe, not verified: the device does not report current, force"
+        assert line in server.wait_line("safe, reached after")
+        assert (
+            "commanded safe, not verified"
+            in here("rig", "status", "--endpoint", server.endpoint, cwd=tmp_path).stdout
+        )
+        before = calls_of(server, "safe")
+        time.sleep(1.0)
+        assert calls_of(server, "safe") >= before + 5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "text",
+    [
+        "class Own(",
+        ANOTHER_ORDER,
+        "class Own(Reporting):\n    def safe(self):\n        self.write(dict(current=4.0, force=0.0))\n",
+    ],
+    ids=["syntax error", "another order", "no longer safe"],
+)
+def test_a_file_that_is_changed_while_it_is_served_changes_nothing(tmp_path, text):
+    own = tmp_path / "own.py"
+    head = "from tests.support.rig.backends import Reporting\n"
+    own.write_text(head + "class Own(Reporting): pass\n")
+    with serve(tmp_path, "Own", backends=own) as server:
+        driver = driven(server, tmp_path)
+        own.write_text(head + text)
+        os.kill(server.roles()["device"], signal.SIGKILL)
+        took = wait_held(tmp_path, (0.0, 0.0))
+        print(f"safe after {1e3 * took:.0f} ms")
+        driver.stop(orderly=False)
+        remote = read_endpoint(server.endpoint)
+        while (told := ask(remote, "status"))["state"] != "safe":
+            time.sleep(0.01)
+        assert acknowledge(remote, told["latch"])["state"] == "idle"
+        os.kill(server.roles()["standby"], signal.SIGKILL)
+        with Driver(server.endpoint, lambda number: COMMANDS):
+            wait_held(tmp_path, COMMANDS)
+            os.kill(server.roles()["guard"], signal.SIGKILL)
+            wait_held(tmp_path, (0.0, 0.0))
+
+
+def test_an_input_without_limits_is_refused_at_the_start(tmp_path):
+    with serve(tmp_path, "Unlimited") as server:
+        assert server.wait_end() == 2
+        assert "force is commanded and has no limits" in server.errors()
+    assert "write" not in (tmp_path / "calls.log").read_text()
+
+
+def test_a_real_device_is_not_served_in_lockstep(tmp_path):
+    """Where nothing ends a command of a client that goes."""
+    with serve(tmp_path, "RealStepped", "--lockstep") as server:
+        assert server.wait_end() == 2
+        assert "--lockstep" in server.errors()
+    assert not (tmp_path / "calls.log").exists()

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from fmus.kit import quoting
+from fmus.kit import files, quoting
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.interrupt import raise_interrupt
 from orchestration.fmu.model.authoring import check_names, describe, line_of, remarks
@@ -144,7 +144,7 @@ def is_subclass(thing: object, base: type) -> bool:
 def _load(path: Path) -> ModuleType:
     """Return a user's file as a module, which is run again only if its contents have changed."""
     try:
-        text = path.read_bytes()
+        text = files.contents(path)
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from error
     check_names(path, text)

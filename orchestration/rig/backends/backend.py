@@ -6,6 +6,7 @@ import inspect
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 from orchestration.rig.signals import Limit
 
@@ -28,11 +29,14 @@ class Backend(ABC):
         Measured signals and their units.
     limits : Mapping of str to Limit
         Limits of commands and of measured values, by signal.
+    safe_values : Mapping of str to float
+        Values of inputs in the safe state; zero for those that are not in it.
     """
 
     inputs: Mapping[str, str]
     outputs: Mapping[str, str]
     limits: Mapping[str, Limit]
+    safe_values: Mapping[str, float] = MappingProxyType({})
 
     @classmethod
     def devices(cls, **options: str) -> Sequence[str]:

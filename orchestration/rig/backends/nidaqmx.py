@@ -89,6 +89,7 @@ class NiDaqmx(Backend):
         one_of("timing", timing, ("auto", "hardware", "software"))
         self.inputs, self.outputs = self._calibration.units
         self.limits: Mapping[str, Limit] = self._calibration.limits
+        self.safe_values = {name: one.safe for name, one in self._command_channels.items()}
         self._check(calibration, device)
         self._name = device
         self._tasks: list[nidaqmx.Task] = []

@@ -50,6 +50,7 @@ class Visa(Backend):
                 )
         self.inputs, self.outputs = self._calibration.units
         self.limits: Mapping[str, Limit] = self._calibration.limits
+        self.safe_values = {name: one.safe for name, one in self._command_channels.items()}
         self._sessions: dict[str, MessageBasedResource] = {}
         self._sent: dict[str, str] = {}  # signal -> message that the instrument took last
         self._manager: pyvisa.ResourceManager | None = None

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from math import nan
+from math import isfinite, nan
 from typing import Any, NoReturn, TypeVar
 
 from fmus.kit import UserError
@@ -83,12 +83,22 @@ class BackendSignals:
     limits : dict of str to Limit
     notes : list of str
         Further remarks for the user who started the server.
+    safe_values : tuple of float
+        Value of each input in the safe state.
+    unreported : list of str
+        Inputs of which the device does not report its value.
     """
 
     inputs: dict[str, str]
     outputs: dict[str, str]
     limits: dict[str, Limit]
     notes: list[str] = field(default_factory=list)
+    safe_values: tuple[float, ...] = ()
+    unreported: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        if not self.safe_values:
+            object.__setattr__(self, "safe_values", (0.0,) * len(self.inputs))
 
     @classmethod
     def from_backend(cls, backend: Backend) -> BackendSignals:
@@ -107,9 +117,14 @@ class BackendSignals:
         BackendError
             If it breaks a promise of :class:`~orchestration.rig.backends.backend.Backend`.
         """
-        inputs, outputs, limits = call(
+        inputs, outputs, limits, safe_values = call(
             "the backend's description",
-            lambda: (dict(backend.inputs), dict(backend.outputs), dict(backend.limits)),
+            lambda: (
+                dict(backend.inputs),
+                dict(backend.outputs),
+                dict(backend.limits),
+                tuple(float(backend.safe_values.get(name, 0.0)) for name in backend.inputs),
+            ),
         )
         for kind, units in (("inputs", inputs), ("outputs", outputs)):
             if not all(isinstance(text, str) for pair in units.items() for text in pair):
@@ -132,7 +147,38 @@ class BackendSignals:
                 )
         # a backend of somebody else may have a class of limits of its own
         plain = {name: Limit(one.min, one.max, one.rate) for name, one in limits.items()}
-        return cls(inputs, outputs, plain)
+        return cls(inputs, outputs, plain, safe_values=safe_values)
+
+    def check_real(self) -> None:
+        """Refuse an input without limits, as one of a real device.
+
+        Raises
+        ------
+        BackendError
+        """
+        for name in self.inputs:
+            limit = self.limits.get(name, Limit())
+            if not isfinite(limit.max - limit.min):
+                raise BackendError(
+                    f"{name} is commanded and has no limits: `limits` of the backend must have a"
+                    " minimum and a maximum of it, as it moves a real device"
+                )
+
+    def same_as(self, first: BackendSignals) -> BackendSignals:
+        """Return the signals of the first opening, which hold as long as the server runs.
+
+        Raises
+        ------
+        BackendError
+            If these have other names or units.
+        """
+        if (self.inputs, self.outputs) != (first.inputs, first.outputs):
+            raise BackendError(
+                f"the backend has other signals than at the start of the server:"
+                f" {self.inputs | self.outputs}, not {first.inputs | first.outputs}; start the"
+                " server anew"
+            )
+        return first
 
     def to_record(self) -> Description:
         """Return the description as a record for the shared memory.
@@ -147,7 +193,8 @@ class BackendSignals:
             If it is longer than the shared memory has room for.
         """
         limits = {name: (limit.min, limit.max, limit.rate) for name, limit in self.limits.items()}
-        text = json.dumps([self.inputs, self.outputs, limits, self.notes]).encode()
+        given = [self.inputs, self.outputs, limits, self.notes, self.safe_values, self.unreported]
+        text = json.dumps(given).encode()
         if len(text) > LONGEST_DESCRIPTION:
             raise BackendError(
                 "names and units of the backend's signals are longer than"
@@ -158,9 +205,9 @@ class BackendSignals:
     @classmethod
     def from_record(cls, record: Description) -> BackendSignals:
         """Return the description that a record of the shared memory has."""
-        inputs, outputs, bounds, notes = json.loads(record.text.rstrip(b"\0"))
+        inputs, outputs, bounds, notes, safe, unreported = json.loads(record.text.rstrip(b"\0"))
         limits = {name: Limit(*one) for name, one in bounds.items()}
-        return cls(inputs, outputs, limits, notes)
+        return cls(inputs, outputs, limits, notes, tuple(safe), unreported)
 
 
 def _are_limits(limit: Limit) -> bool:

@@ -12,14 +12,15 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Callable, Sequence
-from math import isfinite
+from math import isfinite, isnan
 from multiprocessing import parent_process
 from multiprocessing.connection import wait
 from time import monotonic, sleep
 from typing import Any
 
-from orchestration.rig.backends import open_backend
-from orchestration.rig.safety import MeasurementMonitor, SlewLimiter, expired
+from fmus.kit import files
+from orchestration.rig.backends import device_names, open_backend
+from orchestration.rig.safety import MeasurementMonitor, SlewLimiter, beyond, expired
 from orchestration.rig.server.calls import (
     BackendError,
     BackendSignals,
@@ -29,10 +30,12 @@ from orchestration.rig.server.calls import (
     read_back,
 )
 from orchestration.rig.server.processes import Reserve, detach
+from orchestration.rig.server.safe_state import SafeState
 from orchestration.rig.server.scheduling import Collector, Deadlines, Suspension, prefer
 from orchestration.rig.server.settings import BUSY, ServerSettings
 from orchestration.rig.server.shared_memory import (
     END,
+    REST,
     RUN,
     Alarm,
     Beat,
@@ -63,6 +66,7 @@ def main(settings: ServerSettings, memory: Any) -> None:
         Shared with the front process and the guard.
     """
     detach()
+    files.keep(settings.files)
     device = Device(settings, SharedMemory(memory))
     if hasattr(signal, "SIGTERM"):
         signal.signal(signal.SIGTERM, device.end)
@@ -97,8 +101,10 @@ class Device:
         self._shared = shared
         self._ending = False
         self._opened = False
-        self._safe = 0.0  # since when, s; 0 if it is not
-        self._seen = 0  # number of the newest command
+        self._backend: Any = None
+        self._safe_state: SafeState | None = None  # of the backend, once it is open
+        self._is_at_rest = False  # what was written last are safe values
+        self._rested = 0  # number of the newest order to rest that was carried out
         self._lost = ""  # why nobody can watch over this process
         self._suspension = Suspension()
         self._slew = SlewLimiter((), {}, 0.0)
@@ -124,21 +130,34 @@ class Device:
         try:
             self._open(notes)
             self._loop()
-            self._rest()
+            self._rest_for_good()
             self._call("close()", self._backend.close)
         except Exception as error:  # such as MemoryError: whatever it is, the rig goes safe
             self._fail(str(error) if isinstance(error, BackendError) else repr(error))
-        self._beat(ENDED, monotonic())
+        self._show(ENDED)
 
     def _open(self, notes: Sequence[str]) -> None:
         """Open the backend, bring the rig to its safe state, and publish the first sample."""
         settings = self._settings
         begun = monotonic()
         self._backend = self._call("opening", open_backend, settings.backend, settings.options)
+        self._call("safe()", self._backend.safe)
+        first = self._shared.description.read()
         self._signals = BackendSignals.from_backend(self._backend)
+        if first is not None:
+            self._signals = self._signals.same_as(BackendSignals.from_record(first))
+        elif device_names(settings.backend, settings.options):  # else nothing real is commanded
+            self._signals.check_real()
+            reported = read_back(self._backend, self._signals)
+            pairs = zip(self._signals.inputs, reported, strict=True)
+            self._signals.unreported.extend(name for name, value in pairs if isnan(value))
         self._signals.notes.extend(notes)
-        self._slew = SlewLimiter(self._signals.inputs, self._signals.limits, monotonic())
-        self._rest()
+        self._slew = SlewLimiter(
+            self._signals.inputs, self._signals.limits, monotonic(), self._signals.safe_values
+        )
+        self._applied = self._signals.safe_values
+        self._safe_state = SafeState(self._backend, self._signals, self._show)
+        self._rest(self._command())
         opening = monotonic() - begun
         self._stuck = StuckMonitor(
             (self._signals.inputs, self._signals.outputs),
@@ -150,10 +169,10 @@ class Device:
         )
         self._values = [0.0] * len(self._signals.outputs)
         self._taken = [0.0] * len(self._signals.outputs)
-        self._applied = (0.0,) * len(self._signals.inputs)
         self._deadlines = Deadlines(settings.period, monotonic())
-        description = self._signals.to_record()
-        self._shared.description.write(description._replace(opening=opening))
+        if first is None:
+            description = self._signals.to_record()
+            self._shared.description.write(description._replace(opening=opening))
         self._tick(self._command())
         self._opened = True
 
@@ -177,9 +196,11 @@ class Device:
             running = command.order == RUN and not tripped
             if running:
                 until = min(until, command.accepted + self._settings.watchdog)
-            is_to_rest = not running and not self._safe
+            is_to_rest = not running and self._is_to_rest(command)
             if command.order == END or now >= until or is_to_rest or (running and self._lost):
                 return command
+            if not running:
+                self._rest(command)
             self._beat(SLEEP, now)
             sleep(min(until - now, self._look))
 
@@ -192,9 +213,7 @@ class Device:
             self._watch_others(now)
         if self._ending:
             return _END
-        command = self._shared.command.read() or _END
-        self._seen = command.number
-        return command
+        return self._shared.command.read() or _END
 
     def _watch_others(self, now: float) -> None:
         """Look for an end of the guard, a silent front or guard, and a suspend of the computer."""
@@ -219,47 +238,93 @@ class Device:
         if self._acknowledgements_at_trip != command.acknowledged:
             self._acknowledgements_at_trip = None
         if command.order != RUN or self._acknowledgements_at_trip is not None:
-            self._rest()
+            self._rest(command)
         elif expired(command.accepted, monotonic(), self._settings.watchdog):
             late = f"no fresh command for {self._settings.watchdog:g} s; {BUSY}"
-            self._trip(command.acknowledged, late)
+            self._trip(command, late)
         elif self._lost:
-            self._trip(command.acknowledged, self._lost)
+            self._trip(command, self._lost)
         else:
-            self._write(unpack(command.values, len(self._applied)))
+            self._write(command, unpack(command.values, len(self._applied)))
         now = monotonic()
         self._beat("read()", now)
         measured = measure(self._backend, self._signals)
         reason = self._monitor.check(measured, now)
         if reason and self._acknowledgements_at_trip is None:
-            self._trip(command.acknowledged, reason)
+            self._trip(command, reason)
         reported = read_back(self._backend, self._signals)
+        if self._safe_state is not None and self._is_at_rest:
+            self._tell_of_safe_state(self._safe_state.judge(reported))
         alarms = self._stuck.check(self._applied, reported, measured)
         if alarms:
             self._shared.alarm.write(Alarm(now, write_text("; ".join(alarms))))
         self._publish(measured, reported, now)
 
-    def _write(self, values: tuple[float, ...]) -> None:
-        """Write commands (inputs,), SI, as far as the limits of their rates allow."""
-        self._safe = 0.0
+    def _write(self, command: Command, values: tuple[float, ...]) -> None:
+        """Write values (inputs,), SI, as far as limits of their rates allow; go safe beyond others.
+
+        The front has refused what is beyond a limit: if such a value is here, the front is broken.
+        """
+        excess = beyond(self._signals.inputs, self._signals.limits, values)
+        if excess:
+            self._trip(command, f"a command has passed the limits of the front: {excess}")
+            return
+        self._is_at_rest = False
+        if self._safe_state is not None:
+            self._safe_state.leave()
         applied = self._slew.towards(values, monotonic())
         commands = dict(zip(self._signals.inputs, applied, strict=True))
         self._call("write()", self._backend.write, commands)
         self._applied = applied
 
-    def _rest(self) -> None:
-        """Bring the rig to its safe state, unless it is there already."""
-        if not self._safe:
-            self._call("safe()", self._backend.safe)
-            self._safe = monotonic()
-            self._applied = (0.0,) * len(self._applied)
-        self._slew.rest(monotonic())
+    def _is_to_rest(self, command: Command) -> bool:
+        """Return True if safe values are to be written, unless only to be kept."""
+        is_ordered = command.order == REST and command.number > self._rested
+        return is_ordered or not self._is_at_rest
 
-    def _trip(self, acknowledged: int, reason: str) -> None:
+    def _rest(self, command: Command) -> None:
+        """Bring the rig to its safe state, again at every order, or keep it there."""
+        if self._safe_state is None:
+            return
+        if self._is_to_rest(command):
+            trouble = self._safe_state.command()
+            self._is_at_rest = True
+            self._applied = self._signals.safe_values
+            if command.order == REST:
+                self._rested = command.number
+        else:
+            trouble = self._safe_state.keep()
+        self._slew.rest(monotonic())
+        self._tell_of_safe_state(trouble)
+
+    def _rest_for_good(self) -> None:
+        """Bring the rig to its safe state and wait until the device reports that.
+
+        Raises
+        ------
+        BackendError
+            If it does not.
+        """
+        state = self._safe_state
+        if state is None:
+            return
+        trouble = state.command()
+        while not state.since:
+            if state.is_denied:
+                raise BackendError(trouble)
+            sleep(self._look)
+            trouble = state.keep()
+
+    def _tell_of_safe_state(self, trouble: str) -> None:
+        """Publish what the device reports in its safe state, if it is something else."""
+        if trouble:
+            self._report(trouble, reached=False, ended=False)
+
+    def _trip(self, command: Command, reason: str) -> None:
         """Go safe by itself, and stay safe until the next acknowledgement."""
-        self._acknowledgements_at_trip = acknowledged
+        self._acknowledgements_at_trip = command.acknowledged
         try:
-            self._rest()
+            self._rest(command)
         except BackendError as error:
             raise BackendError(f"{reason}; {error}") from error
         self._report(reason, reached=True, ended=False)
@@ -267,15 +332,17 @@ class Device:
     def _fail(self, reason: str) -> None:
         """Go safe with a backend that raised, if that is still possible; else the guard has to."""
         self._reserve.release()
-        self._safe = 0.0
         failures = [reason]
-        if hasattr(self, "_backend"):
+        is_safe = False
+        if self._backend is not None:
             try:
-                self._rest()
+                self._call("safe()", self._backend.safe)
+                self._rest_for_good()
+                is_safe = True
                 self._call("close()", self._backend.close)
-            except BackendError as error:
-                failures.append(str(error))
-        self._report("; ".join(failures), reached=bool(self._safe), ended=True)
+            except Exception as error:
+                failures.append(str(error) or repr(error))
+        self._report("; ".join(failures), reached=is_safe, ended=True)
 
     def _report(self, reason: str, *, reached: bool, ended: bool) -> None:
         """Publish the reason for going to the safe state, and whether the rig reached it."""
@@ -292,10 +359,16 @@ class Device:
 
     def _call(self, name: str, function: Callable[..., Any], *arguments: Any) -> Any:
         """Call the backend after a sign of life that names the call."""
-        self._beat(name, monotonic())
+        self._show(name)
         return call(name, function, *arguments)
 
-    def _beat(self, action: str, now: float) -> None:
+    def _show(self, action: str) -> None:
         """Show a sign of life with the next action."""
-        state = (self._opened, self._safe, action.encode(), self._seen)
-        self._shared.beat.write(Beat(now, os.getpid(), *state))
+        self._beat(action, monotonic())
+
+    def _beat(self, action: str, now: float) -> None:
+        safe, denied = 0.0, False
+        if self._safe_state is not None:
+            safe, denied = self._safe_state.since, self._safe_state.is_denied
+        beat = Beat(now, os.getpid(), self._opened, safe, action.encode(), denied, self._rested)
+        self._shared.beat.write(beat)

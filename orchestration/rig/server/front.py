@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from math import isfinite
 from time import monotonic
 from typing import Any, NamedTuple
@@ -12,7 +13,7 @@ from typing import Any, NamedTuple
 import psutil
 import zmq
 
-from fmus.kit import UserError
+from fmus.kit import UserError, files
 from fmus.rig_proxy import OPERATOR, REQUESTS, TELEMETRY, ProtocolError, decode
 from orchestration.rig.access import Peer, received
 from orchestration.rig.backends import device_names
@@ -72,8 +73,10 @@ def serve(settings: ServerSettings) -> int:
         If the server cannot start.
     """
     log = EventLog(settings.log)
-    devices = device_names(settings.backend, settings.options)
     try:
+        with files.kept() as found:
+            devices = device_names(settings.backend, settings.options)
+            settings = replace(settings, files=found)
         with (
             received_signals() as signals,
             locked(devices),
@@ -88,10 +91,8 @@ def serve(settings: ServerSettings) -> int:
                 handler = RequestHandler(rig, settings.period, log, keeper)
                 EventLoop(sockets, handler, log, signals).run()
             finally:
-                trouble = rig.close()
-                if trouble:
-                    log.tell(f"THE SAFE STATE WAS NOT REACHED: {trouble}")
-                else:
+                trouble = _close(rig, log, signals)
+                if not trouble:
                     keeper.end()
                     log.tell(f"ended, in the safe state: {signals.ending or 'the server failed'}")
     finally:
@@ -106,6 +107,24 @@ def _opened_rig(settings: ServerSettings, keeper: LatchKeeper) -> Rig:
     except UserError:
         keeper.end()  # this server has not touched the rig, so that the next one need not latch it
         raise
+
+
+def _close(rig: Rig, log: EventLog, signals: ReceivedSignals) -> str:
+    """End with the rig in its safe state, or at another signal; return why it is not there."""
+    cause = signals.ending
+    trouble = rig.close()
+    signals.ending = ""
+    if trouble:
+        log.tell(
+            f"THE SAFE STATE WAS NOT REACHED: {trouble}; it is tried for on, another signal ends that"
+        )
+    while trouble and not signals.ending:
+        trouble = rig.close()
+    if trouble:
+        rig.kill()
+        log.tell(f"given up by {signals.ending}: THE SAFE STATE WAS NOT REACHED: {trouble}")
+    signals.ending = cause
+    return trouble
 
 
 class EventLoop:

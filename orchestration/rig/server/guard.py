@@ -1,9 +1,10 @@
 """Guard process of the server: it watches the device process, and replaces one that fails.
 
-When the device hangs or dies, the guard opens the backend itself and calls ``safe``. All modules
-for this are imported beforehand, so that it takes no longer than the driver. The guard starts the
-device, and starts another one when an operator acknowledges. There are two guards: one on duty, and
-a standby, which ends the first if that shows no sign of life, and replaces it.
+When the device hangs, dies or ends, the guard opens the backend itself, and holds the rig in its
+safe state until an operator acknowledges: then it starts another device. If the backend fails it
+tries again, for ever, and at once when somebody stops the rig. All modules for this are imported
+beforehand, so that it takes no longer than the driver. There are two guards: one on duty, and a
+standby, which ends the first if that shows no sign of life, and replaces it.
 """
 
 from __future__ import annotations
@@ -11,21 +12,26 @@ from __future__ import annotations
 import os
 import signal
 from contextlib import suppress
+from math import inf
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import wait
 from time import monotonic, sleep
 from typing import Any
 
+from fmus.kit import files
 from orchestration.rig.backends import backend_class, open_backend
 from orchestration.rig.server import device
-from orchestration.rig.server.calls import call, leave
+from orchestration.rig.server.calls import BackendSignals, call, leave
 from orchestration.rig.server.processes import OtherProcess, Reserve, deadline, detach, undisturbed
+from orchestration.rig.server.safe_state import SafeState
 from orchestration.rig.server.settings import BUSY, ServerSettings
 from orchestration.rig.server.shared_memory import (
     END,
     GONE,
+    HOLDING,
     OPENING,
     RESCUING,
+    REST,
     RETIRED,
     RUN,
     SERVING,
@@ -37,17 +43,17 @@ from orchestration.rig.server.shared_memory import (
     read_text,
     write_text,
 )
-from orchestration.rig.server.standby import LONGEST_ATTEMPT, LONGEST_DYING, Standby
+from orchestration.rig.server.standby import LONGEST_DYING, Standby, longest_attempt
 
 LONGEST_OPENING = 30.0  # s that a backend may take to open before it is held to hang
-ATTEMPTS = 5  # at the safe state, when the backend raises
-_PAUSE = 0.2  # s between two attempts
+# s between two attempts at the safe state; from the first on, pauses are doubled
+_PAUSES = (0.2, 2.0)
 _ORPHAN = 0.1  # of the watchdog time, that a device gets to go safe when its guard has ended
 _GRACE = 0.01  # s, at least, that the device has beyond the watchdog time to go safe by itself
 
 
 def main(settings: ServerSettings, memory: Any, rescue: str, stands_by: bool) -> None:
-    """Run the process; its exit status is 0 if it leaves the rig in its safe state.
+    """Run the process, until it leaves the rig in its safe state.
 
     Parameters
     ----------
@@ -60,6 +66,7 @@ def main(settings: ServerSettings, memory: Any, rescue: str, stands_by: bool) ->
         Whether another guard is on duty, and this one waits until it fails.
     """
     detach()
+    files.keep(settings.files)
     with suppress(Exception):  # the device will report its own fault
         backend_class(settings.backend)
     guard = Guard(settings, memory)
@@ -67,8 +74,11 @@ def main(settings: ServerSettings, memory: Any, rescue: str, stands_by: bool) ->
         signal.signal(signal.SIGTERM, guard.end)
     if stands_by:
         fault = guard.stand_by()
-        leave(0 if not fault or guard.run(fault) else 1)
-    leave(0 if guard.run(rescue) else 1)
+        if not fault:
+            leave(0)
+        rescue = fault
+    guard.run(rescue)
+    leave(0)
 
 
 def fault_of(beat: Beat, command: Command, now: float, settings: ServerSettings) -> str:
@@ -123,7 +133,16 @@ class Guard:
         self._started = 0.0
         self._acknowledged = 0
         self._ending = False
-        self._reached = True
+        self._fault = ""  # for which the device was replaced; empty while it was not
+        self._begun = 0.0  # when it was, s
+        self._backend: Any = None  # in place of the device
+        self._safe_state: SafeState | None = None  # of this backend
+        self._trouble = ""  # of the last attempt
+        self._is_told = False  # that the rig is held in its safe state
+        self._tried = 0  # number of the newest order for which the safe values were written
+        self._rested = 0  # number of the newest of these that were taken
+        self._due = 0.0  # when to try again, s
+        self._pause = 0.0
         self._reserve = Reserve()
         self._tick = min(0.01, max(0.002, settings.watchdog / 10))
 
@@ -150,18 +169,15 @@ class Guard:
             sleep(self._tick)
         return ""
 
-    def run(self, rescue: str) -> bool:
+    def run(self, rescue: str) -> None:
         """Watch the device until the front or a signal orders the end, or the front has ended.
+
+        It returns when the rig is in its safe state.
 
         Parameters
         ----------
         rescue : str
             Why the rig has to be brought to its safe state at once; empty to start a device.
-
-        Returns
-        -------
-        bool
-            True if the rig is in its safe state at the end.
         """
         self._acknowledged = self._command().acknowledged
         if rescue:
@@ -171,13 +187,19 @@ class Guard:
         parent = parent_process()
         while not self._is_to_end(parent):
             with suppress(Exception):  # such as MemoryError: it is tried again, or shows no life
-                self._check_device()
+                if self._fault:
+                    self._hold()
+                else:
+                    self._check_device()
             watched = [process for process in (parent, self._device) if process is not None]
             wait([process.sentinel for process in watched], self._tick)
-        self._end()
-        if self._reached:
-            self._show_life(RETIRED, ending=True)
-        return self._reached
+        self._end_device()
+        while self._fault and not self._is_safe():
+            with suppress(Exception):
+                self._hold()
+            sleep(self._tick)
+        self._show_life(RETIRED)  # before it is closed, which may never return
+        self._leave_backend()
 
     def _command(self) -> Command:
         return self._shared.command.read() or Command()
@@ -237,39 +259,36 @@ class Guard:
         return trip is not None and trip.ended and trip.time > self._started
 
     def _check_ended_device(self) -> None:
-        """Take the place of a device that has ended, unless the rig is in its safe state."""
+        """Take the place of a device that has ended, unless it was never open."""
         trip = self._shared.trip.read()
         if trip is None or not self._is_final(trip):
             self._take_over(f"the device process has ended, exit status {self._device.exitcode}")
-        elif not trip.reached and self._shared.description.read() is not None:
-            # without a description the backend was never open
-            self._take_over(read_text(trip.reason))
+        elif self._shared.description.read() is not None:
+            self._take_over(read_text(trip.reason), is_reported=trip.reached)
         else:
             self._device = None
             self._show_life(GONE)
 
-    def _take_over(self, reason: str) -> None:
+    def _take_over(self, fault: str, *, is_reported: bool = False) -> None:
         """Kill the device and bring the rig to its safe state in its place."""
-        begun = monotonic()
-        self._reached = False
-        self._show_life(RESCUING)
-        self._report(f"{reason}; the guard brings it to the safe state", begun)
+        self._replace(fault)
+        if not is_reported:
+            self._report(f"{fault}; the guard brings it to the safe state")
         if self._device.is_alive():
             self._device.kill()
             # a call inside the kernel may hold it for longer; that must not hold the guard
             self._device.join(LONGEST_DYING)
         self._device = None
-        self._reach_safe_state(reason, begun)
+        self._is_told = is_reported
+        self._hold()
 
-    def _rescue_after_another(self, reason: str) -> None:
+    def _rescue_after_another(self, fault: str) -> None:
         """Replace a guard that died, and its device, which goes safe if it still can.
 
         The rig is brought to its safe state once more in any case, as no other process has
         confirmed it.
         """
-        begun = monotonic()
-        self._reached = False
-        self._show_life(RESCUING)
+        self._replace(fault)
         beat = self._shared.beat.read()
         if beat is not None:
             device = OtherProcess(beat.process)
@@ -277,51 +296,144 @@ class Guard:
             if not self._has_ended():
                 device.kill()
                 device.join(LONGEST_DYING)
-        self._reach_safe_state(reason, begun)
+        self._hold()
 
-    def _reach_safe_state(self, reason: str, begun: float) -> None:
-        """Try to bring the rig to its safe state, a bounded number of times."""
+    def _replace(self, fault: str) -> None:
+        """Note that this process has to bring the rig to its safe state from now on."""
         self._reserve.release()
-        for attempt in range(1, ATTEMPTS + 1):
+        self._fault = fault
+        self._begun = monotonic()
+        self._due = 0.0
+        self._pause = 0.0
+        self._trouble = ""
+        self._is_told = False
+        self._show_life(RESCUING)
+
+    def _hold(self) -> None:
+        """Hold the rig in its safe state, or try to bring it there; let go if acknowledged.
+
+        A stop writes the safe values at once. What fails is tried again after a pause.
+        """
+        command = self._command()
+        if self._is_safe() and command.acknowledged != self._acknowledged:
+            self._acknowledged = command.acknowledged
+            self._let_go()
+            return
+        is_told = command.order == REST and command.number > self._tried
+        if self._backend is None and not is_told and monotonic() < self._due:
             self._show_life(RESCUING)
-            try:
-                with deadline(LONGEST_ATTEMPT):
-                    self._try_safe_state(reason, begun)
-            except Exception as error:
-                if not self._reached:
-                    text = (
-                        f"{reason}; THE SAFE STATE WAS NOT REACHED, attempt {attempt} of"
-                        f" {ATTEMPTS}: {error}"
-                    )
-                    self._report(text, monotonic())
-                    sleep(_PAUSE)
-            if self._reached:
-                break
-        self._show_life(GONE)
+            return
+        try:
+            self._show_life(RESCUING if self._backend is None or is_told else HOLDING)
+            if is_told:
+                self._tried = command.number
+            with deadline(self._longest_call()):
+                self._try_to_hold(is_told)
+            if is_told:
+                self._rested = command.number
+            self._pause = 0.0
+        except Exception as error:
+            self._lose(str(error) or repr(error))
+        self._show_life(RESCUING if self._backend is None else HOLDING)
 
-    def _try_safe_state(self, reason: str, begun: float) -> None:
-        """Open the backend, bring it to its safe state, report that, and close it."""
-        backend = call("opening", open_backend, self._settings.backend, self._settings.options)
-        call("safe()", backend.safe)
-        self._reached = True
-        now = monotonic()
-        text = (
-            f"{reason}; the guard opened the backend and brought it to the safe state in"
-            f" {now - begun:.3f} s"
+    def _try_to_hold(self, is_told: bool) -> None:
+        """Open the backend if it is not, and command its safe state or look whether it holds."""
+        if self._safe_state is None or self._backend is None:
+            settings = self._settings
+            self._backend = call("opening", open_backend, settings.backend, settings.options)
+            call("safe()", self._backend.safe)
+            record = self._shared.description.read()
+            known = BackendSignals.from_backend(self._backend)
+            signals = known if record is None else BackendSignals.from_record(record)
+            self._safe_state = SafeState(self._backend, signals, lambda name: None)
+            trouble = self._safe_state.command()
+        elif is_told:
+            trouble = self._safe_state.command()
+        else:
+            trouble = self._safe_state.keep()
+        if trouble:
+            self._report(trouble)
+        elif self._safe_state.since and not self._is_told:
+            self._is_told = True
+            took = self._safe_state.since - self._begun
+            self._report(
+                f"{self._fault}; the guard opened the backend and brought it to the safe state in"
+                f" {took:.3f} s"
+            )
+
+    def _lose(self, trouble: str) -> None:
+        """Give up a backend that failed, until the next attempt."""
+        backend = self._backend
+        self._backend = None
+        self._safe_state = None
+        least, most = _PAUSES
+        self._pause = min(max(least, 2 * self._pause), most)
+        self._due = monotonic() + self._pause
+        if self._is_told or trouble != self._trouble:
+            self._is_told = False
+            self._trouble = trouble
+            self._report(f"{self._fault}; THE SAFE STATE WAS NOT REACHED: {trouble}")
+        if backend is not None:
+            with suppress(Exception), deadline(self._longest_call()):
+                backend.close()
+
+    def _let_go(self) -> None:
+        """Close the backend and start another device, which opens it anew."""
+        fault = self._fault
+        self._leave_backend()
+        self._fault = ""
+        try:
+            self._reserve.fill()
+            self._start()
+        except Exception as error:  # no process can be started
+            self._take_back(fault, f"no process can be started: {error}")
+
+    def _take_back(self, fault: str, trouble: str) -> None:
+        """Hold the rig again, as no device can be started."""
+        self._replace(fault)
+        self._report(f"{fault}; {trouble}")
+        self._hold()
+
+    def _leave_backend(self) -> None:
+        """Close the backend, which the rig no longer needs to stay in its safe state."""
+        backend = self._backend
+        self._backend = None
+        self._safe_state = None
+        if backend is not None:
+            with suppress(Exception), deadline(self._longest_call()):
+                backend.close()
+
+    def _is_safe(self) -> bool:
+        """Return True if this process has the backend, and it reports the safe state."""
+        return self._safe_state is not None and self._safe_state.since > 0.0
+
+    def _longest_call(self) -> float:
+        """Return the time in s that a call may take; without end if nobody would take this place.
+
+        A driver that waits for its device may return some day, which is the last chance then.
+        """
+        parent = parent_process()
+        standby = self._shared.standby.read()
+        is_watched = (
+            standby is not None
+            and standby.process != os.getpid()
+            and monotonic() - standby.time < LONGEST_DYING
         )
-        self._report(text, now)
-        call("close()", backend.close)
+        if is_watched or parent is None or parent.is_alive():
+            return longest_attempt(self._shared)
+        return inf
 
-    def _end(self) -> None:
+    def _end_device(self) -> None:
         """Wait for the device to end; take its place if it fails to end in the safe state."""
-        self._show_life(GONE, ending=True)
+        self._ending = True
         if self._device is None:
             return
+        self._show_life(GONE)
         fault = ""
         until = monotonic() + self._settings.watchdog + self._settings.period + 1.0
         while self._device.is_alive() and monotonic() < until and not fault:
             self._device.join(self._tick)
-            self._show_life(GONE, ending=True)
+            self._show_life(GONE)
             fault = self._fault_at_the_end()
         if fault or self._device.is_alive():
             self._take_over(fault or "the device does not end")
@@ -345,11 +457,23 @@ class Guard:
         beat = self._shared.beat.read()
         return beat is not None and read_text(beat.call) == device.ENDED and beat.safe > 0.0
 
-    def _report(self, text: str, now: float) -> None:
+    def _report(self, text: str) -> None:
         """Publish a report on the rescue."""
-        self._shared.rescue.write(Trip(now, self._reached, True, write_text(text)))
+        self._shared.rescue.write(Trip(monotonic(), self._is_safe(), True, write_text(text)))
 
-    def _show_life(self, at: int, *, ending: bool = False) -> None:
+    def _show_life(self, at: int) -> None:
         """Show a sign of life with the present action."""
-        watch = Watch(monotonic(), os.getpid(), at, self._acknowledged, ending)
+        safe, denied = 0.0, False
+        if self._safe_state is not None:
+            safe, denied = self._safe_state.since, self._safe_state.is_denied
+        watch = Watch(
+            monotonic(),
+            os.getpid(),
+            at,
+            self._acknowledged,
+            self._ending,
+            safe,
+            denied,
+            self._rested,
+        )
         self._shared.watch.write(watch)

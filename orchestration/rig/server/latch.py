@@ -72,6 +72,11 @@ class Latch:
         self.reason = ""
         self.alarm = ""
         self.state = SAFE
+        silent = self._rig.signals.unreported
+        names = ", ".join(silent)
+        self._unverified = (
+            f" (commanded safe, not verified: the device does not report {names})" * bool(silent)
+        )
         self.reached: float | None = None
         self._since = ""  # wall time
         self._cause = ""  # for which it was closed
@@ -108,11 +113,11 @@ class Latch:
 
     def _close(self, record: LatchRecord) -> None:
         """Set the attributes to those of a closed latch."""
-        if not self.is_closed:  # else the known state of the rig stays true
+        if self.state == SAFE:  # else the rig has been on its way since the stop before
             self.state = STOPPING
-            self.reached = None
-            self._closed = self._rig.clock()
             self._lacking = monotonic()
+        self.reached = None
+        self._closed = self._rig.clock()
         self.name = record.name
         self.reason = self._cause = record.reason
         self.alarm = record.alarm
@@ -183,24 +188,30 @@ class Latch:
             self._lacking = now  # a confirmation that is lost has as much time to come back
             if self.state != SAFE:
                 self.state = SAFE
-                self.reached = max(0.0, since - self._closed)
+                if self.reached is None:  # else it was left and is reached again
+                    self.reached = max(0.0, since - self._closed)
                 self._log.tell(
-                    f"safe, reached after {_duration(self.reached)}", "safe state confirmed"
+                    f"safe, reached after {_duration(self.reached)}{self._unverified}",
+                    "safe state confirmed",
                 )
-        elif now - self._lacking <= self._rig.bound:
-            self.state = STOPPING
         elif self.state != NOT_REACHED:
-            self.state = NOT_REACHED
-            self.reached = None
-            self.alarm = (
-                f"THE SAFE STATE WAS NOT REACHED within {_duration(self._rig.bound)}: {self._cause}"
-            )
-            self._log.tell(f"{self.alarm}; see to the rig itself", "not reached")
-            self._keep()
+            self.state = STOPPING
+            is_late = now - self._lacking > self._rig.bound
+            if is_late or self._rig.is_denied():
+                self._alarm_of_state(f" within {_duration(self._rig.bound)}" if is_late else "")
+
+    def _alarm_of_state(self, bound: str) -> None:
+        """Note that the safe state was not reached."""
+        self.state = NOT_REACHED
+        self.reached = None
+        self.alarm = f"THE SAFE STATE WAS NOT REACHED{bound}: {self._cause}"
+        self._log.tell(f"{self.alarm}; see to the rig itself", "not reached")
+        self._keep()
 
     def sentence(self) -> str:
         """Return a sentence on the state of the rig and its reason."""
-        return f"{_SENTENCES[self.state]} since {self._since}: {self.reason}"[:_LONGEST_REASON]
+        state = f"{_SENTENCES[self.state]}{self._unverified if self.state == SAFE else ''}"
+        return f"{state} since {self._since}: {self.reason}"[:_LONGEST_REASON]
 
     def fields(self) -> dict[str, Any]:
         """Return the fields of the latch in status and telemetry."""
@@ -209,6 +220,7 @@ class Latch:
             "latch": self.name,
             "reached": self.reached,
             "alarm": self.alarm,
+            "verified": not self._rig.signals.unreported,
         }
 
 

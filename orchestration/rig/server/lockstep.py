@@ -7,7 +7,7 @@ from math import isfinite, nan
 
 from fmus.kit import UserError
 from fmus.rig_proxy import LOCKSTEP
-from orchestration.rig.backends import Backend, Steppable, backend_class, open_backend
+from orchestration.rig.backends import Backend, Steppable, backend_class, device_names, open_backend
 from orchestration.rig.safety import MeasurementMonitor
 from orchestration.rig.server.calls import BackendError, BackendSignals, call, measure
 from orchestration.rig.server.rig import RigState, cannot_open
@@ -36,6 +36,12 @@ class LockstepRig:
             raise UserError(
                 f"--lockstep: the time of {settings.backend} is its own; emulator and replay can"
                 " wait"
+            )
+        devices = device_names(settings.backend, settings.options)
+        if devices:
+            raise UserError(
+                f"--lockstep: {settings.backend} commands {', '.join(devices)}; without a watchdog"
+                " only an emulated rig is served, whose class says that it has no devices"
             )
         self._settings = settings
         self._troubles: list[str] = []
@@ -109,12 +115,18 @@ class LockstepRig:
 
     def go_safe(self) -> None:
         """Go to the safe state."""
-        if self._resting is None:
-            self._guarded(self._safe)
+        self._guarded(self._safe)
 
     def safe_since(self) -> float | None:
         """Return the time at which the rig came to its safe state; None while it is not in it."""
         return self._resting
+
+    def is_denied(self) -> bool:
+        """Return False: an emulated rig has nothing to report."""
+        return False
+
+    def kill(self) -> None:
+        """Do nothing: the rig is in this process."""
 
     def beat(self) -> None:
         """Do nothing: the rig is in this process."""
@@ -125,7 +137,7 @@ class LockstepRig:
 
     def _safe(self) -> None:
         call("safe()", self._backend.safe)
-        self._applied = (0.0,) * len(self.signals.inputs)
+        self._applied = self.signals.safe_values
         self._resting = self._clock
 
     def _guarded(self, work: Callable[[], None]) -> None:

@@ -56,10 +56,10 @@ def undisturbed() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _for_front_alone() -> set[signal.Signals | int]:
+def _for_front_alone() -> set[signal.Signals]:
     """Return the signals of this platform that are for the front alone."""
     for_all = {getattr(signal, name) for name in _FOR_ALL if hasattr(signal, name)}
-    return set(signal.valid_signals()) - for_all
+    return signal.valid_signals() - for_all
 
 
 @contextmanager

@@ -17,11 +17,14 @@ from orchestration.rig.server.rig import RigState, cannot_open
 from orchestration.rig.server.settings import BUSY, ServerSettings
 from orchestration.rig.server.shared_memory import (
     END,
+    HOLDING,
+    RESCUING,
     REST,
     RETIRED,
     RUN,
     SERVING,
     Alarm,
+    Beat,
     Command,
     Sample,
     SharedMemory,
@@ -34,7 +37,7 @@ from orchestration.rig.server.shared_memory import (
     read_text,
     unpack,
 )
-from orchestration.rig.server.standby import LONGEST_ATTEMPT, longest_silence
+from orchestration.rig.server.standby import longest_attempt, longest_silence
 
 _Values = tuple[float | None, ...]
 _LOOK = 0.01  # s
@@ -45,7 +48,7 @@ _PAUSES = (0.1, 5.0)
 _WAKE_UPS = 4.0
 _CALM = 10.0  # s without a start of a guard, after which the next is not delayed
 _LONGEST_START = 5.0  # s that a process may take to show its first sign of life
-_SPARE = 2.0  # s, beyond the time that guard and device may take to end
+_SPARE = 3.0  # s, beyond the time that guard and device may take to end
 
 
 class RealTimeRig:
@@ -87,6 +90,7 @@ class RealTimeRig:
             self.signals = self._wait_until_open()
         except BaseException:
             self.close()
+            self.kill()
             raise
 
     clock = staticmethod(monotonic)
@@ -198,26 +202,36 @@ class RealTimeRig:
         """Do nothing: time passes by itself."""
 
     def go_safe(self) -> None:
-        """Order the device to its safe state."""
-        if self._command.order != REST:
-            self._order(self._command._replace(order=REST))
+        """Order the rig to its safe state, whatever it is believed to be in."""
+        self._order(self._command._replace(order=REST))
 
     def safe_since(self) -> float | None:
         """Return since when the rig is confirmed to be in its safe state; None while it is not.
 
-        The newest report counts, of the device or of a guard in its place. That of the device
-        counts once it has seen the last order to rest, as it may carry out an earlier command until
-        then, and while it shows signs of life; or for good, if it is the last one of its process.
+        The process counts that has the backend, once it has carried out the last order to rest, and
+        while it shows signs of life; or for good, if this is the last one of the device.
         """
-        beat = self._shared.beat.read()
-        rescue = self._shared.rescue.read()
-        if rescue is not None and (beat is None or rescue.time > beat.time):
-            return rescue.time if rescue.reached else None
-        if beat is None or not beat.safe:
+        holder = self._holder()
+        if holder is None or not holder.safe or holder.rested < self._rests:
             return None
-        is_over = read_text(beat.call) == device.ENDED
-        is_heard = self._hears_device() and beat.seen >= self._rests
-        return beat.safe if is_over or is_heard else None
+        is_over = isinstance(holder, Beat) and read_text(holder.call) == device.ENDED
+        return holder.safe if is_over or self._hears(holder) else None
+
+    def is_denied(self) -> bool:
+        """Return True if the device reports other values than the safe ones it was ordered to."""
+        holder = self._holder()
+        return holder is not None and holder.denied
+
+    def _holder(self) -> Beat | Watch | None:
+        """Return the newest sign of life of the process that has the backend, device or guard."""
+        watch = self._shared.watch.read()
+        if watch is not None and watch.at in (RESCUING, HOLDING):
+            return watch
+        return self._shared.beat.read()
+
+    def _hears(self, holder: Beat | Watch | None) -> bool:
+        """Return True if a process has shown a sign of life recently."""
+        return holder is not None and monotonic() - holder.time <= self._settings.silence
 
     def release(self) -> None:
         """Let the device serve again, or another one if it has ended."""
@@ -299,7 +313,7 @@ class RealTimeRig:
         """
         now = monotonic()
         if watch.process in self._guards:
-            return now - watch.time, longest_silence(watch.at, self._settings)
+            return now - watch.time, longest_silence(watch.at, self._settings, self._shared)
         return now - self._changed, _LONGEST_START
 
     def _keep_a_standby(self, watch: Watch) -> list[str]:
@@ -323,7 +337,7 @@ class RealTimeRig:
         outputs = len(self.signals.outputs)
         sample = self._shared.sample.read()
         if sample is None:
-            at_rest = (0.0,) * inputs
+            at_rest = self.signals.safe_values
             nothing = (None,) * inputs
             return RigState(0, at_rest, nothing, (None,) * outputs, (0.0,) * outputs, 0)
         taken = unpack(sample.taken, outputs)
@@ -338,33 +352,36 @@ class RealTimeRig:
         unknown = (None,) * inputs
         since = self.safe_since()
         if since is not None and since > sample.clock:  # a guard took the device's place
-            return (0.0,) * inputs, unknown
-        if since is None and not self._hears_device():
+            return self.signals.safe_values, unknown
+        if since is None and not self._hears(self._shared.beat.read()):
             return unknown, unknown
         reported = unpack(sample.read_back, inputs)
         applied: _Values = unpack(sample.applied, inputs)
         return applied, tuple(None if isnan(value) else value for value in reported)
 
-    def _hears_device(self) -> bool:
-        """Return True if the device has shown a sign of life recently."""
-        beat = self._shared.beat.read()
-        return beat is not None and monotonic() - beat.time <= self._settings.silence
-
     def close(self) -> str:
-        """End device and guards with the rig in its safe state."""
-        ordered = monotonic()
-        self._order(self._command._replace(order=END))
-        until = ordered + self.watchdog + self._settings.period + 1.0
-        until += LONGEST_ATTEMPT + _SPARE
-        for process in self._guards.values():
-            process.join(max(0.0, until - monotonic()))
-            if process.is_alive():
-                process.kill()
-                process.join(1.0)
-        watch = self._shared.watch.read()
+        """End device and guards with the rig in its safe state, as soon as it is there."""
+        if self._command.order != END:
+            self._order(self._command._replace(order=END))
+        until = monotonic() + self.watchdog + self._settings.period
+        until += longest_attempt(self._shared) + _SPARE
+        while monotonic() < until:
+            self.beat()
+            watch = self._shared.watch.read()
+            is_retired = watch is not None and watch.at == RETIRED
+            if is_retired and not any(one.is_alive() for one in self._guards.values()):
+                return ""
+            if not is_retired:
+                self._supervise_guards()
+            sleep(_LOOK)
         rescue = self._shared.rescue.read()
-        if watch is not None and watch.at == RETIRED:
+        if is_retired:
+            self.kill()  # they have done what they were there for
             return ""
-        if rescue is not None and rescue.reached and rescue.time > ordered:
-            return ""  # a guard that reached it may hang in the driver afterwards
         return "the guard does not end" if rescue is None else read_text(rescue.reason)
+
+    def kill(self) -> None:
+        """End all guards, whether or not the rig is in its safe state."""
+        for process in self._guards.values():
+            process.kill()
+            process.join(1.0)

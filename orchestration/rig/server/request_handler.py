@@ -53,7 +53,8 @@ class RequestHandler:
         self._rig = rig
         self._period = period
         self._log = log
-        self._filter = CommandFilter(rig.signals.inputs, rig.signals.limits)
+        signals = rig.signals
+        self._filter = CommandFilter(signals.inputs, signals.limits, signals.safe_values)
         self._session: Session | None = None
         self._latch = Latch(rig, log, keeper)
         self._rests_since = monotonic()  # when the rig was last ordered to rest without a latch

@@ -20,7 +20,7 @@ class RigState:
     number : int
         Number of the sample, counted from the start.
     applied : tuple of float or None
-        Value of each input; zero in the safe state, None where it is unknown.
+        Value of each input; the safe value in the safe state, None where it is unknown.
     read_back : tuple of float or None
         Value of each input as the device reports it; None where it does not.
     values : tuple of float or None
@@ -89,13 +89,16 @@ class Rig(Protocol):
         """Show that the front is alive; to be called in every turn of its loop."""
 
     def go_safe(self) -> None:
-        """Order the safe state."""
+        """Order the safe state, again even if the rig is believed to be in it."""
 
     def safe_since(self) -> float | None:
         """Return the time from which the rig is confirmed to be in its safe state, s of its clock.
 
         It is None while this is not confirmed.
         """
+
+    def is_denied(self) -> bool:
+        """Return True if the device reports that it is not in the safe state it was ordered to."""
 
     def release(self) -> None:
         """Begin to serve again after a latched safe state.
@@ -121,8 +124,12 @@ class Rig(Protocol):
         Returns
         -------
         str
-            The reason for which it was not reached; empty if it was.
+            The reason for which it has not been reached in time; empty if it was. It is tried for
+            until another call finds it reached, or :meth:`kill`.
         """
+
+    def kill(self) -> None:
+        """Give up trying for the safe state."""
 
 
 def cannot_open(settings: ServerSettings, reason: str) -> UserError:

@@ -52,6 +52,8 @@ class ServerSettings:
         Real-time priority of the process that has the device.
     cpu : int or None
         Core that this process stays on.
+    files : Mapping of str to bytes
+        Contents of the backend's files as the server found them: its code and its calibration.
     stuck_after : int
         Samples in which a measured value stays the same while commands change, or the device does
         not have what was written, before that is an alarm; 0 is never.
@@ -75,6 +77,7 @@ class ServerSettings:
     priority: int | None = None
     cpu: int | None = None
     stuck_after: int = 100
+    files: Mapping[str, bytes] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _check_range("--rate", self.rate, *RATES, "Hz")

@@ -25,9 +25,9 @@ _ATTEMPTS = 100  # a writer would have to lap a reader as often
 
 # Orders of the front to the device.
 REST, RUN, END = range(3)
-# What the guard on duty is at: its device opens or serves, or there is none; it is in the driver
-# itself; it has ended, with the rig in its safe state.
-OPENING, SERVING, GONE, RESCUING, RETIRED = range(5)
+# What the guard on duty is at: its device opens or serves, or there is none; it tries for the safe
+# state itself, or holds the rig there; it has ended, with the rig in its safe state.
+OPENING, SERVING, GONE, RESCUING, HOLDING, RETIRED = range(6)
 
 
 class Command(NamedTuple):
@@ -56,8 +56,9 @@ class Beat(NamedTuple):
     """A sign of life, written by the device before every call of the backend and before it sleeps.
 
     `call` is its next or present action and `opened` True after the first reading of the backend.
-    `safe` is the time at which the rig reached its safe state, 0 outside of it; `seen` is the
-    number of the newest command that the device has read.
+    `safe`, `denied` and `rested` are about the safe state: since when the rig is in it, 0 outside
+    of it; whether the device reports something else for too long; and the number of the newest
+    order to rest that was carried out.
     """
 
     time: float
@@ -65,7 +66,8 @@ class Beat(NamedTuple):
     opened: bool
     safe: float
     call: bytes
-    seen: int = 0
+    denied: bool = False
+    rested: int = 0
 
 
 class Sample(NamedTuple):
@@ -107,7 +109,8 @@ class Watch(NamedTuple):
     """A sign of life of the guard on duty, with its present action.
 
     `acknowledged` is the number of acknowledgements that the guard has read; `ending` is True once
-    all processes are to end.
+    all processes are to end. `safe`, `denied` and `rested` are as those of the device, while the
+    guard has the backend in its place.
     """
 
     time: float
@@ -115,6 +118,9 @@ class Watch(NamedTuple):
     at: int
     acknowledged: int
     ending: bool
+    safe: float = 0.0
+    denied: bool = False
+    rested: int = 0
 
 
 class Description(NamedTuple):
@@ -131,11 +137,11 @@ Record = TypeVar("Record", bound=tuple[Any, ...])
 _LAYOUTS: dict[type, str] = {
     Command: "<BQd" + _NUMBERS + "Q",
     SignOfLife: "<dQ",
-    Beat: "<dQ?d16sQ",
+    Beat: "<dQ?d16s?Q",
     Sample: "<QdQ" + 4 * _NUMBERS,
     Trip: f"<d??{_TEXT}s",
     Alarm: f"<d{_TEXT}s",
-    Watch: "<dQBQ?",
+    Watch: "<dQBQ?d?Q",
     Description: f"<{LONGEST_DESCRIPTION}sd",
 }
 

@@ -16,8 +16,10 @@ from orchestration.rig.server.shared_memory import (
     Watch,
 )
 
-# s; a guard that hangs for longer in the backend ends itself, and the other takes its place
-LONGEST_ATTEMPT = 5.0
+# s; a guard that hangs for longer in the backend ends itself, and the other takes its place. Where
+# the first opening took longer, it may take twice as long again
+_LEAST_ATTEMPT = 5.0
+_OPENINGS = 2.0
 LONGEST_DYING = 0.5  # s that a killed process may take to end
 
 
@@ -59,14 +61,26 @@ class Standby:
         if not self._guard.is_alive():
             return "the guard process has ended"
         silent = monotonic() - watch.time
-        if watch.at == RETIRED or silent <= longest_silence(watch.at, self._settings):
+        if watch.at == RETIRED or silent <= longest_silence(watch.at, self._settings, self._shared):
             return ""
         self._guard.kill()
         self._guard.join(LONGEST_DYING)
         return f"the guard shows no sign of life for {silent:.3g} s; {BUSY}"
 
 
-def longest_silence(at: int, settings: ServerSettings) -> float:
+def longest_attempt(shared: SharedMemory) -> float:
+    """Return the time in s that one attempt at the safe state may take, with the opening in it.
+
+    Parameters
+    ----------
+    shared : SharedMemory
+    """
+    description = shared.description.read()
+    opening = 0.0 if description is None else description.opening
+    return max(_LEAST_ATTEMPT, _OPENINGS * opening)
+
+
+def longest_silence(at: int, settings: ServerSettings, shared: SharedMemory) -> float:
     """Return the time in s after which a guard on duty without a sign of life counts as hung.
 
     Parameters
@@ -76,5 +90,6 @@ def longest_silence(at: int, settings: ServerSettings) -> float:
         attempt at the safe state; and a machine that opens a device, when nothing is commanded
         yet, is busy.
     settings : ServerSettings
+    shared : SharedMemory
     """
-    return settings.silence + (LONGEST_ATTEMPT if at in (OPENING, RESCUING) else 0.0)
+    return settings.silence + (longest_attempt(shared) if at in (OPENING, RESCUING) else 0.0)

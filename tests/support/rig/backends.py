@@ -76,6 +76,9 @@ class Logged(Backend):
         self._note(" ".join(["write", *(repr(values[name]) for name in self.inputs)]))
         self._hold(values)
 
+    def read_back(self) -> Mapping[str, float]:
+        return self._commands
+
     def safe(self) -> None:
         self._hold(dict.fromkeys(self.inputs, 0.0))
         self._note("safe")  # after it: a process may be stopped in between
@@ -98,9 +101,13 @@ def _mapped(log: str) -> mmap.mmap:
 
 
 class Stepped(Logged, Steppable):
-    """The same in lockstep: an integrator of the current."""
+    """The same in lockstep: an integrator of the current, which is not real."""
 
     charge = 0.0
+
+    @classmethod
+    def devices(cls, **options: str) -> list[str]:
+        return []
 
     def advance(self, step: float) -> None:
         self._note(f"advance {step!r}")
@@ -108,6 +115,17 @@ class Stepped(Logged, Steppable):
 
     def read(self) -> Mapping[str, float]:
         return {"voltage": self.charge, "displacement": self._commands["force"]}
+
+
+class RealStepped(Stepped):
+    """A real device whose time can be a client's."""
+
+    def __init__(self, log: str, trigger: str) -> None:
+        super().__init__(log)
+
+    @classmethod
+    def devices(cls, **options: str) -> list[str]:
+        return ["integrator"]
 
 
 class Faulty(Logged):
@@ -182,6 +200,42 @@ class Faulty(Logged):
     def close(self) -> None:
         self._fail("close")
         super().close()
+
+
+class Reporting(Logged):
+    """Reports 1 A, whatever the hardware holds, as long as the trigger exists.
+
+    Parameters
+    ----------
+    log, trigger : str
+        Files.
+    opening : str
+        Time that opening takes, s.
+    """
+
+    def __init__(self, log: str, trigger: str, opening: str = "0") -> None:
+        time.sleep(float(opening))
+        self._trigger = trigger
+        super().__init__(log)
+
+    def read_back(self) -> Mapping[str, float]:
+        lie = {"current": 1.0} if os.path.exists(self._trigger) else {}
+        return {**self._commands, **lie}
+
+
+class Mute(Logged):
+    """Does not report what it holds."""
+
+    def read_back(self) -> Mapping[str, float]:
+        return {}
+
+
+class Unlimited(Reporting):
+    """Lacks the limits of a command."""
+
+    def __init__(self, log: str, trigger: str) -> None:
+        super().__init__(log, trigger)
+        self.limits = {"current": Limit(-1.3, 1.3)}
 
 
 class Limitless(Logged):

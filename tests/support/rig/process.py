@@ -60,7 +60,7 @@ class Server:
     folder : Path
         For its files.
     backend : str
-        Class in `backends`, or one by name.
+        Class in `backends`, a file, or one by name.
     arguments : str
         More of the command line.
     options : dict
@@ -84,13 +84,14 @@ class Server:
         stdout: int = subprocess.PIPE,
         terminal: Terminal | None = None,
         prefix: Sequence[str] = (),
+        backends: Path = BACKENDS,
     ) -> None:
         self.terminal = terminal
         self._mark = uuid4().hex
         self.trigger, self._calls = folder / "trigger", folder / "calls.log"
         spec, given = backend, options or {}
         if backend[0].isupper():
-            spec, given = f"{BACKENDS}:{backend}", {"log": self._calls, **given}
+            spec, given = f"{backends}:{backend}", {"log": self._calls, **given}
         command = [
             *prefix,
             sys.executable,
@@ -162,6 +163,12 @@ class Server:
             f"no line with {part!r} in {timeout:g} s; there were:\n"
             + "\n".join([*self.lines, errors])
         )
+
+    def promised(self) -> float:
+        """Return the time to the safe state that its first line promises, s."""
+        stated = re.search(r"safe within ([\d.]+) s", self.wait_line("ready: "))
+        assert stated is not None, "the server does not say in what time it is safe"
+        return float(stated[1])
 
     def calls(self) -> list[Call]:
         """Return the calls of the backend so far."""

@@ -82,3 +82,18 @@ def test_what_cannot_be_replaced_is_put_back(tmp_path):
     ):
         pass
     assert [p.name for p in tmp_path.iterdir()] == ["folder"]
+
+
+def test_contents_that_are_kept_stay_as_they_were_read_first(tmp_path):
+    path = tmp_path / "file"
+    path.write_bytes(b"first")
+    with files.kept() as found:
+        assert files.contents(path) == b"first"
+        path.write_bytes(b"second")
+        assert files.contents(path) == b"first"
+    assert files.contents(path) == b"second"
+    files.keep(found)
+    try:
+        assert files.contents(path) == b"first"
+    finally:
+        files.keep(None)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -148,9 +147,7 @@ class Bench:
     @property
     def promised(self) -> float:
         """Time to the safe state that the server promises in its first line, in s."""
-        stated = re.search(r"safe within ([\d.]+) s", self.server.wait_line("ready: "))
-        assert stated is not None, "the server does not say in what time it is safe"
-        return float(stated[1])
+        return self.server.promised()
 
     def measure(self, start: float, safe: Call, since: str, more: float = 0.0) -> None:
         """Note the time to the safe state, which must be below what the server promises, and

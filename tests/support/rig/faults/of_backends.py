@@ -209,19 +209,21 @@ def _alarms(bench: Bench) -> None:
 
 @fault(
     "the safe state never returns, and SIGTERM",
-    "all processes end within 20 s, exit status 1, told loudly",
+    "told loudly, and tried for on; at a second one all processes end, exit status 1",
 )
 def safe_hangs_at_the_end(bench: Bench) -> None:
     server = bench.running("safe", "hang")
     bench.pull_trigger()
     family, begun = server.family(), time.monotonic()
     server.process.terminate()
-    assert server.wait_end() == 1
+    server.wait_line("another signal ends that", 20.0)
     took = time.monotonic() - begun
-    assert took < 20.0
-    server.wait_line("THE SAFE STATE WAS NOT REACHED")
+    family |= server.family()
+    server.process.terminate()
+    assert server.wait_end() == 1
+    server.wait_line("given up by SIGTERM: THE SAFE STATE WAS NOT REACHED")
     bench.all_ended(family)
-    bench.observed = f"ended after {took:.1f} s, exit status 1, no process left"
+    bench.observed = f"told after {took:.1f} s; ended at the second, exit status 1, no process left"
 
 
 @fault(

@@ -89,6 +89,14 @@ def test_a_description_that_cannot_be_served_is_refused(given, part):
         BackendSignals.from_backend(Described(**given))
 
 
+@pytest.mark.parametrize("limit", [None, Limit(), Limit(min=0.0), Limit(rate=1.0)])
+def test_an_input_of_a_real_device_has_limits(limit):
+    signals = BackendSignals({"current": "A"}, {}, {} if limit is None else {"current": limit})
+    with pytest.raises(BackendError, match="current is commanded and has no limits"):
+        signals.check_real()
+    BackendSignals({"current": "A"}, {"x": "m"}, {"current": Limit(-1.0, 1.0)}).check_real()
+
+
 def test_a_description_that_does_not_fit_the_memory_is_refused():
     signals = BackendSignals({"x" * 17000: "A"}, {}, {})
     with pytest.raises(BackendError, match="longer than 16384 bytes"):

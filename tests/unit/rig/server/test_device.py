@@ -27,7 +27,9 @@ from orchestration.rig.server.shared_memory import (
     read_text,
     unpack,
 )
+from orchestration.rig.signals import Limit
 from tests.support.rig import backends
+from tests.support.rig.backends import Logged
 
 pytestmark = pytest.mark.real_time
 
@@ -45,7 +47,7 @@ def until(condition):
 class Bench:
     """A device under way, and the other end of its memory."""
 
-    def __init__(self, folder, backend="Logged", **options):
+    def __init__(self, folder, backend="Logged", description=None, **options):
         self.log = folder / "log"
         settings = ServerSettings(
             f"{backends.__file__}:{backend}",
@@ -56,6 +58,8 @@ class Bench:
         memory = new_memory()
         self.shared = SharedMemory(memory)
         self.shared.command.write(Command())
+        if description is not None:
+            self.shared.description.write(description)
         self.device = Device(settings, SharedMemory(memory))
         self.thread = threading.Thread(target=self.device.run)
         self.thread.start()
@@ -108,7 +112,7 @@ def test_the_signals_are_described_and_the_rig_is_safe_before_any_command(bench)
     signals = BackendSignals.from_record(one.shared.description.read())
     assert signals.inputs == {"current": "A", "force": "N"}
     assert one.applied() == (0.0, 0.0)
-    assert one.calls() == ["open", "safe"]
+    assert set(one.calls()) == {"open", "safe"}
 
 
 def test_a_command_is_written_and_what_is_measured_is_published(bench):
@@ -185,4 +189,32 @@ def test_whatever_is_raised_it_goes_safe(bench, monkeypatch):
     one.thread.join(PATIENCE)
     trip = one.shared.trip.read()
     assert (trip.reached, trip.ended, read_text(trip.reason)) == (True, True, "MemoryError()")
+    assert one.calls()[-2:] == ["safe", "close"]
+
+
+@pytest.mark.parametrize("values", [(4.0, 1.0), (0.5, -1.0), (float("nan"), 1.0), (1e300, 1.0)])
+def test_a_command_beyond_its_limits_is_not_written_though_the_front_let_it_pass(bench, values):
+    one = bench()
+    one.keep_commanding((0.5, 2.0), 0, lambda: one.applied() == (0.5, 2.0))
+    one.keep_commanding(values, 0, lambda: one.shared.trip.read() is not None)
+    assert "has passed the limits of the front" in read_text(one.shared.trip.read().reason)
+    until(lambda: one.applied() == (0.0, 0.0))
+    assert {call for call in one.calls() if call.startswith("write")} == {"write 0.5 2.0"}
+
+
+def test_signals_are_those_of_the_first_opening(bench):
+    signals = BackendSignals(
+        {"force": "N", "current": "A"}, Logged.outputs, {"current": Limit(-0.1, 0.1)}
+    )
+    one = bench(description=signals.to_record())
+    one.keep_commanding((2.0, 0.05), 0, lambda: one.applied() == (2.0, 0.05))
+    assert one.calls()[-1] == "write 0.05 2.0", "by name"
+    one.keep_commanding((2.0, 0.5), 0, lambda: one.shared.trip.read() is not None)
+
+
+def test_other_signals_than_at_the_first_opening_are_refused(bench):
+    signals = BackendSignals({"current": "mA", "force": "N"}, Logged.outputs, {})
+    one = bench(description=signals.to_record())
+    one.thread.join(PATIENCE)
+    assert "other signals than at the start" in read_text(one.shared.trip.read().reason)
     assert one.calls()[-2:] == ["safe", "close"]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 
 from orchestration.rig.server import latch as module
@@ -16,6 +18,8 @@ class Rig:
 
     def __init__(self):
         self.now, self.safe, self.orders, self.released, self.waiting = 1000.0, None, 0, 0, ""
+        self.denied = False
+        self.signals = SimpleNamespace(unreported=[])
 
     def clock(self):
         return self.now
@@ -25,6 +29,9 @@ class Rig:
 
     def safe_since(self):
         return self.safe
+
+    def is_denied(self):
+        return self.denied
 
     def release(self):
         self.released += 1
@@ -122,6 +129,54 @@ def test_a_confirmation_that_is_lost_has_as_much_time_to_come_back(trial):
     trial.rig.safe = None
     assert trial.after(0.29) == "stopping"
     assert trial.after(0.02) == "not reached"
+
+
+def test_what_the_device_denies_is_an_alarm_at_once_until_it_is_safe_again(trial):
+    trial.rig.safe = 1000.0
+    trial.latch.close("stopped: smoke")
+    trial.rig.safe, trial.rig.denied = None, True
+    assert trial.after(0.01) == "not reached"
+    assert trial.latch.alarm == "THE SAFE STATE WAS NOT REACHED: stopped: smoke"
+    trial.latch.close("stopped: again")
+    assert trial.latch.state == "not reached", "a stop alone is no news of the device"
+    trial.rig.safe, trial.rig.denied = 1000.2, False
+    assert trial.after(0.2) == "safe"
+    assert "NOT REACHED" in trial.latch.alarm
+
+
+def test_the_time_to_the_safe_state_is_that_of_the_first_time(trial):
+    trial.latch.close("stopped: smoke")
+    trial.rig.safe = 1000.1
+    assert trial.after(0.1) == "safe"
+    assert trial.after(5.0) == "safe"
+    trial.rig.safe = None
+    assert trial.after(0.1) == "stopping"
+    trial.rig.safe = 1005.3
+    assert trial.after(0.2) == "safe"
+    assert trial.latch.reached == pytest.approx(0.1)
+
+
+def test_a_further_stop_waits_for_a_confirmation_of_its_own(trial):
+    trial.rig.safe = 1000.0
+    trial.latch.close("stopped: smoke")
+    trial.rig.safe = None
+    trial.rig.now += 10.0
+    trial.latch.close("stopped: again")
+    assert trial.latch.state == "stopping"
+    trial.rig.safe = 1010.03
+    assert trial.after(0.1) == "safe"
+    assert trial.latch.reached == pytest.approx(0.03)
+
+
+def test_what_the_device_does_not_report_is_not_called_verified():
+    rig = Rig()
+    rig.safe = 1000.0
+    assert Latch(rig, Log(), Keeper()).fields()["verified"]
+    rig.signals.unreported.append("force")
+    latch = Latch(rig, Log(), Keeper())
+    latch.close("stopped: smoke")
+    assert not latch.fields()["verified"]
+    assert "commanded safe, not verified: the device does not report force" in latch.sentence()
 
 
 def test_further_stops_do_not_put_off_the_alarm(trial):

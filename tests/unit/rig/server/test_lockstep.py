@@ -71,3 +71,10 @@ def test_a_backend_that_raises_is_opened_anew_on_release(rig, monkeypatch):
 def test_a_rig_whose_time_is_its_own_is_refused():
     with pytest.raises(UserError, match="--lockstep: the time of"):
         LockstepRig(ServerSettings(f"{backends.__file__}:Logged", lockstep=True))
+
+
+def test_a_real_device_is_refused(tmp_path):
+    options = {"log": str(tmp_path / "log"), "trigger": ""}
+    with pytest.raises(UserError, match="RealStepped commands integrator; without a watchdog"):
+        LockstepRig(ServerSettings(f"{backends.__file__}:RealStepped", options=options))
+    assert not (tmp_path / "log").exists()

@@ -16,21 +16,24 @@ from orchestration.rig.server.settings import ServerSettings
 from orchestration.rig.server.shared_memory import (
     END,
     GONE,
+    HOLDING,
     OPENING,
     RESCUING,
     REST,
     RETIRED,
     SERVING,
     Command,
+    Description,
     SharedMemory,
     Watch,
     new_memory,
 )
-from orchestration.rig.server.standby import LONGEST_ATTEMPT
+from orchestration.rig.server.standby import longest_silence
 
 pytestmark = pytest.mark.real_time
 
 SETTINGS = ServerSettings("own.py:Own", watchdog=0.2)
+ATTEMPT = 5.0  # s, at least
 
 
 @pytest.fixture
@@ -62,9 +65,9 @@ def stand_by(process, at, age, order=REST):
     [
         (SERVING, 5.0, "the guard shows no sign of life for 5"),
         (GONE, 5.0, "the guard shows no sign of life for 5"),
-        (RESCUING, LONGEST_ATTEMPT - 1.0, ""),  # a driver may take its time
-        (RESCUING, LONGEST_ATTEMPT + 1.0, "the guard shows no sign of life for 6"),
-        (OPENING, LONGEST_ATTEMPT - 1.0, ""),  # a machine is busy then
+        (RESCUING, ATTEMPT - 1.0, ""),  # a driver may take its time
+        (RESCUING, ATTEMPT + 1.0, "the guard shows no sign of life for 6"),
+        (OPENING, ATTEMPT - 1.0, ""),  # a machine is busy then
         (RETIRED, 5.0, ""),
         (SERVING, -60.0, ""),  # it shows them
     ],
@@ -77,6 +80,14 @@ def test_a_guard_that_shows_no_sign_of_life_is_ended(on_duty, at, age, reason):
     else:
         assert found.startswith(reason)
         assert on_duty.wait(10.0) != 0
+
+
+@pytest.mark.parametrize(("opening", "longest"), [(0.1, ATTEMPT), (5.2, 10.4)])
+def test_an_attempt_may_take_twice_the_first_opening(opening, longest):
+    shared = SharedMemory(new_memory())
+    shared.description.write(Description(b"", opening))
+    assert longest_silence(RESCUING, SETTINGS, shared) == pytest.approx(0.15 + longest)
+    assert longest_silence(HOLDING, SETTINGS, shared) == pytest.approx(0.15)
 
 
 @pytest.mark.parametrize(("at", "order"), [(SERVING, REST), (SERVING, END), (RETIRED, REST)])
