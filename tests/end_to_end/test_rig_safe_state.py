@@ -10,6 +10,7 @@ import os
 import signal
 import struct
 import time
+from subprocess import PIPE
 
 import pytest
 
@@ -49,9 +50,9 @@ def wait_held(folder, values, patience=PATIENCE):
     return time.monotonic() - begun
 
 
-def serve(folder, backend="Reporting", *arguments, backends=BACKENDS, **options):
+def serve(folder, backend="Reporting", *arguments, backends=BACKENDS, stdout=PIPE, **options):
     given = {"trigger": folder / "trigger", **options}
-    return Server(folder, backend, *arguments, options=given, backends=backends)
+    return Server(folder, backend, *arguments, options=given, backends=backends, stdout=stdout)
 
 
 def calls_of(server, what):
@@ -233,7 +234,7 @@ def test_a_device_that_reports_nothing_is_commanded_again_and_not_called_verifie
     [
         "class Own(",
         ANOTHER_ORDER,
-        "class Own(Reporting):\n    def safe(self):\n        self.write(dict(current=4.0, force=0.0))\n",
+        "class Own(Reporting):\n    def safe(self):\n        self.write({'current': 4.0, 'force': 0.0})",
     ],
     ids=["syntax error", "another order", "no longer safe"],
 )
@@ -272,3 +273,27 @@ def test_a_real_device_is_not_served_in_lockstep(tmp_path):
         assert server.wait_end() == 2
         assert "--lockstep" in server.errors()
     assert not (tmp_path / "calls.log").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("event", ["stop", "TERM", "device", "guard"])
+def test_a_backend_that_prints_blocks_nothing_where_nobody_reads(tmp_path, event):
+    reader, writer = os.pipe()
+    with serve(tmp_path, "Printing", stdout=writer) as server:
+        os.close(writer)
+        driver = driven(server, tmp_path)
+        driver.wait(100)
+        assert {sample["state"] for sample in driver.samples} == {"running"}
+        server.wait_line("printed: ")
+        if event == "stop":
+            assert stop(read_endpoint(server.endpoint), "smoke")["state"] == "safe"
+        elif event == "TERM":
+            server.process.terminate()
+        else:
+            os.kill(server.roles()[event], signal.SIGKILL)
+        took = wait_held(tmp_path, (0.0, 0.0))
+        print(f"{event}: safe after {1e3 * took:.0f} ms")
+        if event == "TERM":
+            assert server.wait_end() == 0
+        driver.stop(orderly=False)
+    os.close(reader)

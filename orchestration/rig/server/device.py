@@ -29,7 +29,7 @@ from orchestration.rig.server.calls import (
     measure,
     read_back,
 )
-from orchestration.rig.server.processes import Reserve, detach
+from orchestration.rig.server.processes import Output, Reserve, detach
 from orchestration.rig.server.safe_state import SafeState
 from orchestration.rig.server.scheduling import Collector, Deadlines, Suspension, prefer
 from orchestration.rig.server.settings import BUSY, ServerSettings
@@ -56,7 +56,7 @@ ENDED = "ended"
 _END = Command(END)  # the order that holds when none can be read, which does not happen
 
 
-def main(settings: ServerSettings, memory: Any) -> None:
+def main(settings: ServerSettings, memory: Any, output: Output) -> None:
     """Run the device process of the rig server.
 
     Parameters
@@ -64,8 +64,11 @@ def main(settings: ServerSettings, memory: Any) -> None:
     settings : ServerSettings
     memory : ctypes array
         Shared with the front process and the guard.
+    output : Output
+        Of the front, for what the backend prints.
     """
     detach()
+    output.redirect()
     files.keep(settings.files)
     device = Device(settings, SharedMemory(memory))
     if hasattr(signal, "SIGTERM"):

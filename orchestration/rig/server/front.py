@@ -83,7 +83,7 @@ def serve(settings: ServerSettings) -> int:
             opened(settings, log.tell) as sockets,
         ):
             keeper = make_latch_keeper(devices, settings.state, log.tell)
-            rig = _opened_rig(settings, keeper)
+            rig = _opened_rig(settings, keeper, log)
             try:
                 log.tell(_describe_rig(settings, sockets, rig))
                 for note in rig.signals.notes:
@@ -100,10 +100,10 @@ def serve(settings: ServerSettings) -> int:
     return 1 if trouble else 0
 
 
-def _opened_rig(settings: ServerSettings, keeper: LatchKeeper) -> Rig:
+def _opened_rig(settings: ServerSettings, keeper: LatchKeeper, log: EventLog) -> Rig:
     """Open the rig, in lockstep or in real time."""
     try:
-        return LockstepRig(settings) if settings.lockstep else RealTimeRig(settings)
+        return LockstepRig(settings) if settings.lockstep else RealTimeRig(settings, log.tell)
     except UserError:
         keeper.end()  # this server has not touched the rig, so that the next one need not latch it
         raise
@@ -116,7 +116,8 @@ def _close(rig: Rig, log: EventLog, signals: ReceivedSignals) -> str:
     signals.ending = ""
     if trouble:
         log.tell(
-            f"THE SAFE STATE WAS NOT REACHED: {trouble}; it is tried for on, another signal ends that"
+            f"THE SAFE STATE WAS NOT REACHED: {trouble}; the server goes on trying, until another"
+            " signal ends it"
         )
     while trouble and not signals.ending:
         trouble = rig.close()

@@ -22,7 +22,14 @@ from fmus.kit import files
 from orchestration.rig.backends import backend_class, open_backend
 from orchestration.rig.server import device
 from orchestration.rig.server.calls import BackendSignals, call, leave
-from orchestration.rig.server.processes import OtherProcess, Reserve, deadline, detach, undisturbed
+from orchestration.rig.server.processes import (
+    OtherProcess,
+    Output,
+    Reserve,
+    deadline,
+    detach,
+    undisturbed,
+)
 from orchestration.rig.server.safe_state import SafeState
 from orchestration.rig.server.settings import BUSY, ServerSettings
 from orchestration.rig.server.shared_memory import (
@@ -52,7 +59,9 @@ _ORPHAN = 0.1  # of the watchdog time, that a device gets to go safe when its gu
 _GRACE = 0.01  # s, at least, that the device has beyond the watchdog time to go safe by itself
 
 
-def main(settings: ServerSettings, memory: Any, rescue: str, stands_by: bool) -> None:
+def main(
+    settings: ServerSettings, memory: Any, output: Output, rescue: str, stands_by: bool
+) -> None:
     """Run the process, until it leaves the rig in its safe state.
 
     Parameters
@@ -60,16 +69,19 @@ def main(settings: ServerSettings, memory: Any, rescue: str, stands_by: bool) ->
     settings : ServerSettings
     memory : ctypes array
         Shared with front, device and the other guard.
+    output : Output
+        Of the front, for what the backend prints.
     rescue : str
         Why the rig has to be brought to its safe state at once; empty to start a device.
     stands_by : bool
         Whether another guard is on duty, and this one waits until it fails.
     """
     detach()
+    output.redirect()
     files.keep(settings.files)
     with suppress(Exception):  # the device will report its own fault
         backend_class(settings.backend)
-    guard = Guard(settings, memory)
+    guard = Guard(settings, memory, output)
     if hasattr(signal, "SIGTERM"):
         signal.signal(signal.SIGTERM, guard.end)
     if stands_by:
@@ -122,10 +134,13 @@ class Guard:
     ----------
     settings : ServerSettings
     memory : ctypes array
+    output : Output
+        Of the front, for what the backend prints.
     """
 
-    def __init__(self, settings: ServerSettings, memory: Any) -> None:
+    def __init__(self, settings: ServerSettings, memory: Any, output: Output) -> None:
         self._settings = settings
+        self._output = output
         self._memory = memory
         self._shared = SharedMemory(memory)
         self._context = get_context("spawn")
@@ -215,7 +230,7 @@ class Guard:
     def _start(self) -> None:
         """Start a device process, which takes a while: with a sign of life before and after."""
         started = self._context.Process(
-            target=device.main, args=(self._settings, self._memory), name="device"
+            target=device.main, args=(self._settings, self._memory, self._output), name="device"
         )
         self._started = monotonic()
         self._show_life(OPENING)

@@ -7,13 +7,17 @@ SIGKILL, or with the front.
 
 from __future__ import annotations
 
+import io
 import mmap
 import os
 import select
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from multiprocessing import Pipe
 from time import monotonic, sleep
+from typing import TYPE_CHECKING
 
 import psutil
 
@@ -22,6 +26,12 @@ _FOR_ALL = ("SIGTERM", "SIGCHLD", "SIGKILL", "SIGSTOP")
 _LOOK = 0.001  # s between two looks whether a process has ended
 _MEMORY = 2**26  # bytes of address space that opening a backend may take
 _DESCRIPTORS = 16
+_HAS_PIPES = os.name == "posix"  # that can be told not to block
+_PRINTED = 65536  # bytes, what a pipe holds
+_LONGEST_PRINTED = 900  # characters of a line of the log
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
 
 
 def detach() -> None:
@@ -83,6 +93,54 @@ def deadline(seconds: float) -> Iterator[None]:
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, signal.SIG_IGN)
+
+
+class Output:
+    """Pipe for what backends print in processes of the server: nobody who writes to it waits.
+
+    What does not fit in it before the front reads it is lost.
+    """
+
+    def __init__(self) -> None:
+        self._reader, self._writer = Pipe(duplex=False)
+        for end in (self._reader, self._writer) if _HAS_PIPES else ():
+            os.set_blocking(end.fileno(), False)
+
+    def redirect(self) -> None:
+        """Let standard output and standard error of this process go into the pipe."""
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        descriptor = self._writer.fileno() if _HAS_PIPES else nowhere
+        for standard in (1, 2):
+            os.dup2(descriptor, standard)
+        os.close(nowhere)
+        sys.stdout = io.TextIOWrapper(_Lossy(1), errors="backslashreplace", write_through=True)
+        sys.stderr = io.TextIOWrapper(_Lossy(2), errors="backslashreplace", write_through=True)
+
+    def read(self) -> str:
+        """Return the last of what was printed since the last call, in one line."""
+        try:
+            printed = os.read(self._reader.fileno(), _PRINTED) if _HAS_PIPES else b""
+        except OSError:  # there is nothing
+            return ""
+        return " ".join(printed.decode(errors="replace").split())[-_LONGEST_PRINTED:]
+
+
+class _Lossy(io.RawIOBase):
+    """A stream that loses what its descriptor does not take at once."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+
+    def writable(self) -> bool:
+        return True
+
+    def fileno(self) -> int:
+        return self._descriptor
+
+    def write(self, data: ReadableBuffer) -> int:
+        with suppress(OSError):
+            os.write(self._descriptor, data)
+        return memoryview(data).nbytes
 
 
 class Reserve:

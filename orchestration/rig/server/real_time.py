@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import isnan
 from multiprocessing import get_context
 from time import monotonic, sleep
@@ -12,7 +12,7 @@ from typing import Any
 from fmus.rig_proxy import REAL_TIME
 from orchestration.rig.server import device, guard
 from orchestration.rig.server.calls import BackendSignals
-from orchestration.rig.server.processes import undisturbed
+from orchestration.rig.server.processes import Output, undisturbed
 from orchestration.rig.server.rig import RigState, cannot_open
 from orchestration.rig.server.settings import BUSY, ServerSettings
 from orchestration.rig.server.shared_memory import (
@@ -57,6 +57,8 @@ class RealTimeRig:
     Parameters
     ----------
     settings : ServerSettings
+    tell : callable
+        Called with what the backend prints, and the kind of such lines.
 
     Raises
     ------
@@ -66,8 +68,10 @@ class RealTimeRig:
 
     mode = REAL_TIME
 
-    def __init__(self, settings: ServerSettings) -> None:
+    def __init__(self, settings: ServerSettings, tell: Callable[[str, str], None]) -> None:
         self._settings = settings
+        self._tell = tell
+        self._output = Output()
         self.watchdog = settings.watchdog
         with undisturbed():
             self._memory = new_memory()
@@ -117,7 +121,7 @@ class RealTimeRig:
         return []
 
     def _start_process(self, rescue: str, stands_by: bool) -> Any:
-        arguments = (self._settings, self._memory, rescue, stands_by)
+        arguments = (self._settings, self._memory, self._output, rescue, stands_by)
         name = "standby" if stands_by else "guard"
         process = get_context("spawn").Process(target=guard.main, args=arguments, name=name)
         with undisturbed():
@@ -184,8 +188,11 @@ class RealTimeRig:
         ]
 
     def beat(self) -> None:
-        """Show device and guards that the front is alive."""
+        """Show device and guards that the front is alive, and tell what they print."""
         self._shared.front.write(SignOfLife(monotonic(), os.getpid()))
+        printed = self._output.read()
+        if printed:
+            self._tell(f"printed: {printed}", "printed")
 
     def apply(self, values: Sequence[float], now: float) -> None:
         """Command every input.

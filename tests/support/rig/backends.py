@@ -7,9 +7,11 @@ whichever process ends. A fault happens in every call from when the file `trigge
 
 from __future__ import annotations
 
+import ctypes
 import mmap
 import os
 import struct
+import sys
 import threading
 import time
 from collections.abc import Mapping
@@ -228,6 +230,20 @@ class Mute(Logged):
 
     def read_back(self) -> Mapping[str, float]:
         return {}
+
+
+class Printing(Reporting):
+    """Prints at every reading, also as a library in C does, and when it is brought to rest."""
+
+    def read(self) -> Mapping[str, float]:
+        print("measured " + "x" * 2000, flush=True)
+        print("a warning " + "y" * 2000, file=sys.stderr)
+        ctypes.CDLL(None).write(1, b"of C " + b"z" * 2000 + b"\n", 2006)
+        return super().read()
+
+    def safe(self) -> None:
+        super().safe()
+        print("at rest", flush=True)
 
 
 class Unlimited(Reporting):

@@ -16,6 +16,7 @@ from orchestration.rig.server import guard as module
 from orchestration.rig.server.calls import BackendSignals
 from orchestration.rig.server.device import longest_sleep
 from orchestration.rig.server.guard import Guard, fault_of
+from orchestration.rig.server.processes import Output
 from orchestration.rig.server.settings import WATCHDOGS, ServerSettings
 from orchestration.rig.server.shared_memory import (
     HOLDING,
@@ -120,7 +121,7 @@ class Bench:
         self.shared.description.write(description)
         monkeypatch.setattr(module, "monotonic", lambda: self.now)
         monkeypatch.setattr(module, "deadline", lambda seconds: nullcontext())
-        self.guard = Guard(settings, memory)
+        self.guard = Guard(settings, memory, Output())
         self.guard._device = SimpleNamespace(is_alive=lambda: False)
         self.started = []
         monkeypatch.setattr(self.guard, "_start", lambda: self.started.append(self.now))

@@ -3,15 +3,17 @@ another that has its number."""
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
 import subprocess
 import sys
 import time
+from multiprocessing import get_context
 
 import pytest
 
-from orchestration.rig.server.processes import OtherProcess, undisturbed
+from orchestration.rig.server.processes import OtherProcess, Output, undisturbed
 from tests.support.command import posix
 
 pytestmark = [posix, pytest.mark.real_time]
@@ -141,3 +143,23 @@ def test_a_peer_is_seen_and_ended_where_no_descriptor_is_left():
     assert process.stdout.read() == b"True True\nFalse False\n"
     process.stdout.close()
     assert process.wait() == 0
+
+
+def test_whoever_prints_where_nobody_reads_goes_on():
+    output = Output()
+    process = get_context("spawn").Process(target=_print_much, args=(output,))
+    process.start()
+    process.join(30.0)
+    assert process.exitcode == 0
+    printed = output.read()
+    assert 0 < len(printed) <= 900
+    assert output.read() == "", "the pipe held no more"
+
+
+def _print_much(output):
+    output.redirect()
+    print("first")
+    for _ in range(100):
+        print("x" * 2000, flush=True)
+        print("y" * 2000, file=sys.stderr)
+        ctypes.CDLL(None).write(1, b"z" * 2000, 2000)

@@ -86,7 +86,7 @@ def started(monkeypatch):
 
 @pytest.fixture
 def rig(started):
-    return RealTimeRig(ServerSettings("own.py:Own", rate=100.0))
+    return RealTimeRig(ServerSettings("own.py:Own", rate=100.0), lambda text, kind: None)
 
 
 def test_it_is_open_when_the_guard_says_so(rig, started):
@@ -117,7 +117,7 @@ def test_a_backend_that_does_not_open_is_an_error_with_its_reason(
 
     monkeypatch.setattr(RealTimeRig, "_start_process", fail)
     with pytest.raises(UserError, match=rf"^backend own\.py:Own: {reason}$"):
-        RealTimeRig(ServerSettings("own.py:Own"))
+        RealTimeRig(ServerSettings("own.py:Own"), lambda text, kind: None)
 
 
 def test_orders_are_in_the_memory(rig):

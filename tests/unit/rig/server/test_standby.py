@@ -12,6 +12,7 @@ from time import monotonic
 import pytest
 
 from orchestration.rig.server.guard import Guard
+from orchestration.rig.server.processes import Output
 from orchestration.rig.server.settings import ServerSettings
 from orchestration.rig.server.shared_memory import (
     END,
@@ -51,7 +52,7 @@ def stand_by(process, at, age, order=REST):
     shared = SharedMemory(memory)
     shared.command.write(Command(order))
     shared.watch.write(Watch(monotonic() - age, process.pid, at, 0, False))
-    guard = Guard(SETTINGS, memory)
+    guard = Guard(SETTINGS, memory, Output())
     ends = Timer(0.3, guard.end)  # else it would stand by for ever
     ends.start()
     reason = guard.stand_by()
