@@ -202,6 +202,7 @@ class Feed:
             **{name: _text(message[name]) for name in ("state", "reason", "client", "latch")},
             "reached": _number(message["reached"]),
             "alarm": _text(message["alarm"]),
+            "verified": message.get("verified") is not False,  # a server need not say it
         }
         before = self._condition
         if condition == before:
@@ -346,7 +347,8 @@ def _summarise(condition: Mapping[str, Any]) -> str:
         return ""
     state = condition["state"]
     if state == SAFE and condition["reached"] is not None:
-        state += f" (reached after {1000 * condition['reached']:.0f} ms)"
+        doubt = "" if condition["verified"] else "; commanded safe, not verified"
+        state += f" (reached after {1000 * condition['reached']:.0f} ms{doubt})"
     client = condition["client"]
     parts = (state, condition["reason"], client and f"client {client}")
     return " · ".join(part for part in parts if part)

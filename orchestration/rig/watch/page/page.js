@@ -25,7 +25,7 @@ const meta = name => document.querySelector(`meta[name=${name}]`).content;
 
 let rig = null;
 let samples = [];
-let condition = { state: "unknown", reason: "", client: "", latch: "", reached: null, alarm: "" };
+let condition = { state: "unknown", reason: "", client: "", latch: "", reached: null, alarm: "", verified: true };
 let contact = { server: false, samples: false };
 let offset = null; // of this page's clock from the one that samples are stamped with, s; it is no less
 let answered = null; // that clock when the newest answer was made
@@ -138,7 +138,8 @@ const label = () => LABELS.get(condition.state) ?? condition.state;
 // How long the safe state took; empty where there is none, or nobody knows.
 function reachedAfter() {
   const isTimed = condition.state === "safe" && condition.reached !== null;
-  return isTimed ? `reached after ${duration(condition.reached)}` : "";
+  const doubt = condition.verified ? "" : "; commanded safe, not verified";
+  return isTimed ? `reached after ${duration(condition.reached)}${doubt}` : "";
 }
 
 function check() {
