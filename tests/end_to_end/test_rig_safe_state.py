@@ -10,10 +10,12 @@ import os
 import signal
 import struct
 import time
+from contextlib import suppress
 from subprocess import PIPE
 
 import pytest
 
+from fmus.kit import UserError
 from orchestration.rig.endpoint import read_endpoint
 from orchestration.rig.operator import acknowledge, ask, stop
 from tests.support.command import here, posix
@@ -297,3 +299,33 @@ def test_a_backend_that_prints_blocks_nothing_where_nobody_reads(tmp_path, event
             assert server.wait_end() == 0
         driver.stop(orderly=False)
     os.close(reader)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("how", "is_killed"), [("beyond", False), ("nan", False), ("nan", True)])
+def test_nothing_is_commanded_as_long_as_the_cause_of_a_latch_persists(tmp_path, how, is_killed):
+    with serve(tmp_path, "Faulty", "--watchdog", 0.5, where="read", how=how) as server:
+        driver = driven(server, tmp_path)
+        (tmp_path / "trigger").touch()
+        wait_held(tmp_path, (0.0, 0.0))
+        driver.stop(orderly=False)
+        if is_killed:
+            os.kill(server.roles()["device"], signal.SIGKILL)
+            server.wait_line("the guard opened the backend")
+        remote = read_endpoint(server.endpoint)
+        began = time.monotonic()
+        driver = Driver(server.endpoint, lambda number: COMMANDS, reconnect=True)
+        driver.start(exchanges=0)
+        for _ in range(5):
+            told = ask(remote, "status")
+            while told["state"] != "safe":
+                told = ask(remote, "status")
+            with suppress(UserError):  # another latch may have been closed meanwhile
+                acknowledge(remote, told["latch"], 0.7)
+        assert not [c for c in server.calls() if c.time > began and c.what.startswith("write")]
+        (tmp_path / "trigger").unlink()
+        while ask(remote, "status")["latch"]:
+            with suppress(UserError):
+                acknowledge(remote, ask(remote, "status")["latch"], 1.0)
+        wait_held(tmp_path, COMMANDS)
+        driver.stop()

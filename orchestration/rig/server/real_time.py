@@ -256,15 +256,25 @@ class RealTimeRig:
         self._shared.command.write(self._command)
 
     def opening(self) -> str:
-        """Return the reason for which the rig cannot be used; empty if its device is open."""
+        """Return the reason for which the rig cannot be used.
+
+        It can if its device is open, and has measured every output that has limits since it is in
+        the safe state of the release: what is beyond a limit has been reported by then.
+        """
         watch = self._shared.watch.read()
-        if (
-            watch is not None
-            and watch.at == SERVING
-            and watch.acknowledged == self._command.acknowledged
-        ):
-            return ""
-        return "the device is being opened"
+        if watch is None or watch.at != SERVING or watch.acknowledged != self._command.acknowledged:
+            return "the device is being opened"
+        since = self.safe_since()
+        sample = self._shared.sample.read()
+        if since is None or sample is None or sample.clock < since:
+            return "the device has not measured yet"
+        taken = unpack(sample.taken, len(self.signals.outputs))
+        lacking = [
+            name
+            for name, time in zip(self.signals.outputs, taken, strict=True)
+            if time < since and name in self.signals.limits
+        ]
+        return f"no finite {', '.join(lacking)} yet, and it has limits" if lacking else ""
 
     def troubles(self) -> list[str]:
         """Return why the rig went safe by itself since the last call, or failed to."""

@@ -38,6 +38,7 @@ from orchestration.rig.server.shared_memory import (
     unpack,
     write_text,
 )
+from orchestration.rig.signals import Limit
 
 SIGNALS = BackendSignals({"current": "A", "force": "N"}, {"voltage": "V", "charge": "C"}, {})
 
@@ -93,7 +94,6 @@ def test_it_is_open_when_the_guard_says_so(rig, started):
     assert started == ["", "standby"]
     assert rig.bound == pytest.approx(0.2 + 0.01 + 0.25), "watchdog, period, opening it again"
     assert rig.signals == SIGNALS
-    assert rig.opening() == ""
     assert rig._shared.command.read() == Command(values=bytes(256))
 
 
@@ -137,7 +137,25 @@ def test_a_release_is_acknowledged_by_the_device_before_it_serves(rig):
     on_duty(rig, OPENING, acknowledged=1)
     assert rig.opening() == "the device is being opened"
     on_duty(rig, acknowledged=1)
+    beat(rig, safe=9.0)
+    assert rig.opening() == "the device has not measured yet"
+    sample(rig)
     assert rig.opening() == ""
+
+
+def test_a_release_waits_for_what_has_limits_to_be_measured(rig):
+    rig.signals.limits["charge"] = Limit(-1.0, 1.0)
+    rig.release()
+    on_duty(rig, acknowledged=1)
+    beat(rig, safe=8.0)
+    sample(rig)
+    assert rig.opening() == "no finite charge yet, and it has limits"
+    del rig.signals.limits["charge"]
+    assert rig.opening() == ""
+    rig.release()
+    on_duty(rig, acknowledged=2)
+    beat(rig, safe=11.0)
+    assert rig.opening() == "the device has not measured yet", "since this release"
 
 
 def test_the_state_is_the_newest_sample(rig):
