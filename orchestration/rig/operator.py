@@ -8,7 +8,7 @@ from typing import Any
 
 import zmq
 
-from fmus.kit import UserError
+from fmus.kit import UserError, quoting
 from fmus.rig_proxy import protocol
 from orchestration.rig.endpoint import Endpoint
 
@@ -57,7 +57,8 @@ def ask(remote: Endpoint, kind: str, timeout: float = 2.0, **fields: Any) -> dic
             if message["type"] == "status":
                 return message
             if message["type"] == "refused":
-                raise UserError(f"the rig at {remote.requests} refuses: {message['reason']}")
+                reason = quoting.line(message["reason"])
+                raise UserError(f"the rig at {remote.requests} refuses: {reason}")
     finally:
         context.destroy(linger=0)
     keys = ", without keys" if remote.keys is None else ", with these keys"
@@ -156,7 +157,7 @@ def summarise_status(answer: Mapping[str, Any]) -> str:
         f"{answer['mode']}, period {answer['period']:.4g} s, watchdog {answer['watchdog']:g} s"
     )
     parts += [f"{number} {kind}" for kind, number in answer["counts"].items() if number]
-    return "; ".join(parts)
+    return quoting.line("; ".join(parts))  # reasons and names may be a stranger's
 
 
 def _summarise_state(answer: Mapping[str, Any]) -> str:

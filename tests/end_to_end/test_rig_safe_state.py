@@ -207,6 +207,7 @@ def test_safe_is_not_said_where_the_device_reports_something_else(tmp_path, stat
         assert "current = 1 A" in told["alarm"]
         again = here("rig", "stop", "--endpoint", server.endpoint, cwd=tmp_path)
         assert again.returncode == 1
+        assert here("rig", "status", "--endpoint", server.endpoint, cwd=tmp_path).returncode == 1
         assert "NOT REACHED" in again.stdout
         (tmp_path / "trigger").unlink()
         server.wait_line("safe, reached after")
@@ -236,7 +237,7 @@ def test_a_device_that_reports_nothing_is_commanded_again_and_not_called_verifie
     [
         "class Own(",
         ANOTHER_ORDER,
-        "class Own(Reporting):\n    def safe(self):\n        self.write({'current': 4.0, 'force': 0.0})",
+        "class Own(Reporting):\n    def safe(self):\n        self._hold(dict(current=4.0, force=0.0))",
     ],
     ids=["syntax error", "another order", "no longer safe"],
 )

@@ -260,10 +260,17 @@ def acknowledge(options: AcknowledgeCommand) -> None:
 @rig.command("status")
 @command(StatusCommand)
 def status(options: StatusCommand) -> None:
-    """Show the state of the rig: idle, running or latched, its client, and dropped messages."""
+    """Show the state of the rig: idle, running or latched, its client, and dropped messages.
+
+    The exit status is 1 if its safe state was not reached.
+    """
+    from fmus.rig_proxy import NOT_REACHED
     from orchestration.rig import ask
 
-    _show(ask(_server(options), "status", options["timeout"]), options["json"])
+    answer = ask(_server(options), "status", options["timeout"])
+    _show(answer, options["json"])
+    if answer["state"] == NOT_REACHED:
+        raise typer.Exit(1)
 
 
 def _server(options: ServerOptions) -> Endpoint:

@@ -159,10 +159,14 @@ def _read(path: Path) -> LatchRecord | None:
     """
     now = datetime.now().isoformat(" ", "seconds")
     try:
+        if path.exists() and not path.is_file():
+            raise ValueError("a pipe, say, which would be waited for")
         fields = json.loads(path.read_text(encoding="utf-8"))
         latch = fields["latch"]
         record = None if latch is None else LatchRecord(**latch)
         server = fields["server"]
+        if record is not None and not (isinstance(record.name, str) and record.name):
+            raise ValueError("without a name it could not be acknowledged")
     except FileNotFoundError:
         return None
     except OSError as error:

@@ -11,6 +11,7 @@ from fmus.kit.errors import suggestion
 from orchestration.rig.server.calls import BackendSignals
 
 FIRST_COMMAND = 10.0  # s that a client has for it; until then the rig rests
+_LONGEST_NAME = 200  # characters of a client's, for which every status has room
 _SILENCE = 2.0  # s, in lockstep, after which another client may replace one that sends nothing
 
 
@@ -128,7 +129,7 @@ def new_session(
     names = list(message["inputs"])
     outputs = list(signals.outputs)
     return Session(
-        client=message["client"],
+        client=message["client"][:_LONGEST_NAME],
         instance=message["instance"],
         peer=peer,
         commanded=[names.index(name) for name in signals.inputs],

@@ -102,3 +102,15 @@ def test_a_server_that_does_not_answer_is_given_up_in_time():
     with pytest.raises(UserError, match=said):
         ask(read_endpoint(endpoint), "status", 0.2)
     assert time.monotonic() - begin < 5.0
+
+
+def test_what_a_stranger_gives_for_a_reason_does_nothing_to_a_terminal():
+    status = {**LATCHED, "reason": "\x1b[2Jsafe\u202e\nidle", "client": "a\x07"}
+    line = summarise_status(status)
+    assert line.isprintable()
+    assert "\\x1b[2Jsafe\\u202e idle" in line
+
+
+def test_a_safe_state_that_the_device_does_not_report_is_not_called_verified():
+    line = summarise_status({**LATCHED, "verified": False})
+    assert line.startswith("safe (reached after 12 ms; commanded safe, not verified): stopped")

@@ -159,3 +159,23 @@ def test_a_folder_that_somebody_deletes_is_made_again(tmp_path):
         time.sleep(0.01)
     keeper.end()
     assert make_latch_keeper(DEVICES[:1], tmp_path / "state", print).held.reason == "stopped: smoke"
+
+
+@pytest.mark.parametrize("name", ['""', "5", "null"])
+def test_a_latch_without_a_name_is_closed_all_the_same(tmp_path, name):
+    text = '{"server": "", "latch": {"name": NAME, "reason": "", "alarm": "", "since": ""}}'
+    for device in DEVICES:
+        (tmp_path / f"{digest(device)}.json").write_text(text.replace("NAME", name))
+    held = keeper(tmp_path).held
+    assert held is not None
+    assert held.name
+    assert "damaged" in held.reason
+
+
+@posix
+def test_a_pipe_in_place_of_a_latch_is_a_closed_one_and_nothing_waits_for_it(tmp_path):
+    for device in DEVICES:
+        os.mkfifo(tmp_path / f"{digest(device)}.json")
+    held = keeper(tmp_path).held
+    assert held is not None
+    assert "damaged" in held.reason

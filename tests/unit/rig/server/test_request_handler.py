@@ -409,3 +409,11 @@ def test_telemetry_and_status_are_of_the_protocol(trial):
     assert "current 9 A is above 1.3 A; 1 A goes on" in told["refused"]
     assert json.loads(trial.handler.telemetry())["refused"] == [], "told once"
     assert trial.ask("status")["counts"]["refused"] == 2
+
+
+@pytest.mark.parametrize("letter", ["x", "\U0001f4a3"])
+def test_a_long_name_of_a_client_leaves_room_for_the_answers(trial, letter):
+    trial.connect(client=letter * 5000)
+    status = trial.ask("status")  # decoding refuses a long frame
+    assert status["client"] == letter * 200
+    assert decode(trial.handler.telemetry(), REPLIES)["client"] == letter * 200

@@ -1,4 +1,4 @@
-"""Claims: safe is what the device reports, also later; what it does not report is commanded again."""
+"""Claims: safe is what the device reports, also later; what it does not is commanded again."""
 
 from __future__ import annotations
 
