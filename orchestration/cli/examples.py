@@ -95,7 +95,7 @@ EXAMPLES = {
         "ppy rig record --stimulus fig_3_4 --set duration=5s --rate 10 --out slow.nc",
     ),
     "rig stop": ("ppy rig stop", 'ppy rig stop --reason "the clamp slips"'),
-    "rig acknowledge": ("ppy rig acknowledge", "ppy rig acknowledge --json -"),
+    "rig acknowledge": ("ppy rig acknowledge", "ppy rig acknowledge --latch 4820aeb249b43f32"),
     "rig status": ("ppy rig status", "ppy rig status --json -"),
     "rig keys": ("ppy rig keys keys", "ppy rig keys keys --client desk --role watch"),
     "rig bridge": (

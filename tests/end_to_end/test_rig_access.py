@@ -151,7 +151,7 @@ def test_a_key_is_for_what_its_role_says_and_the_log_says_whose_it_was(tmp_path,
         server.wait_line("SAFE STATE: stopped: smoke (by page (watch) at 127.0.0.1)")
         for role, name in (("watch", "page"), ("command", "lab")):
             access = ("--endpoint", endpoint, "--credentials", keys[role])
-            done = here("rig", "acknowledge", *access, cwd=tmp_path)
+            done = here("rig", "acknowledge", *access, "--latch", latch, cwd=tmp_path)
             assert done.returncode == 2
             assert f"the key of {name} is for" in done.stderr
         boss = read_endpoint(endpoint, keys["acknowledge"])

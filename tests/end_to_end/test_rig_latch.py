@@ -83,7 +83,11 @@ def test_a_late_acknowledgement_releases_no_later_stop(tmp_path):
         late = here("rig", "acknowledge", *options, "--latch", first, cwd=tmp_path)
         assert late.returncode == 2
         assert second in late.stderr
-        done = here("rig", "acknowledge", *options, cwd=tmp_path)
+        unnamed = here("rig", "acknowledge", *options, cwd=tmp_path)
+        assert unnamed.returncode == 2, "another one might have been closed meanwhile"
+        assert f"stopped: fire; type: ppy rig acknowledge --latch {second}" in unnamed.stderr
+        assert status(server)["latch"] == second
+        done = here("rig", "acknowledge", *options, "--latch", second, cwd=tmp_path)
         assert done.returncode == 0
         assert "stopped: fire" in done.stderr
         assert done.stdout.startswith("idle")

@@ -239,19 +239,24 @@ def stop(options: StopCommand) -> None:
 def acknowledge(options: AcknowledgeCommand) -> None:
     """Let the rig be used again after a safe state; the client has to connect anew.
 
-    The reason of the safe state is shown. The exit status is 1 if the rig cannot be used in time.
+    Without --latch it shows what there is to be released. The exit status is 1 if the rig cannot be
+    used in time.
     """
+    from fmus.kit import quoting
     from orchestration.reporting.console import note
     from orchestration.rig import ask, operator
 
     remote = _server(options)
     latch = options["latch"]
-    if latch is None:
-        before = ask(remote, "status", options["timeout"])
-        latch = before["latch"]
-        for text in filter(None, (before["reason"], before["alarm"])):
-            note(f"acknowledged: {text}")
-    answer = operator.acknowledge(remote, latch, options["timeout"])
+    before = ask(remote, "status", options["timeout"])
+    if latch is None and before["latch"]:
+        raise UserError(
+            f"the rig is latched: {quoting.line(before['reason'])}; type:"
+            f" {quoting.shell(['ppy', 'rig', 'acknowledge', '--latch', before['latch']])}"
+        )
+    for text in filter(None, (before["reason"], before["alarm"])):
+        note(f"to be acknowledged: {quoting.line(text)}")
+    answer = operator.acknowledge(remote, latch or "", options["timeout"])
     _show(answer, options["json"])
     if answer["latch"]:
         raise typer.Exit(1)
