@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import inspect
+import os
+import stat
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from types import MappingProxyType
 
 from orchestration.rig.signals import Limit
@@ -54,10 +54,11 @@ class Backend(ABC):
         Returns
         -------
         sequence of str
-            Names; by default one of the class, its file, and the options.
+            Names; by default one of the class and its options, whatever file it is in. An option
+            that is a path counts as what it leads to, a device of the system as its number.
         """
-        given = "".join(f" {key}={value}" for key, value in sorted(options.items()))
-        return [f"{Path(inspect.getfile(cls)).resolve()}:{cls.__qualname__}{given}"]
+        given = "".join(f" {key}={_place(value)}" for key, value in sorted(options.items()))
+        return [f"{cls.__qualname__}{given}"]
 
     @abstractmethod
     def read(self) -> Mapping[str, float]:
@@ -97,6 +98,17 @@ class Backend(ABC):
     @abstractmethod
     def close(self) -> None:
         """Release the device; the rig stays as it is."""
+
+
+def _place(option: str) -> str:
+    """Return an option, or what it leads to if it is a path."""
+    try:
+        found = os.stat(option)
+    except (OSError, ValueError):
+        return option
+    if hasattr(os, "major") and stat.S_ISCHR(found.st_mode):
+        return f"{os.major(found.st_rdev)}:{os.minor(found.st_rdev)}"
+    return os.path.realpath(option)
 
 
 class Steppable(Backend):

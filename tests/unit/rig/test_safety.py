@@ -14,6 +14,7 @@ from orchestration.rig.safety import (
     CommandFilter,
     MeasurementMonitor,
     SlewLimiter,
+    beyond,
     expired,
     stale,
 )
@@ -209,3 +210,32 @@ def test_a_message_is_as_fresh_as_what_its_sender_has_seen(seen, part):
     reason = stale(seen, 10.0, 0.2)
     assert part in reason
     assert bool(reason) == bool(part)
+
+
+def test_a_rig_starts_from_its_safe_values_and_comes_back_to_them():
+    limits = {"valve": Limit(0.0, 1.0, rate=1.0)}
+    commands = CommandFilter({"valve": "1"}, limits, (1.0,))
+    slew = SlewLimiter(["valve"], limits, 0.0, (1.0,))
+    assert commands.applied == (1.0,)
+    assert commands.take([0.95], 0.1, 0.1) == []
+    assert slew.towards([0.5], 0.1) == (pytest.approx(0.9),)
+    assert commands.take([0.0], 0.2, 0.1) != []
+    commands.reset()
+    slew.rest(9.0)
+    assert commands.applied == (1.0,)
+    assert slew.towards([0.0], 9.1) == (pytest.approx(0.9),)
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ((1.3, 0.0), ""),
+        ((1.31, 0.0), "current 1.31 A is above 1.3 A"),
+        ((0.0, -0.1), "force -0.1 N is below 0 N"),
+        ((nan, 0.0), "current nan A is no finite number"),
+        ((0.0, inf), "force inf N is no finite number"),
+    ],
+)
+def test_what_is_beyond_a_limit_is_named(values, sentence):
+    limits = {"current": Limit(-1.3, 1.3), "force": Limit(0.0, 3.0)}
+    assert beyond({"current": "A", "force": "N"}, limits, values) == sentence

@@ -155,7 +155,7 @@ def test_those_that_step_are_the_emulator_and_replay() -> None:
 def test_devices_are_named_without_opening_any(tmp_path):
     path = tmp_path / "lamp.py"
     path.write_text(OWN)
-    assert device_names(f"{path}:Lamp", {"bulb": "broken"}) == (f"{path}:Lamp bulb=broken",)
+    assert device_names(f"{path}:Lamp", {"bulb": "broken"}) == ("Lamp bulb=broken",)
     for name in ("emulator", "replay"):
         assert device_names(name, {"file": "none.csv"} if name == "replay" else {}) == ()
     with pytest.raises(UserError, match="option bulb is missing"):
