@@ -36,6 +36,11 @@ class Own(Reporting):
     def _hold(self, values):
         self._hardware[:16] = struct.pack("<2d", values["current"], values["force"])
 """
+NO_LONGER_SAFE = """
+class Own(Reporting):
+    def safe(self):
+        self._hold({"current": 4.0, "force": 0.0})
+"""
 
 
 def held(folder):
@@ -237,7 +242,7 @@ def test_a_device_that_reports_nothing_is_commanded_again_and_not_called_verifie
     [
         "class Own(",
         ANOTHER_ORDER,
-        "class Own(Reporting):\n    def safe(self):\n        self._hold(dict(current=4.0, force=0.0))",
+        NO_LONGER_SAFE,
     ],
     ids=["syntax error", "another order", "no longer safe"],
 )
