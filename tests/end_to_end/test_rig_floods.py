@@ -24,4 +24,6 @@ def test_a_stop_beside_a_flood(tmp_path, kind, offset):
         times = stop_times(remote, STOPS)
         assert times[STOPS // 2] <= AIM
         assert times[-1] <= LONGEST
-        assert ask(remote, "status")["state"] == "safe"
+        told = ask(remote, "status")
+        assert told["state"] in ("safe", "stopping")  # a flood may be of stops, which are written
+        assert told["alarm"] == ""

@@ -136,11 +136,8 @@ def test_a_thread_of_a_driver_does_not_hold_the_end(tmp_path):
         server.send(signal.SIGTERM)
         assert server.wait_end() == 0
         assert "ended, in the safe state: SIGTERM" in server.lines[-1]
-        assert [call.what for call in server.calls()] == [
-            "open",
-            "safe",
-            "close",
-        ]  # nobody had to do it again
+        calls = [call.what for call in server.calls()]
+        assert (calls.count("open"), calls[-2:]) == (1, ["safe", "close"])  # not done by another
 
 
 def test_a_driver_that_hangs_after_the_safe_state_is_no_unsafe_end(tmp_path):

@@ -102,6 +102,8 @@ class Latch:
         kind : str
             Kind of the line in the log (see `EventLog.tell`), used if the latch is closed already.
         """
+        if self.is_closed:
+            self._confirm()  # what the order below makes out of date
         self._rig.go_safe()
         one_line = " ".join(reason.split())[:_LONGEST_REASON]
         since = datetime.now().isoformat(" ", "seconds")

@@ -78,7 +78,7 @@ class RealTimeRig:
         self._shared = SharedMemory(self._memory)
         self._command = Command()
         self._shared.command.write(self._command)
-        self._rests = 0  # number of the newest order to rest
+        self._rests = 0  # number of the order to rest whose confirmation counts
         self._seen: dict[str, float] = {}
         self._guards: dict[int, Any] = {}  # processes by number
         self._pause = 0.0  # s between two starts of a guard
@@ -248,9 +248,15 @@ class RealTimeRig:
             self._start_guard("")
 
     def _order(self, command: Command) -> None:
-        """Publish a command with the next number."""
+        """Publish a command with the next number.
+
+        Orders to rest that follow each other share a confirmation, so that a flood of them can be
+        confirmed at all; the first one after a confirmation waits for its own.
+        """
         number = self._command.number + 1
-        if command.order == REST:
+        holder = self._holder()
+        is_confirmed = holder is not None and holder.rested >= self._rests
+        if command.order == REST and (self._command.order != REST or is_confirmed):
             self._rests = number
         self._command = command._replace(number=number)
         self._shared.command.write(self._command)

@@ -159,13 +159,27 @@ def test_the_time_to_the_safe_state_is_that_of_the_first_time(trial):
 def test_a_further_stop_waits_for_a_confirmation_of_its_own(trial):
     trial.rig.safe = 1000.0
     trial.latch.close("stopped: smoke")
-    trial.rig.safe = None
     trial.rig.now += 10.0
+    trial.rig.go_safe = lambda: setattr(trial.rig, "safe", None)
     trial.latch.close("stopped: again")
     assert trial.latch.state == "stopping"
     trial.rig.safe = 1010.03
     assert trial.after(0.1) == "safe"
     assert trial.latch.reached == pytest.approx(0.03)
+
+
+def test_stops_that_follow_each_other_faster_than_they_are_seen_to_are_no_alarm(trial):
+    """Each is confirmed before the next, and no moment is left to look between them."""
+    trial.latch.close("stopped: 0")
+    for k in range(100):
+        trial.rig.now += 0.01
+        trial.rig.safe = trial.rig.now
+        go_safe = trial.rig.go_safe
+        trial.rig.go_safe = lambda: setattr(trial.rig, "safe", None)
+        trial.latch.close(f"stopped: {k}")
+        trial.rig.go_safe = go_safe
+    assert trial.latch.state == "stopping"
+    assert trial.latch.alarm == ""
 
 
 def test_what_the_device_does_not_report_is_not_called_verified():

@@ -226,16 +226,27 @@ def test_whether_the_device_denies_its_safe_state_is_said_by_who_has_it(rig):
     assert rig.is_denied()
 
 
-@pytest.mark.parametrize("stops", [1, 3])
-def test_a_device_that_has_not_carried_out_the_last_order_to_rest_is_not_safe(rig, stops):
+def test_a_device_that_has_not_carried_out_an_order_to_rest_is_not_safe(rig):
     """It was at rest, and has read a command that it is about to carry out."""
     rig.apply([0.5, 2.0], time.monotonic())
     before = rig._shared.command.read().number
-    for _ in range(stops):
-        rig.go_safe()
-    beat(rig, safe=50.0, rested=before + stops - 1)
+    rig.go_safe()
+    beat(rig, safe=50.0, rested=before)
     assert rig.safe_since() is None
-    beat(rig, safe=50.0, rested=before + stops)
+    beat(rig, safe=50.0, rested=before + 1)
+    assert rig.safe_since() == 50.0
+    rig.go_safe()
+    assert rig.safe_since() is None, "a stop waits for its own"
+    beat(rig, safe=51.0, rested=before + 2)
+    assert rig.safe_since() == 51.0
+
+
+def test_however_fast_stops_follow_each_other_a_confirmation_of_the_first_counts(rig):
+    before = rig._shared.command.read().number
+    for _ in range(5):
+        rig.go_safe()
+    assert rig._shared.command.read().number == before + 5, "each is written"
+    beat(rig, safe=50.0, rested=before + 1)
     assert rig.safe_since() == 50.0
 
 
