@@ -198,15 +198,17 @@ class Latch:
                 )
         elif self.state != NOT_REACHED:
             self.state = STOPPING
-            is_late = now - self._lacking > self._rig.bound
-            if is_late or self._rig.is_denied():
-                self._alarm_of_state(f" within {_duration(self._rig.bound)}" if is_late else "")
+            denial = self._rig.denial()
+            if denial:
+                self._alarm_of_state(f": {denial}")
+            elif now - self._lacking > self._rig.bound:
+                self._alarm_of_state(f" within {_duration(self._rig.bound)}: {self._cause}")
 
-    def _alarm_of_state(self, bound: str) -> None:
+    def _alarm_of_state(self, why: str) -> None:
         """Note that the safe state was not reached."""
         self.state = NOT_REACHED
         self.reached = None
-        self.alarm = f"THE SAFE STATE WAS NOT REACHED{bound}: {self._cause}"
+        self.alarm = f"THE SAFE STATE WAS NOT REACHED{why}"
         self._log.tell(f"{self.alarm}; see to the rig itself", "not reached")
         self._keep()
 

@@ -121,9 +121,9 @@ class LockstepRig:
         """Return the time at which the rig came to its safe state; None while it is not in it."""
         return self._resting
 
-    def is_denied(self) -> bool:
-        """Return False: an emulated rig has nothing to report."""
-        return False
+    def denial(self) -> str:
+        """Return an empty text: an emulated rig has nothing to report."""
+        return ""
 
     def kill(self) -> None:
         """Do nothing: the rig is in this process."""

@@ -224,10 +224,13 @@ class RealTimeRig:
         is_over = isinstance(holder, Beat) and read_text(holder.call) == device.ENDED
         return holder.safe if is_over or self._hears(holder) else None
 
-    def is_denied(self) -> bool:
-        """Return True if the device reports other values than the safe ones it was ordered to."""
+    def denial(self) -> str:
+        """Return what the device reports in place of its safe values; empty if it does not."""
         holder = self._holder()
-        return holder is not None and holder.denied
+        if holder is None or not holder.denied:
+            return ""
+        report = (self._shared.trip if isinstance(holder, Beat) else self._shared.rescue).read()
+        return "" if report is None else read_text(report.reason)
 
     def _holder(self) -> Beat | Watch | None:
         """Return the newest sign of life of the process that has the backend, device or guard."""

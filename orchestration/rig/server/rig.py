@@ -97,8 +97,8 @@ class Rig(Protocol):
         It is None while this is not confirmed.
         """
 
-    def is_denied(self) -> bool:
-        """Return True if the device reports that it is not in the safe state it was ordered to."""
+    def denial(self) -> str:
+        """Return what the device reports in place of its safe values; empty if it does not."""
 
     def release(self) -> None:
         """Begin to serve again after a latched safe state.

@@ -18,7 +18,7 @@ class Rig:
 
     def __init__(self):
         self.now, self.safe, self.orders, self.released, self.waiting = 1000.0, None, 0, 0, ""
-        self.denied = False
+        self.denied = ""
         self.signals = SimpleNamespace(unreported=[])
 
     def clock(self):
@@ -30,7 +30,7 @@ class Rig:
     def safe_since(self):
         return self.safe
 
-    def is_denied(self):
+    def denial(self):
         return self.denied
 
     def release(self):
@@ -134,12 +134,12 @@ def test_a_confirmation_that_is_lost_has_as_much_time_to_come_back(trial):
 def test_what_the_device_denies_is_an_alarm_at_once_until_it_is_safe_again(trial):
     trial.rig.safe = 1000.0
     trial.latch.close("stopped: smoke")
-    trial.rig.safe, trial.rig.denied = None, True
+    trial.rig.safe, trial.rig.denied = None, "the device has 1 A"
     assert trial.after(0.01) == "not reached"
-    assert trial.latch.alarm == "THE SAFE STATE WAS NOT REACHED: stopped: smoke"
+    assert trial.latch.alarm == "THE SAFE STATE WAS NOT REACHED: the device has 1 A"
     trial.latch.close("stopped: again")
     assert trial.latch.state == "not reached", "a stop alone is no news of the device"
-    trial.rig.safe, trial.rig.denied = 1000.2, False
+    trial.rig.safe, trial.rig.denied = 1000.2, ""
     assert trial.after(0.2) == "safe"
     assert "NOT REACHED" in trial.latch.alarm
 

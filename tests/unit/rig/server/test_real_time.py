@@ -218,12 +218,14 @@ def test_who_has_the_device_tells_since_when_the_rig_is_safe(rig, safe, age, cal
 
 
 def test_whether_the_device_denies_its_safe_state_is_said_by_who_has_it(rig):
+    rig._shared.trip.write(Trip(1.0, False, False, write_text("it has 1 A")))
+    rig._shared.rescue.write(Trip(2.0, False, True, write_text("it has 2 A")))
     beat(rig, safe=0.0, denied=True)
-    assert rig.is_denied()
+    assert rig.denial() == "it has 1 A"
     on_duty(rig, HOLDING)
-    assert not rig.is_denied()
+    assert rig.denial() == ""
     on_duty(rig, HOLDING, denied=True)
-    assert rig.is_denied()
+    assert rig.denial() == "it has 2 A"
 
 
 def test_a_device_that_has_not_carried_out_an_order_to_rest_is_not_safe(rig):
