@@ -201,13 +201,15 @@ class Guard:
             self._start()
         parent = parent_process()
         while not self._is_to_end(parent):
-            with suppress(Exception):  # such as MemoryError: it is tried again, or shows no life
+            try:
                 if self._fault:
                     self._hold()
                 else:
                     self._check_device()
-            watched = [process for process in (parent, self._device) if process is not None]
-            wait([process.sentinel for process in watched], self._tick)
+                watched = [process for process in (parent, self._device) if process is not None]
+                wait([process.sentinel for process in watched], self._tick)
+            except Exception:  # such as MemoryError: it is tried again, or shows no sign of life
+                sleep(self._tick)
         self._end_device()
         while self._fault and not self._is_safe():
             with suppress(Exception):
