@@ -335,3 +335,19 @@ def test_nothing_is_commanded_as_long_as_the_cause_of_a_latch_persists(tmp_path,
                 acknowledge(remote, ask(remote, "status")["latch"], 1.0)
         wait_held(tmp_path, COMMANDS)
         driver.stop()
+
+
+@pytest.mark.slow
+def test_the_last_process_that_could_write_safe_values_is_not_ended(tmp_path):
+    """The one before it is, as an attempt may take 5 s."""
+    with serve(tmp_path, "Sluggish") as server:
+        driver = driven(server, tmp_path)
+        (tmp_path / "trigger").touch()
+        server.process.kill()
+        took = wait_held(tmp_path, (0.0, 0.0), 30.0)
+        print(f"safe after {took:.1f} s")
+        driver.stop(orderly=False)
+        until = time.monotonic() + 15.0
+        while server.family():
+            assert time.monotonic() < until, "a process was left behind"
+            time.sleep(0.05)

@@ -232,6 +232,19 @@ class Mute(Logged):
         return {}
 
 
+class Sluggish(Logged):
+    """Takes longer than an attempt may for its safe state, as long as the trigger exists."""
+
+    def __init__(self, log: str, trigger: str) -> None:
+        self._trigger = trigger
+        super().__init__(log)
+
+    def safe(self) -> None:
+        if os.path.exists(self._trigger):
+            time.sleep(6.0)
+        super().safe()
+
+
 class Printing(Reporting):
     """Prints at every reading, also as a library in C does, and when it is brought to rest."""
 
