@@ -35,7 +35,8 @@ def stopped(bench: Bench) -> None:
     bench.measure_from_written(bench.safe_after(now))
     assert re.match(r"safe \(reached after [0-9.]+ m?s\): stopped: smoke", printed), printed
     bench.is_latched("stopped: smoke")
-    assert "idle" in _ppy("acknowledge", "--endpoint", server.endpoint)
+    latch = bench.status()["latch"]
+    assert "idle" in _ppy("acknowledge", "--endpoint", server.endpoint, "--latch", latch)
     assert (
         json.loads(_ppy("status", "--json", "-", "--endpoint", server.endpoint))["state"] == "idle"
     )
