@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from orchestration.records.formats.archives import PACKED, unpacked
+from orchestration.records.formats.archives import unpacked
 from orchestration.records.formats.binary import (
     read_feather,
     read_mat,
@@ -47,20 +47,6 @@ _OF_SEVERAL: dict[bytes, Callable[[Path, bytes, Reading], Table]] = {
     b"\xd0\xcf\x11\xe0": in_subprocess(read_spreadsheet),
 }
 """Readers of files with several tables, of which the user names one."""
-_BINARY_EXTENSIONS = {
-    ".parquet": "a Parquet",
-    ".tdms": "a TDMS",
-    ".mat": "a MATLAB",
-    ".lvm": "a LabVIEW text",
-    ".nc": "a NetCDF",
-    ".xlsx": "an Excel",
-    ".xls": "an Excel",
-    ".ods": "an OpenDocument",
-    ".h5": "an HDF5",
-    ".hdf5": "an HDF5",
-    ".mf4": "an MDF 4",
-    ".feather": "a Feather",
-}
 
 
 def read_table(path: Path, reading: Reading = AS_IT_STANDS) -> Table:
@@ -98,13 +84,9 @@ def read_table(path: Path, reading: Reading = AS_IT_STANDS) -> Table:
             return reader(path, content, reading)
     if content[512:516] == b"\x89HDF":  # MATLAB writes a header of its own
         return in_subprocess(read_hdf5)(path, content, reading)
-    extension = next((s for s in map(str.lower, path.suffixes[::-1]) if s not in PACKED), "")
-    if extension == ".mat" and b"\x00" in content[:20]:  # version 4 has no signature
+    is_mat = ".mat" in map(str.lower, path.suffixes)
+    if is_mat and b"\x00" in content[:20]:  # version 4 has no signature
         return in_subprocess(read_mat)(path, content)
-    if extension in _BINARY_EXTENSIONS:
-        raise refuse(
-            path, f"this is not {_BINARY_EXTENSIONS[extension]} file, although its name says so"
-        )
     return read_text(path, content, reading)
 
 

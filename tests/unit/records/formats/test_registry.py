@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.record_forms import PLAIN, refusal, write
+from orchestration.records import read_record
+from tests.support.record_forms import PLAIN, SIGNALS, check, refusal, write
 
 
 @pytest.mark.parametrize(
@@ -57,10 +58,15 @@ def test_what_is_no_record_is_refused(tmp_path, text, says):
     assert says in refusal(write(tmp_path, text))
 
 
-def test_a_missing_file_a_folder_and_a_wrong_extension_are_refused(tmp_path):
+def test_a_missing_file_and_a_folder_are_refused(tmp_path):
     assert "cannot be read" in refusal(tmp_path / "absent.csv")
     assert "cannot be read" in refusal(tmp_path)
-    assert "not a Parquet file" in refusal(write(tmp_path, PLAIN, "r.parquet"))
+
+
+@pytest.mark.parametrize("name", ["r.xls", "r.parquet", "r.lvm"])
+def test_the_name_of_a_file_is_not_believed(tmp_path, name):
+    check(read_record(write(tmp_path, PLAIN.replace(",", "\t"), name), SIGNALS))
+    assert "not a text file" in refusal(write(tmp_path, bytes(600), name))
     assert "HDF5" in refusal(write(tmp_path, b"\x89HDF\r\n\x1a\n" + bytes(600), "r.mat"))
 
 
