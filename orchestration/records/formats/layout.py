@@ -263,7 +263,7 @@ class _HeaderSearch:
         if below is None:
             return None
         above = self._header_above(below, 1)
-        if above is not None and are_units(self._at_places(below)):
+        if above is not None and _is_row_of_units(*map(self._at_places, (above, below))):
             header = self._header(above)
             units = [*self._header(below), *[""] * len(header)]
             return TextLayout(self.delimiter, above, header, below + 1, units[: len(header)])
@@ -306,6 +306,15 @@ class _HeaderSearch:
         if '"' not in line:
             return line.split(self.delimiter)
         return next(csv.reader([line], delimiter=self.delimiter, skipinitialspace=True))
+
+
+def _is_row_of_units(names: Sequence[str], cells: Sequence[str]) -> bool:
+    """Return whether cells below names are units: all are, or some are and recur, as no name does.
+
+    So units are told that nobody knows, such as ``DEG/S`` and ``PROZENT``.
+    """
+    recurs = len(set(cells)) < len(cells) and len(set(names)) == len(names)
+    return are_units(cells) or (recurs and any(map(is_unit, cells)))
 
 
 def _uncommented(line: str) -> str:

@@ -51,6 +51,20 @@ def test_columns_that_are_called_like_units_keep_their_names():
     assert find_layout(["V,A", "1,2", "3,4"]).header == ["V", "A"]
 
 
+@pytest.mark.parametrize(
+    ("units", "header"),
+    [
+        ("s DEG/S DEG/S PROZENT", "T Q R N1"),
+        ("s Q R N1", "s Q R N1"),
+        ("x y x z", "x y x z"),
+    ],
+)
+def test_words_that_recur_below_names_are_units_if_one_is_known(units, header):
+    layout = find_layout(["44 variables plus time", "T Q R N1", units, "0 1 2 3", "1 2 3 4"])
+    assert layout.header == header.split()
+    assert layout.units == ([] if units == header else units.split())
+
+
 @pytest.mark.parametrize("damaged", ["0,1", "0,1,2,3", "0,x,y", '0,"1,2'])
 def test_a_damaged_first_row_does_not_move_the_header(damaged):
     lines = ["Model,X,Y", HEADER, damaged, *ROWS]
