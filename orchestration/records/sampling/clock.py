@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from fmus.kit import UserError
 from fmus.kit.arrays import Array, Indices, Mask
 from orchestration.records.record import Repair, Repaired, list_rows, refuse, refuse_loss
+from orchestration.reporting import option
 
 LATE_RUN_ROWS = 5
 """Most consecutive late rows that are sorted; more mean a clock that was set back."""
@@ -64,6 +65,8 @@ class Samples(Repaired):
 def keep_span(samples: Samples, begin: float | None, end: float | None) -> None:
     """Keep the samples between two times in s, in place; None for no limit.
 
+    A limit that leaves nothing out is noted, as the clock may not begin at 0.
+
     Raises
     ------
     UserError
@@ -79,6 +82,11 @@ def keep_span(samples: Samples, begin: float | None, end: float | None) -> None:
         known = time[np.isfinite(time)]
         span = f"{known.min():g} s to {known.max():g} s" if known.size else "no time"
         raise refuse(samples.path, f"no row is between {low:g} s and {high:g} s: it has {span}")
+    first, last = np.nanmin(time), np.nanmax(time)
+    for name, limit in (("begin", low), ("end", high)):
+        if np.isfinite(limit) and not first <= limit <= last:
+            stated = option(name, f"{limit:g}s")
+            samples.note("span", f"{stated} leaves nothing out of {first:g} s to {last:g} s")
     samples.keep(inside)
 
 
@@ -406,11 +414,13 @@ def _notice_gaps(samples: Samples) -> None:
     if before.size:
         rows = samples.rows[before + 1].tolist()
         longest = before[int(np.argmax(steps[before]))]
+        limit = f"longer than {GAP_FACTOR:g} × the median step of {median:.4g} s"
+        where = f"{steps[longest]:.4g} s before row {samples.rows[longest + 1]}"
+        one = f"a gap of {where}, {limit}"
+        several = f"gaps {limit} before {list_rows(rows)}, the longest {where}"
         message = (
-            f"{len(before)} gaps longer than {GAP_FACTOR:g} × the median step of {median:.4g} s,"
-            f" the longest {steps[longest]:.4g} s before row {samples.rows[longest + 1]} (before"
-            f" {list_rows(rows)}); a simulation holds the inputs constant over a gap and is wrong"
-            " after it if they changed; a diagnosis restarts after it"
+            f"{one if before.size == 1 else several}; a simulation holds the inputs constant over"
+            " a gap and is wrong after it if they changed; a diagnosis restarts after it"
         )
         samples.note("gap", message, rows)
     if not evenly_sampled(samples.time):

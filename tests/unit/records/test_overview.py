@@ -50,7 +50,7 @@ def test_gaps_and_an_uneven_clock_are_told(tmp_path):
     times = [*range(30), *range(100, 130)]
     text = "time [s],I [A]\n" + "".join(f"{t},{t % 7}\n" for t in times)
     overview = read_overview(write(tmp_path, text))
-    assert any("1 gaps longer" in note and "row 32" in note for note in overview.notes)
+    assert any("a gap of 71 s before row 32, longer" in note for note in overview.notes)
     assert overview.clock.is_even
     text = "time [s],I [A]\n" + "".join(f"{t**3},{t % 7}\n" for t in range(60))
     assert not read_overview(write(tmp_path, text)).clock.is_even

@@ -156,7 +156,9 @@ def test_gaps_are_kept_and_said(tmp_path):
     record, kinds = read(write_rows(tmp_path, rows[:30] + rows[60:]))
     assert record.time.size == 70
     assert kinds["gap"].rows == (32,)
-    assert "31 s before row 32" in kinds["gap"].message
+    assert "a gap of 31 s before row 32, longer than" in kinds["gap"].message
+    _, kinds = read(write_rows(tmp_path, rows[:20] + rows[40:60] + rows[90:]))
+    assert "before rows 22, 42, the longest 31 s before row 42" in kinds["gap"].message
 
 
 def test_logarithmic_sampling_is_uneven_and_not_full_of_gaps(tmp_path):
@@ -193,3 +195,11 @@ def test_a_part_of_the_time_is_read(tmp_path):
     record, _ = read(Source.of(path, begin=10.0, end=20.0))
     assert record.time.tolist() == list(range(10, 21))
     assert "no row is between 200 s and inf s" in refusal(Source.of(path, begin=200.0))
+
+
+def test_a_limit_beyond_the_clock_is_said_to_leave_nothing_out(tmp_path):
+    path = write_rows(tmp_path, [[k + 5000.0, u, y] for k, u, y in varied_rows(100)])
+    record, kinds = read(Source.of(path, begin=25.0, end=5050.0))
+    assert record.time[[0, -1]].tolist() == [5000.0, 5050.0]
+    assert kinds["span"].message == "begin='25s' leaves nothing out of 5000 s to 5099 s"
+    assert "span" not in read(Source.of(path, begin=5000.0, end=5099.0))[1]
