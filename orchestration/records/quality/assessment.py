@@ -30,6 +30,7 @@ _HUGE = 1e30  # no measurement is that large, and its square is still a number
 _TINY = 1e-100  # nor is any that small, likewise
 
 # Noise
+_ROUGH = 3.0  # standard deviations of noise in the median modulus of its third differences
 _QUIET = 30  # samples without steps of the inputs that it takes to know the noise
 # share of repeated samples above which the noise is too small for the steps of the recorder
 _COARSE = 0.4
@@ -270,7 +271,7 @@ def _symptoms_without_gaps(y: Array, moves: _Moves) -> Iterator[_Symptom]:
     spikes = _outliers(y, resolution, bad, moved)
     if (coarse or is_noisy) and 0 < spikes.sum() <= max(1, _SPIKES * n):
         yield _Symptom("outliers", spikes, {"count": int(spikes.sum())})
-    if coarse:
+    if coarse and _roughness(y, ~bad, _equal_runs(y)) <= _ROUGH * resolution:
         yield _Symptom("quantised", _everywhere(y), {"resolution": resolution})
 
 
@@ -313,23 +314,32 @@ def _tie_probability(y: Array, resolution: float, moves: _Moves) -> float | None
 def _ties(y: Array, resolution: float, still: Mask, equal: Sequence[Span]) -> float | None:
     """Return the share of samples of a mask (n,) that repeat the sample before; None without noise.
 
-    Runs of at least `_RUN` equal samples do not count. Third differences of noise alternate in
-    sign, those of a smooth signal do not.
+    Runs of at least `_RUN` equal samples do not count.
     """
+    if _roughness(y, still, equal) < max(2.0 * resolution, _TINY):
+        return None
+    ties = float(np.mean(np.diff(y)[2:][_quiet(still, equal)] == 0.0))
+    return max(ties, 1.0 / len(y))
+
+
+def _quiet(still: Mask, equal: Sequence[Span]) -> Mask:
+    """Return the third differences (n - 3,) within a mask (n,), but not in long equal runs."""
     judged = still.copy()
     for span in equal:
         judged[slice(*span)] &= _length(span) < _RUN  # a long run may be the fault itself
-    quiet = judged[1:-2] & judged[2:-1] & judged[3:]
-    third = np.diff(y, 3)[quiet]
+    return judged[1:-2] & judged[2:-1] & judged[3:]
+
+
+def _roughness(y: Array, still: Mask, equal: Sequence[Span]) -> float:
+    """Return the median modulus of third differences in a mask (n,); zero without noise.
+
+    Third differences of noise alternate in sign, those of a smooth signal do not.
+    """
+    third = np.diff(y, 3)[_quiet(still, equal)]
     signs = np.sign(third[third != 0.0])
-    if (
-        len(signs) < _QUIET
-        or np.mean(signs[1:] != signs[:-1]) < 0.6
-        or np.median(np.abs(third)) < 2.0 * resolution
-    ):
-        return None
-    ties = float(np.mean(np.diff(y)[2:][quiet] == 0.0))
-    return max(ties, 1.0 / len(y))
+    if len(signs) < _QUIET or np.mean(signs[1:] != signs[:-1]) < 0.6:
+        return 0.0
+    return float(np.median(np.abs(third)))
 
 
 def _repeated_values(

@@ -272,6 +272,16 @@ def test_values_that_a_coarse_recorder_repeats_in_a_sweep_are_no_noise():
     assert kinds(assess(Channels(time, {"u": u}, {"y": y}))[1]) == {("y", "quantised")}
 
 
+@pytest.mark.parametrize(("widths", "told"), [(0.4, {"quantised"}), (5.0, set())])
+def test_steps_within_the_noise_are_not_called_coarser_than_it(widths, told):
+    """Noise in steps of the recorder, under an input that is rough throughout."""
+    time = 0.01 * np.arange(3000)
+    noise, rough = np.random.default_rng(1).standard_normal((2, time.size))
+    u = np.sin(2.0 * time) + 1e-3 * rough
+    y = np.round(100.0 * u + widths * noise)
+    assert {f.kind for f in assess(Channels(time, {"u": u}, {"y": y}))[1]} == told
+
+
 def test_gaps_stay_gaps():
     data = record()
     voltage = np.clip(data.outputs["voltage"], -LIMIT, LIMIT)
