@@ -50,9 +50,14 @@ class Remainder:
         return self.tests["correlation"]
 
     @property
-    def is_slow(self) -> bool:
-        """True if most of its square is common to neighbouring samples."""
-        return self.correlation > _SLOW and not self.is_white
+    def pace(self) -> str:
+        """``slow`` if most of its square is common to neighbouring samples, else ``fast``.
+
+        ``unknown`` if as much may be so by chance.
+        """
+        if self.correlation > _SLOW and not self.is_white:
+            return "slow"
+        return "unknown" if _is_white(_SLOW, self.pairs) else "fast"
 
     @property
     def is_white(self) -> bool:

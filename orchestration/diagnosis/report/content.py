@@ -212,7 +212,7 @@ def _remainder_rows(diagnosis: Diagnosis) -> Iterator[tuple[str, ...]]:
             one.output,
             wording.error_text(one.share),
             wording.noise_widths(one),
-            "slow" if one.is_slow else "fast",
+            one.pace,
             *(f"{one.tests[name]:.2f}" for name in TESTS),
         )
 

@@ -63,7 +63,7 @@ def summary(diagnosis: Diagnosis, written: Mapping[str, str] | None = None) -> d
                 "share": one.share,
                 "noise_widths": one.noise_widths,
                 **one.tests,
-                "pace": "slow" if one.is_slow else "fast",
+                "pace": one.pace,
             }
             for one in diagnosis.remainders
         ],

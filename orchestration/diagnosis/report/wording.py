@@ -169,11 +169,12 @@ def remainder_sentence(one: Remainder) -> str:
     """Return what is left of an output."""
     widths = noise_widths(one)
     noise = f", {widths} noise widths" if widths else ""
-    pace = "slow" if one.is_slow else "fast"
     more = ": more than noise" if one.is_more_than_noise else ""
+    known = f"{one.pace} (neighbouring samples correlate by {one.correlation:.2f}){more}"
+    unknown = f"slow or fast ({one.pairs} pairs of neighbouring samples do not tell)"
     return (
-        f"Left in {one.output}: {error_text(one.share)} of its standard deviation{noise}, {pace}"
-        f" (neighbouring samples correlate by {one.correlation:.2f}){more}."
+        f"Left in {one.output}: {error_text(one.share)} of its standard deviation{noise},"
+        f" {unknown if one.pace == 'unknown' else known}."
     )
 
 

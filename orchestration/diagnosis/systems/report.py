@@ -195,9 +195,8 @@ def _output_rows(member: MemberDiagnosis) -> Iterator[tuple[str, ...]]:
         error = wording.error_text(output.after)
         if output.before is not None and output.before != output.after:
             error = f"{wording.error_text(output.before)} → {error}"
-        pace = "slow" if output.remainder.is_slow else "fast"
         widths = wording.noise_widths(output.remainder)
-        yield f"{member.name}.{name}", error, widths, pace
+        yield f"{member.name}.{name}", error, widths, output.remainder.pace
 
 
 def remarks(diagnosis: SystemDiagnosis) -> list[str]:

@@ -89,7 +89,7 @@ def test_a_large_slow_error_is_never_consistent():
     diagnosis = diagnosis_with(replace(record, signals=signals))
     assert diagnosis.verdict == "unexplained"
     (left,) = diagnosis.remainders
-    assert left.is_slow
+    assert left.pace == "slow"
     assert left.share > 0.15
 
 
@@ -105,7 +105,7 @@ def test_slow_noise_of_a_record_that_rests_is_consistent():
     subject = replace(found.subject, left_out=(rest,))
     resting = replace(diagnosis, found=replace(found, subject=subject, base=base))
     assert resting.remainders[0].share > 1.0
-    assert resting.remainders[0].is_slow
+    assert resting.remainders[0].pace == "slow"
     assert resting.verdict == "consistent"
 
 

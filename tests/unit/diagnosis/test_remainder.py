@@ -29,7 +29,7 @@ def test_what_is_left_is_the_noise_that_was_added():
     unseen = measured[len(measured) * 2 // 3 :]
     assert left.share == pytest.approx(3e-3 / np.std(unseen), rel=0.25)
     assert left.noise_widths == pytest.approx(1.0, abs=0.3)
-    assert not left.is_slow
+    assert left.pace == "fast"
 
 
 def test_what_a_converter_rounds_off_is_noise():
@@ -46,6 +46,21 @@ def test_noise_is_told_from_a_slow_error():
     time = np.linspace(0.0, 20.0, 4000)
     noise = np.random.default_rng(3).normal(0.0, 0.2, time.size)
     assert noise_of(noise + np.sin(time)) == pytest.approx(0.2, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("correlation", "pairs", "pace"),
+    [
+        (0.9, 400, "slow"),
+        (0.1, 400, "fast"),
+        (1.0, 12, "slow"),
+        (1.0, 8, "unknown"),
+        (0.0, 0, "unknown"),
+    ],
+)
+def test_few_neighbours_do_not_tell_whether_an_error_is_slow(correlation, pairs, pace):
+    """Of 400, 12 and 8 pairs of white noise three standard errors are 0.15, 0.87 and 1.06."""
+    assert Remainder("position", 0.1, 3.0, {"correlation": correlation}, pairs).pace == pace
 
 
 @pytest.mark.parametrize(
@@ -72,7 +87,7 @@ def test_the_structure_is_the_size_of_a_slow_error_in_noise():
     noisy = replace(judged, measuring=(slow + rng.normal(0.0, 0.3, n))[:, np.newaxis])
     (left,) = remainders(noisy)
     assert left.structure == pytest.approx(0.2 / np.sqrt(2.0), rel=0.2)
-    assert not left.is_slow
+    assert left.pace == "fast"
     assert drifts(noisy)
     white = replace(judged, measuring=rng.normal(0.0, 0.33, (n, 1)))
     assert not drifts(white)

@@ -149,16 +149,17 @@ def test_an_answer_that_was_held_against_another_record_asks_for_no_other(dry):
 
 
 @pytest.mark.parametrize(
-    ("correlation", "widths", "end"),
+    ("correlation", "pairs", "widths", "end"),
     [
-        (0.9, 3.0, "slow (neighbouring samples correlate by 0.90): more than noise."),
-        (0.02, 3.0, "fast (neighbouring samples correlate by 0.02)."),
-        (0.9, 1.2, "slow (neighbouring samples correlate by 0.90)."),
+        (0.9, 400, 3.0, "slow (neighbouring samples correlate by 0.90): more than noise."),
+        (0.02, 400, 3.0, "fast (neighbouring samples correlate by 0.02)."),
+        (0.9, 400, 1.2, "slow (neighbouring samples correlate by 0.90)."),
+        (1.0, 8, 3.0, "slow or fast (8 pairs of neighbouring samples do not tell)."),
     ],
 )
-def test_what_is_left_is_said_to_be_more_than_noise_if_it_is(correlation, widths, end):
+def test_what_is_left_is_said_to_be_more_than_noise_if_it_is(correlation, pairs, widths, end):
     text = wording.remainder_sentence(
-        Remainder("position", 0.05, widths, {"correlation": correlation}, 400)
+        Remainder("position", 0.05, widths, {"correlation": correlation}, pairs)
     )
     assert text == f"Left in position: 5 % of its standard deviation, {widths} noise widths, {end}"
 
