@@ -671,7 +671,8 @@ class _Search:
 
     def begin(self, points: Iterable[Point]) -> list[tuple[Point, Evaluated]]:
         """Return points with what is known there, the lowest first; none where a run fails."""
-        begun = [(point, self.evaluate(point)) for point in points]
+        within = (replace(p, values=np.clip(p.values, *self._ranges)) for p in points)
+        begun = [(point, self.evaluate(point)) for point in within]
         known = [(point, here) for point, here in begun if here is not None]
         return sorted(known, key=lambda start: start[1].cost)
 

@@ -421,6 +421,17 @@ class SensorTerm(Term):
         return "lag" if self.has_memory else "gain"
 
     @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Both ends (k,) of the ranges of its values: a sensor that lags enlarges no change.
+
+        Of one it shows ``1 + a`` at once, in modulus at most 1; `a` is the amount of the lag.
+        """
+        low, high = super().bounds
+        if self.has_memory:
+            low[0], high[0] = -2.0 * self.scale / self.size, 0.0
+        return low, high
+
+    @property
     def name(self) -> str:
         """The fault with its output."""
         return f"sensor_{self.fault}({self.law})"

@@ -30,9 +30,10 @@ from orchestration.diagnosis.fitting import (
     weights_of,
 )
 from orchestration.diagnosis.local_values import LocalValues
-from orchestration.diagnosis.terms import Memory, NamedTerm, Released
+from orchestration.diagnosis.terms import Memory, NamedTerm, Released, SensorTerm
 from orchestration.identify.fitting import Scale
 from tests.support.diagnosed_mass import START, D, K, M, exact, mass, problem_of, pushed
+from tests.support.oscillator import oscillator_record, unsearched
 
 OFFSET = Term("spring", "", Shape.CONSTANT, size=2.0)
 TRUTH = (2.5, 24.0, 2.2)
@@ -163,6 +164,21 @@ def test_local_values_of_a_record_are_fitted_with_its_start() -> None:
     assert problem.parameters(point.q, 1)[1] == pytest.approx(TRUTH[1], rel=2e-3)
     assert problem.parameters(point.q, 0)[1] == pytest.approx(K)
     assert start == pytest.approx(STARTS[1], abs=2e-3)
+
+
+@pytest.mark.parametrize(("share", "low", "high"), [(1.0, -2.0, -0.5), (-2.0, -0.1, 0.0)])
+def test_a_sensor_that_lags_enlarges_no_change(share: float, low: float, high: float) -> None:
+    """It takes a share of what a lag does not follow; one that overshoots is another fault."""
+    exact = oscillator_record(3, noise=0.0)
+    position, keep = exact.signals["position"], np.exp(-0.02 / 0.1)
+    lagging = lfilter([1.0 - keep], [1.0, -keep], position)
+    shown = position - share * (position - lagging)
+    record = replace(exact, signals=exact.signals | {"position": shown})
+    lag = SensorTerm("position", "position", Shape.LINEAR, Memory.FADING, (0.2,))
+    problem = unsearched(record).subject.problem
+    found = fit(problem, (lag,), [nominal_point(problem, (lag,))], weights_of([shown[:, None]]))
+    assert found is not None
+    assert low <= found.values_of(lag)[0] <= high
 
 
 def test_the_truth_is_found_in_little_noise() -> None:
