@@ -149,16 +149,22 @@ def test_a_device_that_cannot_be_opened_is_tried_for_ever_and_at_once_at_a_stop(
         driver.stop(orderly=False)
 
 
+def bring_into(server, state):
+    """Bring a rig into a safe state, by a stop and with another backend by a kill."""
+    remote = read_endpoint(server.wait_ready())
+    if state != "idle":
+        stop(remote, "smoke")
+    if state == "rescued":
+        os.kill(server.roles()["device"], signal.SIGKILL)
+        server.wait_line("the guard opened the backend")
+    return remote
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("state", ["idle", "latched", "rescued"])
 def test_every_stop_writes_safe_values(tmp_path, state):
     with serve(tmp_path) as server:
-        remote = read_endpoint(server.wait_ready())
-        if state != "idle":
-            stop(remote, "smoke")
-        if state == "rescued":
-            os.kill(server.roles()["device"], signal.SIGKILL)
-            server.wait_line("the guard opened the backend")
+        remote = bring_into(server, state)
         for number in range(3):
             before = calls_of(server, "safe")
             if number == 2:
@@ -174,12 +180,8 @@ def test_every_stop_writes_safe_values(tmp_path, state):
 def test_a_device_that_leaves_its_safe_state_is_brought_back(tmp_path, state):
     """As by a write that was queued before the rescue."""
     with serve(tmp_path) as server:
-        remote = read_endpoint(server.wait_ready())
-        if state != "idle":
-            stop(remote, "smoke")
+        remote = bring_into(server, state)
         if state == "rescued":
-            os.kill(server.roles()["device"], signal.SIGKILL)
-            server.wait_line("the guard opened the backend")
             time.sleep(0.45)
         with (tmp_path / "calls.log.held").open("r+b") as device:
             device.write(struct.pack("<2d", 1.0, 0.0))
