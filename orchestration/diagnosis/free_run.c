@@ -8,8 +8,9 @@
  *
  * Before this text stand the functions of the model as CasADi writes them and its sizes: NX states,
  * NU inputs, NY outputs, NP parameters, NL laws, and the sizes of CasADi's work arrays. Signals are
- * numbered inputs, states, laws, time. Of the matrices of CasADi, which are sparse, stand the rows:
- * where each begins, and of each element the column and its position in what the function returns.
+ * numbered inputs, states, laws, time. Of the sparse matrices of CasADi there are functions for the
+ * rows by states, times their slopes; of others, where each row begins, and of each element the
+ * column and its position in what the function returns.
  *
  * Discrete states are the last of the states. Their rates are zero, and at each tick of their clock
  * the update x+ = U(x, u, t, p, a) takes their place, with S+ = U_x S + U_a da/dtheta + U_theta. A
