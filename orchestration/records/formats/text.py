@@ -183,7 +183,7 @@ def read_text(path: Path, content: bytes, reading: Reading = AS_IT_STANDS) -> Ta
 
     Cells are text, numbers with a decimal point.
     """
-    with suppress(UserError):  # the row in it may be wrong
+    with suppress(UserError):  # read whole it is refused, too, with the right number of the row
         if not reading.texts and (folded := _folded(path, content)):
             return read_lines(folded, reading)
     return read_lines(decode(path, content), reading)
