@@ -212,6 +212,16 @@ def test_signals_are_those_of_the_first_opening(bench):
     one.keep_commanding((2.0, 0.5), 0, lambda: one.shared.trip.read() is not None)
 
 
+def test_every_order_to_rest_is_written_although_it_is_safe_already(bench):
+    one = bench()
+    until(lambda: one.applied() is not None)
+    for number in (1, 2):
+        before = one.calls().count("safe")
+        order = Command(REST, 0, time.monotonic(), number=number)
+        one.shared.command.write(order)
+        until(lambda known=before: one.calls().count("safe") > known)
+
+
 def test_other_signals_than_at_the_first_opening_are_refused(bench):
     signals = BackendSignals({"current": "mA", "force": "N"}, Logged.outputs, {})
     one = bench(description=signals.to_record())
