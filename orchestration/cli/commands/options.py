@@ -908,7 +908,11 @@ class ServeCommand(TypedDict, total=False):
     ]
     rate: Annotated[float, Option("Samples per second, up to 1000.", default=30.0)]
     watchdog: Annotated[
-        float, Option("How long the rig goes on without a fresh command, in s.", default=0.2)
+        float | None,
+        Option(
+            "How long the rig goes on without a fresh command, in s; default 0.2, or more where"
+            " other programs may delay the server."
+        ),
     ]
     lockstep: Annotated[
         bool, Option("The rig waits for the client; emulator and replay only.", default=False)

@@ -44,7 +44,8 @@ def serve(options: ServeCommand) -> None:
     """
     from fmus.rig_proxy import ENDPOINT
     from orchestration.rig import parse_address
-    from orchestration.rig.server import ServerSettings, read_options
+    from orchestration.reporting.console import note
+    from orchestration.rig.server import WATCHDOG, ServerSettings, default_watchdog, read_options
     from orchestration.rig.server import serve as work
 
     endpoint = options["endpoint"]
@@ -53,11 +54,14 @@ def serve(options: ServeCommand) -> None:
     if endpoint is not None and (host is not None or port is not None):
         raise UserError("--endpoint says all that --bind and --port do; give one of them")
     default = parse_address(endpoint or ENDPOINT)
+    watchdog = options["watchdog"]
+    if watchdog is None:
+        watchdog = WATCHDOG if options["lockstep"] else default_watchdog(note)
     settings = ServerSettings(
         backend=options["backend"],
         options=read_options([*options["backend_options"]]),
         rate=options["rate"],
-        watchdog=options["watchdog"],
+        watchdog=watchdog,
         lockstep=options["lockstep"],
         host=default[0] if host is None else host,
         port=default[1] if port is None else port,

@@ -1,3 +1,5 @@
 from .front import serve as serve
+from .scheduling import WATCHDOG as WATCHDOG
+from .scheduling import default_watchdog as default_watchdog
 from .settings import ServerSettings as ServerSettings
 from .settings import read_options as read_options

@@ -31,7 +31,14 @@ from orchestration.rig.server.calls import (
 )
 from orchestration.rig.server.processes import Output, Reserve, detach
 from orchestration.rig.server.safe_state import SafeState
-from orchestration.rig.server.scheduling import Collector, Deadlines, Suspension, prefer
+from orchestration.rig.server.scheduling import (
+    DEVICE,
+    Collector,
+    Deadlines,
+    Suspension,
+    prefer,
+    prefer_to_others,
+)
 from orchestration.rig.server.settings import BUSY, ServerSettings
 from orchestration.rig.server.shared_memory import (
     END,
@@ -70,6 +77,7 @@ def main(settings: ServerSettings, memory: Any, output: Output) -> None:
     detach()
     output.redirect()
     files.keep(settings.files)
+    prefer_to_others(DEVICE)
     device = Device(settings, SharedMemory(memory))
     if hasattr(signal, "SIGTERM"):
         signal.signal(signal.SIGTERM, device.end)

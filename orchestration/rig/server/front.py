@@ -24,7 +24,7 @@ from orchestration.rig.server.log import EventLog
 from orchestration.rig.server.real_time import RealTimeRig
 from orchestration.rig.server.request_handler import RequestHandler
 from orchestration.rig.server.rig import Rig
-from orchestration.rig.server.scheduling import Collector
+from orchestration.rig.server.scheduling import FRONT, Collector, prefer_to_others
 from orchestration.rig.server.settings import ServerSettings
 from orchestration.rig.server.sockets import Sockets, opened
 
@@ -72,6 +72,8 @@ def serve(settings: ServerSettings) -> int:
     UserError
         If the server cannot start.
     """
+    if not settings.lockstep:
+        prefer_to_others(FRONT)  # before any thread is started, which has the same
     log = EventLog(settings.log)
     try:
         with files.kept() as found:

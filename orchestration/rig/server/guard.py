@@ -31,6 +31,7 @@ from orchestration.rig.server.processes import (
     undisturbed,
 )
 from orchestration.rig.server.safe_state import SafeState
+from orchestration.rig.server.scheduling import GUARD, ProcessorTime, prefer_to_others
 from orchestration.rig.server.settings import BUSY, ServerSettings
 from orchestration.rig.server.shared_memory import (
     END,
@@ -77,6 +78,7 @@ def main(
         Whether another guard is on duty, and this one waits until it fails.
     """
     detach()
+    prefer_to_others(max(GUARD, settings.priority or 0))
     output.redirect()
     files.keep(settings.files)
     with suppress(Exception):  # the device will report its own fault
@@ -93,7 +95,13 @@ def main(
     leave(0)
 
 
-def fault_of(beat: Beat, command: Command, now: float, settings: ServerSettings) -> str:
+def fault_of(
+    beat: Beat,
+    command: Command,
+    now: float,
+    settings: ServerSettings,
+    processor: ProcessorTime | None = None,
+) -> str:
     """Return the fault of a living device in words, by its last sign of life.
 
     Parameters
@@ -104,6 +112,8 @@ def fault_of(beat: Beat, command: Command, now: float, settings: ServerSettings)
     now : float
         Present time in s.
     settings : ServerSettings
+    processor : ProcessorTime, optional
+        Of the device, since that sign of life.
 
     Returns
     -------
@@ -117,6 +127,8 @@ def fault_of(beat: Beat, command: Command, now: float, settings: ServerSettings)
             return (
                 f"the device's process has not run for {age:.3g} s, outside of the driver; {BUSY}"
             )
+        if processor is not None and processor.was_withheld(age):
+            return f"the machine did not run the device in {age:.3g} s, in {where}; {BUSY}"
         return f"the device hangs: {where} for {age:.3g} s"
     late = now - command.accepted - settings.watchdog
     if command.order == RUN and not beat.safe and late > max(settings.period / 2, _GRACE):
@@ -145,6 +157,7 @@ class Guard:
         self._shared = SharedMemory(memory)
         self._context = get_context("spawn")
         self._device: Any = None
+        self._processor: ProcessorTime | None = None  # of the device
         self._started = 0.0
         self._acknowledged = 0
         self._ending = False
@@ -239,6 +252,7 @@ class Guard:
         with undisturbed():
             started.start()
         self._device = started
+        self._processor = ProcessorTime(started.pid or 0)
         self._show_life(OPENING)
 
     def _check_device(self) -> None:
@@ -265,11 +279,13 @@ class Guard:
             if now - self._started > LONGEST_OPENING:
                 self._take_over(f"the device has not opened in {LONGEST_OPENING:g} s")
         else:
-            fault = fault_of(beat, command, now, self._settings)
+            fault = fault_of(beat, command, now, self._settings, self._processor)
             if fault:
                 self._take_over(fault)
             else:
                 self._show_life(SERVING)
+                if self._processor is not None:
+                    self._processor.note(beat.time)
 
     def _is_final(self, trip: Trip | None) -> bool:
         """Return True if a report is the last one of this device."""

@@ -14,6 +14,7 @@ from orchestration.rig.server import device, guard
 from orchestration.rig.server.calls import BackendSignals
 from orchestration.rig.server.processes import Output, undisturbed
 from orchestration.rig.server.rig import RigState, cannot_open
+from orchestration.rig.server.scheduling import WAKE_UPS
 from orchestration.rig.server.settings import BUSY, ServerSettings
 from orchestration.rig.server.shared_memory import (
     END,
@@ -43,9 +44,6 @@ _Values = tuple[float | None, ...]
 _LOOK = 0.01  # s
 # s between two starts of guards: from the first pause on they are doubled, until all has been calm
 _PAUSES = (0.1, 5.0)
-# the watchdog time has to be as many times the latest wake-up of a process: half of it is there for
-# late wake-ups, which may become twice as late as those seen so far
-_WAKE_UPS = 4.0
 _CALM = 10.0  # s without a start of a guard, after which the next is not delayed
 _LONGEST_START = 5.0  # s that a process may take to show its first sign of life
 _SPARE = 3.0  # s, beyond the time that guard and device may take to end
@@ -178,7 +176,7 @@ class RealTimeRig:
 
         They sleep for a quarter of it at most, and count as hung after three quarters.
         """
-        least = _WAKE_UPS * latest
+        least = WAKE_UPS * latest
         if self.watchdog >= least:
             return []
         return [

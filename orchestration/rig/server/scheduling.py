@@ -1,7 +1,7 @@
 """Scheduling in real time, as far as the system allows it.
 
 Deadlines are absolute, a process has a priority and a core of its own, and garbage is collected by
-hand.
+hand. Where no priority is permitted, the watchdog time is that of a busy machine.
 """
 
 from __future__ import annotations
@@ -9,10 +9,26 @@ from __future__ import annotations
 import ctypes
 import gc
 import os
+import subprocess
 import sys
 import time
-from math import floor
+from collections.abc import Callable
+from contextlib import suppress
+from math import ceil, floor
 
+# real-time priorities of the processes of a server: who watches comes before who is watched
+FRONT, DEVICE, GUARD = 10, 20, 30
+WATCHDOG = 0.2  # s, unless processes wake too late for it
+_LONGEST_WATCHDOG = 2.0  # s
+_STEPS = 20  # of a measured watchdog time in a second
+_MEASURING = 0.5  # s
+_NAP = 0.005  # s
+_WORK = 0.01  # s of processor time after it, as a call of the backend takes
+_BUSY = 2  # processes that compete for each core meanwhile, as an opened browser does
+# the watchdog time has to be as many times the latest wake-up of a process: half of it is there for
+# late wake-ups, which may become twice as late as those seen so far
+WAKE_UPS = 4.0
+_RAN = 0.5  # share of a silence in which a process has to have run, if it hangs by itself
 _ALL_MEMORY = 3  # MCL_CURRENT | MCL_FUTURE of mlockall
 
 
@@ -147,6 +163,117 @@ def prefer(priority: int | None, cpu: int | None) -> list[str]:
         if reason:
             notes.append(f"--device-{option} {value}: {reason}; it goes on without")
     return notes
+
+
+def prefer_to_others(priority: int) -> str:
+    """Give this process a real-time priority by default, where that is permitted.
+
+    Parameters
+    ----------
+    priority : int
+        1 to 99, of the first-in first-out class.
+
+    Returns
+    -------
+    str
+        Why it has none; empty if it has.
+    """
+    try:
+        _set_priority(priority)
+    except AttributeError:
+        return "this system has no such thing"
+    except OSError as error:
+        return str(error.strerror or error)
+    return ""
+
+
+def default_watchdog(tell: Callable[[str], None]) -> float:
+    """Return the watchdog time in s for the server in this process, which was given none.
+
+    Parameters
+    ----------
+    tell : callable
+        Called with a line on how it was chosen, where other programs may delay the server.
+    """
+    refusal = prefer_to_others(FRONT)
+    if not refusal:
+        return WATCHDOG
+    withheld = _longest_withheld()
+    needed = ceil(_STEPS * WAKE_UPS * withheld) / _STEPS
+    watchdog = min(max(WATCHDOG, needed), _LONGEST_WATCHDOG)
+    tell(
+        f"real-time priority: {refusal}; other programs may delay this rig. Beside {_BUSY} busy"
+        f" processes on each core, this machine withheld up to {1e3 * withheld:.3g} ms of its time:"
+        f" the watchdog time is {watchdog:g} s (--watchdog)"
+    )
+    return watchdog
+
+
+def _longest_withheld() -> float:
+    """Return the longest time that a machine with busy cores withholds from a little work, s."""
+    cores = os.cpu_count() or 1
+    busy = [sys.executable, "-S", "-c", "while True: pass"]
+    others = [subprocess.Popen(busy) for _ in range(_BUSY * cores)]
+    longest = 0.0
+    until = time.monotonic() + _MEASURING
+    try:
+        while (begun := time.monotonic()) < until:
+            before = time.process_time()
+            time.sleep(_NAP)
+            while (worked := time.process_time() - before) < _WORK:
+                pass
+            longest = max(longest, time.monotonic() - begun - _NAP - worked)
+    finally:
+        for other in others:
+            other.kill()
+        for other in others:
+            other.wait()
+    return longest
+
+
+class ProcessorTime:
+    """Processor time of another process, as Linux has it (proc(5)); its files stay open.
+
+    Parameters
+    ----------
+    process : int
+        Number of the process.
+    """
+
+    def __init__(self, process: int) -> None:
+        self._files: list[int] = []
+        self._ran = 0.0
+        self._since = 0.0
+        with suppress(OSError):
+            for name in ("stat", "schedstat"):
+                self._files.append(os.open(f"/proc/{process}/{name}", os.O_RDONLY))
+
+    def __del__(self) -> None:
+        for file in self._files:
+            os.close(file)
+
+    def note(self, since: float) -> None:
+        """Note what the process has had when it showed a sign of life, at a time in s."""
+        if since != self._since:
+            self._since = since
+            self._ran = self._total()
+
+    def was_withheld(self, silence: float) -> bool:
+        """Return True if the process is ready to run, and was not run in most of a silence in s."""
+        return self._is_ready() and self._total() - self._ran < _RAN * silence
+
+    def _is_ready(self) -> bool:
+        return self._read(0).rpartition(b")")[2].split()[:1] == [b"R"]
+
+    def _total(self) -> float:
+        return 1e-9 * int((self._read(1).split() or [b"0"])[0])
+
+    def _read(self, file: int) -> bytes:
+        """Return the contents of a file of the process; empty if there is none, or it has ended."""
+        try:
+            return os.pread(self._files[file], 4096, 0)
+        except (OSError, IndexError):
+            return b""
 
 
 def _set_priority(priority: int) -> None:

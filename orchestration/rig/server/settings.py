@@ -11,6 +11,7 @@ from pathlib import Path
 from fmus.kit import UserError
 from fmus.rig_proxy import PORT
 from orchestration.rig.endpoint import HIGHEST_PORT
+from orchestration.rig.server.scheduling import WATCHDOG
 
 RATES = (0.1, 1000.0)  # Hz
 WATCHDOGS = (0.02, 60.0)  # s
@@ -67,7 +68,7 @@ class ServerSettings:
     backend: str
     options: Mapping[str, str] = field(default_factory=dict)
     rate: float = 30.0
-    watchdog: float = 0.2
+    watchdog: float = WATCHDOG
     lockstep: bool = False
     host: str = "127.0.0.1"
     port: int = PORT

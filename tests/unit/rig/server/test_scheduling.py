@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import gc
+import os
+import re
 import subprocess
 import sys
 import time
@@ -12,7 +15,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orchestration.rig.server.scheduling import Deadlines, Suspension
+from orchestration.rig.server import scheduling
+from orchestration.rig.server.scheduling import Deadlines, ProcessorTime, Suspension
 
 pytestmark = pytest.mark.real_time
 
@@ -93,3 +97,71 @@ def test_the_collector_leaves_what_was_there_and_collects_what_is_new():
     assert gc.isenabled()
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="proc(5)")
+@pytest.mark.parametrize(
+    ("body", "is_beside_another", "withheld"),
+    [
+        ("while True: pass", True, True),
+        ("while True: pass", False, False),
+        ("input()", True, False),
+    ],
+)
+def test_a_process_that_the_machine_does_not_run_is_told_from_one_that_hangs(
+    body, is_beside_another, withheld
+):
+    """On one core, where an idle process gets next to nothing beside another one."""
+    core = min(os.sched_getaffinity(0))
+
+    def program(policy, body):
+        return (
+            f"import os; os.sched_setaffinity(0, {{{core}}}); os.sched_setscheduler(0,"
+            f" os.SCHED_{policy}, os.sched_param(0)); print(flush=True)\n{body}"
+        )
+
+    bodies = [program("IDLE" if is_beside_another else "OTHER", body)]
+    bodies += [program("OTHER", "while True: pass")] * is_beside_another
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    processes = [subprocess.Popen([sys.executable, "-c", body], **pipes) for body in bodies]
+    try:
+        for process in processes:
+            process.stdout.readline()
+        time.sleep(0.2)  # until they have begun
+        processor = ProcessorTime(processes[0].pid)
+        seen = []
+        for number in range(5):  # other work of this core may be in the way
+            processor.note(number)
+            time.sleep(0.2)
+            seen.append(processor.was_withheld(0.2))
+        assert seen.count(withheld) >= 3
+    finally:
+        for process in processes:
+            process.kill()
+            process.communicate()
+
+
+def test_of_a_process_that_has_ended_nothing_is_known():
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    processor = ProcessorTime(ended.pid)
+    ended.wait()
+    processor.note(1.0)
+    assert not processor.was_withheld(0.2)
+
+
+def test_a_watchdog_time_is_that_of_a_busy_machine_where_no_priority_is_permitted(monkeypatch):
+    def refuse(priority):
+        raise PermissionError(errno.EPERM, "Operation not permitted")
+
+    told = []
+    monkeypatch.setattr(scheduling, "_set_priority", refuse)
+    watchdog = scheduling.default_watchdog(told.append)
+    (line,) = told
+    withheld = float(re.search(r"up to (\S+) ms of its time", line)[1])
+    assert 0.2 <= watchdog <= 2.0
+    assert watchdog == 2.0 or watchdog > 3.9e-3 * withheld
+    assert "Operation not permitted" in line
+    assert f"watchdog time is {watchdog:g} s" in line
+    monkeypatch.setattr(scheduling, "_set_priority", lambda priority: None)
+    assert scheduling.default_watchdog(told.append) == 0.2
+    assert len(told) == 1
