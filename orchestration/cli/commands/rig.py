@@ -43,8 +43,8 @@ def serve(options: ServeCommand) -> None:
     ppy rig stop are an emergency stop.
     """
     from fmus.rig_proxy import ENDPOINT
-    from orchestration.rig import parse_address
     from orchestration.reporting.console import note
+    from orchestration.rig import parse_address
     from orchestration.rig.server import WATCHDOG, ServerSettings, default_watchdog, read_options
     from orchestration.rig.server import serve as work
 

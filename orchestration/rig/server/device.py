@@ -366,7 +366,10 @@ class Device:
                 self._taken[k] = now
         self._number += 1
         packed = map(pack, (self._applied, reported, self._values, self._taken))
-        self._shared.sample.write(Sample(self._number, now, self._deadlines.missed, *packed))
+        sample = Sample(
+            self._number, now, self._deadlines.missed, *packed, os.getpid(), self._rested
+        )
+        self._shared.sample.write(sample)
 
     def _call(self, name: str, function: Callable[..., Any], *arguments: Any) -> Any:
         """Call the backend after a sign of life that names the call."""

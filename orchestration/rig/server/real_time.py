@@ -371,13 +371,23 @@ class RealTimeRig:
         return RigState(sample.number, applied, reported, values, taken, sample.missed)
 
     def _inputs_of(self, sample: Sample) -> tuple[_Values, _Values]:
-        """Return applied and reported values of the inputs; None where they are unknown."""
+        """Return applied and reported values of the inputs; None where they are unknown.
+
+        They are unknown of a device that is silent or has been replaced since, and after an order
+        to rest that it has not carried out yet.
+        """
         inputs = len(self.signals.inputs)
         unknown = (None,) * inputs
         since = self.safe_since()
         if since is not None and since > sample.clock:  # a guard took the device's place
             return self.signals.safe_values, unknown
-        if since is None and not self._hears(self._shared.beat.read()):
+        beat = self._shared.beat.read()
+        is_present = beat is not None and beat.process == sample.process
+        if (
+            sample.rested < self._rests
+            or not is_present
+            or (since is None and not self._hears(beat))
+        ):
             return unknown, unknown
         reported = unpack(sample.read_back, inputs)
         applied: _Values = unpack(sample.applied, inputs)

@@ -74,7 +74,8 @@ class Sample(NamedTuple):
     """A sample, written by the device after every reading.
 
     `taken` has the time of the last finite value of each output, 0 if there was none; `read_back`
-    has NaN for inputs that the device does not report.
+    has NaN for inputs that the device does not report. `process` is the device's, and `rested` as
+    in its beat: what is applied is after the orders up to that one.
     """
 
     number: int
@@ -84,6 +85,8 @@ class Sample(NamedTuple):
     read_back: bytes
     values: bytes
     taken: bytes
+    process: int = 0
+    rested: int = 0
 
 
 class Trip(NamedTuple):
@@ -138,7 +141,7 @@ _LAYOUTS: dict[type, str] = {
     Command: "<BQd" + _NUMBERS + "Q",
     SignOfLife: "<dQ",
     Beat: "<dQ?d16s?Q",
-    Sample: "<QdQ" + 4 * _NUMBERS,
+    Sample: "<QdQ" + 4 * _NUMBERS + "QQ",
     Trip: f"<d??{_TEXT}s",
     Alarm: f"<d{_TEXT}s",
     Watch: "<dQBQ?d?Q",

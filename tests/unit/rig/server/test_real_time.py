@@ -185,9 +185,9 @@ def beat(rig, safe, age=0.0, call=b"sleep", denied=False, rested=1000):
     rig._shared.beat.write(Beat(time.monotonic() - age, 9, True, safe, call, denied, rested))
 
 
-def sample(rig):
+def sample(rig, process=9, rested=1000):
     packed = map(pack, ((0.5, 2.0), (0.5, math.nan), (1.5, 0.0), (9.0, 0.0)))
-    rig._shared.sample.write(Sample(7, 10.0, 3, *packed))
+    rig._shared.sample.write(Sample(7, 10.0, 3, *packed, process, rested))
 
 
 @pytest.mark.parametrize(
@@ -215,6 +215,22 @@ def test_who_has_the_device_tells_since_when_the_rig_is_safe(rig, safe, age, cal
         assert applied == (0.0, 0.0)
     else:
         assert applied == ((0.5, 2.0) if age == 0.0 else (None, None)), "unknown of a silent device"
+
+
+@pytest.mark.parametrize(
+    ("process", "rested", "applied"),
+    [(9, 2, (0.5, 2.0)), (9, 0, (None, None)), (8, 2, (None, None))],
+    ids=["as ordered", "not yet ordered to rest", "of a device before this one"],
+)
+def test_what_is_applied_belongs_to_the_last_order_and_to_the_present_device(
+    rig, process, rested, applied
+):
+    rig.apply((0.5, 2.0), 10.0)
+    rig.go_safe()  # order 2
+    beat(rig, safe=0.0, rested=rested)
+    sample(rig, process, rested)
+    assert rig.state().applied == applied
+    assert rig.state().values == (1.5, None)
 
 
 def test_whether_the_device_denies_its_safe_state_is_said_by_who_has_it(rig):
