@@ -83,7 +83,7 @@ LIMIT_KEYS = ("min", "max", "rate")
 _SAMPLE = {"values": _is_values, "ages": _is_values}
 _RIG = {"mode": _is_text, "period": _is_number, "watchdog": _is_number, "limits": _is_limits}
 # `latch` is the name of the active latch, `reached` the time from it to the safe state in s, and
-# `alarm` a text for the operator that stays until it is acknowledged
+# `alarm` a text on all alarms that nobody has acknowledged
 _STATE = {
     "state": _is_text,
     "reason": _is_text,
@@ -109,7 +109,8 @@ REQUESTS = {
     },
     "disconnect": {"session": _is_text},
     "stop": {"reason": _is_text},
-    "acknowledge": {"latch": _is_text},
+    "acknowledge": {"latch": _is_text},  # or the name of an alarm
+    "shelve": {"alarm": _is_text, "time": _is_number},
     "status": {},
 }
 REPLIES = {

@@ -100,7 +100,8 @@ def acknowledge(remote: Endpoint, latch: str, timeout: float = 5.0) -> dict[str,
     ----------
     remote : Endpoint
     latch : str
-        Name of the latch that is meant; any other one stays closed.
+        Name of the latch that is meant; any other one stays closed. Or that of an alarm, which is
+        acknowledged at once.
     timeout : float
         Longest wait, in s; a device that failed is opened again meanwhile.
 
@@ -116,8 +117,22 @@ def acknowledge(remote: Endpoint, latch: str, timeout: float = 5.0) -> dict[str,
     """
     until = monotonic() + timeout
     answer = ask(remote, "acknowledge", timeout, latch=latch)
-    # without a name only an alarm was acknowledged, and there is nothing to wait for
-    return _wait_while(remote, answer, lambda now: now["latch"] == latch != "", _LOOK, until)
+    return _wait_while(remote, answer, lambda now: now["latch"] == latch, _LOOK, until)
+
+
+def open_alarms(answer: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the alarms in a status that are neither acknowledged nor shelved.
+
+    Parameters
+    ----------
+    answer : Mapping of str to object
+        The message ``status``, of a server that need not have such a list.
+    """
+    return [
+        alarm
+        for alarm in answer.get("alarms", [])
+        if not (alarm["acknowledged"] or alarm["shelved"])
+    ]
 
 
 def _wait_while(
@@ -147,7 +162,9 @@ def summarise_status(answer: Mapping[str, Any]) -> str:
     str
     """
     parts = [_summarise_state(answer) + (f": {answer['reason']}" if answer["reason"] else "")]
-    if answer["alarm"]:
+    alarms = open_alarms(answer)
+    parts += [f"ALARM {one['name']} ({one['severity']}): {one['text']}" for one in alarms]
+    if answer["alarm"] and not alarms:
         parts.append(f"ALARM: {answer['alarm']}")
     if answer["latch"]:
         parts.append(f"latch {answer['latch']}")

@@ -20,11 +20,15 @@ class Limit:
         Inclusive.
     rate : float
         Largest change per second.
+    warn_min, warn_max : float
+        Limits of warning of a measured value: beyond them there is an alarm, and the rig goes on.
     """
 
     min: float = -inf
     max: float = inf
     rate: float = inf
+    warn_min: float = -inf
+    warn_max: float = inf
 
 
 SIGNALS = registry.rigs()

@@ -13,12 +13,15 @@ from orchestration.rig.signals import Limit
 
 # of the range of a command: smallest change that counts, and largest rounding by a device
 _CHANGE = 0.01
+SWITCH = "1"  # unit of a signal that is on or off
 # of the samples in which no input changed: share with another value, above which a sensor is noisy
 _NOISY = 0.5
 
 
 class StuckMonitor:
     """Monitor of a rig for measured values and device inputs that no longer change.
+
+    A switch, whose unit is 1, may stay as it is.
 
     Parameters
     ----------
@@ -47,7 +50,7 @@ class StuckMonitor:
         applied: Sequence[float],
         read_back: Sequence[float],
         measured: Mapping[str, float],
-    ) -> list[str]:
+    ) -> list[tuple[str, str]]:
         """Check one sample.
 
         Parameters
@@ -60,8 +63,8 @@ class StuckMonitor:
 
         Returns
         -------
-        list of str
-            Sentences about the alarms that begin with this sample.
+        list of tuple of str and str
+            Signal and sentence of each alarm that begins with this sample.
         """
         if not self._samples:
             return []
@@ -69,17 +72,20 @@ class StuckMonitor:
         for name, value in measured.items():
             sensor = self._sensors[name]
             sensor.add(value, tuple(applied))
-            missed = sensor.missed() if sensor.same == self._samples else ()
-            if missed:
+            missed = sensor.missed()
+            if missed and self._outputs[name] != SWITCH:
                 inputs = " and ".join(list(self._inputs)[k] for k in sorted(missed))
                 shown = f"{value:.6g} {self._outputs[name]}"
-                alarms.append(
+                sentence = (
                     f"{name} has been {shown} for {sensor.same} samples, while {inputs} changed: is"
                     " its sensor stuck?"
                 )
+                alarms.append((name, sentence))
         return alarms + self._ignored_writes(applied, read_back)
 
-    def _ignored_writes(self, applied: Sequence[float], read_back: Sequence[float]) -> list[str]:
+    def _ignored_writes(
+        self, applied: Sequence[float], read_back: Sequence[float]
+    ) -> list[tuple[str, str]]:
         """Return an alarm for each input that the device ignored for `samples` samples."""
         alarms = []
         for name, wanted, reported, least in zip(
@@ -89,10 +95,11 @@ class StuckMonitor:
             self._ignored[name] = self._ignored[name] + 1 if is_ignored else 0
             if self._ignored[name] == self._samples:
                 unit = self._inputs[name]
-                alarms.append(
+                sentence = (
                     f"{name} was written as {wanted:.6g} {unit} in {self._samples} samples, and the"
                     f" device has {reported:.6g} {unit}"
                 )
+                alarms.append((name, sentence))
         return alarms
 
 
@@ -117,6 +124,8 @@ class _Sensor:
         self._samples = samples
         self.same = 0
         self._value = nan
+        self._has_changed = False
+        self._unmoved = 0  # samples since all inputs changed, of a sensor that has never changed
         self._applied: tuple[float, ...] = ()
         self._meanwhile = _Span()  # of the inputs, while the value stayed the same
         self._window = _Span()  # of the inputs, in the samples of a window
@@ -139,6 +148,10 @@ class _Sensor:
         self._meanwhile.add(applied)
         self._window.add(applied)
         self._changes += is_new and isfinite(self._value)
+        self._has_changed |= is_new and isfinite(self._value)
+        if not self._has_changed:
+            have_all_moved = len(self._meanwhile.moved(self._least_changes)) == len(applied) > 0
+            self._unmoved = (self._unmoved + 1) * have_all_moved
         if self._window.count > self._samples:
             moved = self._window.moved(self._least_changes)
             if moved and self._changes:
@@ -153,9 +166,15 @@ class _Sensor:
         """Return the inputs that the sensor should have followed while its value stayed the same.
 
         These are all inputs that changed, if the sensor is noisy and thus never constant for long,
-        or if it has followed some of them before; else none.
+        or if it has followed some of them before; else none. It is asked for once, when the value
+        has stayed the same for long enough; and for a sensor that has never had another value, when
+        all inputs have changed for as long.
         """
+        if self.same != self._samples and self._unmoved != self._samples:
+            return frozenset()
         moved = self._meanwhile.moved(self._least_changes)
+        if self._unmoved == self._samples:
+            return moved
         is_noisy = self._still >= self._samples and self._noisy > _NOISY * self._still
         if is_noisy or any(one <= moved for one in self._followed):
             return moved

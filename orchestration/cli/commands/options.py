@@ -802,6 +802,14 @@ class AcknowledgeCommand(ServerOptions, LongTimeoutOption, JsonOption, total=Fal
         str | None,
         Option("Name of the latch that is meant, as status has it.", metavar="NAME"),
     ]
+    alarm: Annotated[
+        str | None,
+        Option("Name of an alarm, which is acknowledged in place of a latch.", metavar="NAME"),
+    ]
+    shelve: Annotated[
+        float | None,
+        Option("Show no alarm of its source for so many seconds; 0 ends that.", metavar="SECONDS"),
+    ]
 
 
 class StatusCommand(ServerOptions, TimeoutOption, JsonOption, total=False):
@@ -951,5 +959,12 @@ class ServeCommand(TypedDict, total=False):
         Option(
             "Samples after which a stuck sensor or an ignored write is an alarm; 0 is never.",
             default=100,
+        ),
+    ]
+    alarm_hook: Annotated[
+        str | None,
+        Option(
+            "Called once an alarm, with it as JSON: a program's argument, or a POST.",
+            metavar="PROGRAM|URL",
         ),
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -71,6 +72,7 @@ def serve(options: ServeCommand) -> None:
         priority=options["priority"],
         cpu=options["cpu"],
         stuck_after=options["stuck_after"],
+        alarm_hook=options["alarm_hook"],
     )
     if work(settings):
         raise typer.Exit(1)
@@ -243,8 +245,8 @@ def stop(options: StopCommand) -> None:
 def acknowledge(options: AcknowledgeCommand) -> None:
     """Let the rig be used again after a safe state; the client has to connect anew.
 
-    Without --latch it shows what there is to be released. The exit status is 1 if the rig cannot be
-    used in time.
+    Without a name it shows what there is to be acknowledged. The exit status is 1 if the rig cannot
+    be used in time.
     """
     from fmus.kit import quoting
     from orchestration.reporting.console import note
@@ -252,18 +254,46 @@ def acknowledge(options: AcknowledgeCommand) -> None:
 
     remote = _server(options)
     latch = options["latch"]
-    before = ask(remote, "status", options["timeout"])
-    if latch is None and before["latch"]:
-        raise UserError(
-            f"the rig is latched: {quoting.line(before['reason'])}; type:"
-            f" {quoting.shell(['ppy', 'rig', 'acknowledge', '--latch', before['latch']])}"
-        )
+    alarm = options["alarm"]
+    shelved = options["shelve"]
+    timeout = options["timeout"]
+    if shelved is not None and alarm is None:
+        raise UserError("--shelve: is of an alarm; give its name with --alarm")
+    before = ask(remote, "status", timeout)
+    if latch is None and alarm is None:
+        _raise_if_unnamed(before)
     for text in filter(None, (before["reason"], before["alarm"])):
         note(f"to be acknowledged: {quoting.line(text)}")
-    answer = operator.acknowledge(remote, latch or "", options["timeout"])
+    if alarm is not None and shelved is not None:
+        answer = ask(remote, "shelve", timeout, alarm=alarm, time=shelved)
+    elif alarm is not None:
+        answer = ask(remote, "acknowledge", timeout, latch=alarm)
+    else:
+        answer = operator.acknowledge(remote, latch or "", timeout)
     _show(answer, options["json"])
-    if answer["latch"]:
+    is_open = any(one["name"] == alarm for one in operator.open_alarms(answer))
+    if is_open or (alarm is None and answer["latch"]):
         raise typer.Exit(1)
+
+
+def _raise_if_unnamed(status: Mapping[str, Any]) -> None:
+    """Raise UserError with the commands that acknowledge what is open, if there is anything."""
+    from fmus.kit import quoting
+    from orchestration.rig import operator
+
+    alarms = operator.open_alarms(status)
+    open_items = [(one["text"], "--alarm", one["name"]) for one in alarms]
+    if status["latch"]:
+        reason = f"the rig is latched: {status['reason']}"
+        open_items.insert(0, (reason, "--latch", status["latch"]))
+    if open_items:
+        raise UserError(
+            "; ".join(
+                f"{quoting.line(text)}; type:"
+                f" {quoting.shell(['ppy', 'rig', 'acknowledge', option, name])}"
+                for text, option, name in open_items
+            )
+        )
 
 
 @rig.command("status")

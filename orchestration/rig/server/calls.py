@@ -145,8 +145,7 @@ class BackendSignals:
                 raise BackendError(
                     f"limits of {name} are no limits: {limit.min} to {limit.max}, {limit.rate}/s"
                 )
-        # a backend of somebody else may have a class of limits of its own
-        plain = {name: Limit(one.min, one.max, one.rate) for name, one in limits.items()}
+        plain = {name: Limit(**_bounds(one)) for name, one in limits.items()}
         return cls(inputs, outputs, plain, safe_values=safe_values)
 
     def check_real(self) -> None:
@@ -192,7 +191,7 @@ class BackendSignals:
         BackendError
             If it is longer than the shared memory has room for.
         """
-        limits = {name: (limit.min, limit.max, limit.rate) for name, limit in self.limits.items()}
+        limits = {name: vars(limit) for name, limit in self.limits.items()}
         given = [self.inputs, self.outputs, limits, self.notes, self.safe_values, self.unreported]
         text = json.dumps(given).encode()
         if len(text) > LONGEST_DESCRIPTION:
@@ -206,14 +205,22 @@ class BackendSignals:
     def from_record(cls, record: Description) -> BackendSignals:
         """Return the description that a record of the shared memory has."""
         inputs, outputs, bounds, notes, safe, unreported = json.loads(record.text.rstrip(b"\0"))
-        limits = {name: Limit(*one) for name, one in bounds.items()}
+        limits = {name: Limit(**one) for name, one in bounds.items()}
         return cls(inputs, outputs, limits, notes, tuple(safe), unreported)
+
+
+def _bounds(limit: Limit) -> dict[str, float]:
+    """Return the attributes of a limit, of which a class of somebody else may lack the latest."""
+    return {name: getattr(limit, name, bound) for name, bound in vars(Limit()).items()}
 
 
 def _are_limits(limit: Limit) -> bool:
     """Return whether the attributes of a limit are numbers, none of them NaN, in their order."""
-    try:
-        return limit.min <= limit.max and limit.rate >= 0  # false with a NaN
+    bounds = _bounds(limit)
+    try:  # false with a NaN
+        return (
+            limit.min <= limit.max and limit.rate >= 0 and bounds["warn_min"] <= bounds["warn_max"]
+        )
     except TypeError:  # None, say, where infinity stands for no limit
         return False
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import os
 import signal
+from collections import deque
 from collections.abc import Callable, Sequence
 from math import isfinite, isnan
 from multiprocessing import parent_process
@@ -58,6 +59,7 @@ from orchestration.rig.stuck import StuckMonitor
 
 # s: while the device waits for its deadline it looks this often whether it is to go safe or to end
 _LOOK = 0.01
+_ALARM = 0.1  # s for which an alarm is there for the front, before the next one
 SLEEP = "sleep"  # an activity of the device apart from calls of the backend
 ENDED = "ended"
 _END = Command(END)  # the order that holds when none can be read, which does not happen
@@ -122,6 +124,8 @@ class Device:
         self._acknowledgements_at_trip: int | None = None  # None while it has not tripped
         self._applied: tuple[float, ...] = ()
         self._number = 0
+        self._alarms: deque[tuple[str, str]] = deque()  # signal and sentence, not published yet
+        self._alarmed = 0.0  # when the last one was published, s
         self._looked = 0.0
         self._look = longest_sleep(settings.watchdog)
         self._reserve = Reserve()
@@ -266,9 +270,11 @@ class Device:
         reported = read_back(self._backend, self._signals)
         if self._safe_state is not None and self._is_at_rest:
             self._tell_of_safe_state(self._safe_state.judge(reported))
-        alarms = self._stuck.check(self._applied, reported, measured)
-        if alarms:
-            self._shared.alarm.write(Alarm(now, write_text("; ".join(alarms))))
+        self._alarms.extend(self._stuck.check(self._applied, reported, measured))
+        if self._alarms and now - self._alarmed > _ALARM:
+            self._alarmed = now
+            source, sentence = self._alarms.popleft()
+            self._shared.alarm.write(Alarm(now, write_text(source), write_text(sentence)))
         self._publish(measured, reported, now)
 
     def _write(self, command: Command, values: tuple[float, ...]) -> None:

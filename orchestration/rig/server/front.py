@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from math import isfinite
@@ -17,6 +17,7 @@ from fmus.kit import UserError, files
 from fmus.rig_proxy import OPERATOR, REQUESTS, TELEMETRY, ProtocolError, decode
 from orchestration.rig.access import Peer, received
 from orchestration.rig.backends import device_names
+from orchestration.rig.server.alarm_hook import AlarmHook
 from orchestration.rig.server.device_lock import locked
 from orchestration.rig.server.latch_file import LatchKeeper, make_latch_keeper
 from orchestration.rig.server.lockstep import LockstepRig
@@ -37,8 +38,10 @@ _LOOK = 0.1  # s between two looks at who was turned away, and at the memory, at
 # bytes that a server may come to take; a thousand peers with full queues take a third of it. ZeroMQ
 # keeps what has arrived of a message until its last frame has, and a peer may never send that
 _MOST_MEMORY = 2**30
-_OF_OPERATORS = {kind: REQUESTS[kind] for kind in ("stop", "acknowledge", "status")}
-_OF_CLIENTS = {kind: fields for kind, fields in REQUESTS.items() if kind != "acknowledge"}
+_OF_OPERATORS = {kind: REQUESTS[kind] for kind in ("stop", "acknowledge", "shelve", "status")}
+_OF_CLIENTS = {
+    kind: fields for kind, fields in REQUESTS.items() if kind not in ("acknowledge", "shelve")
+}
 
 
 class ReceivedMessage(NamedTuple):
@@ -90,7 +93,7 @@ def serve(settings: ServerSettings) -> int:
                 log.tell(_describe_rig(settings, sockets, rig))
                 for note in rig.signals.notes:
                     log.tell(note)
-                handler = RequestHandler(rig, settings.period, log, keeper)
+                handler = RequestHandler(rig, settings.period, log, keeper, _hook(settings, log))
                 EventLoop(sockets, handler, log, signals).run()
             finally:
                 trouble = _close(rig, log, signals)
@@ -100,6 +103,13 @@ def serve(settings: ServerSettings) -> int:
     finally:
         log.close()
     return 1 if trouble else 0
+
+
+def _hook(settings: ServerSettings, log: EventLog) -> Callable[[Mapping[str, Any]], None]:
+    """Return what is called with each alarm."""
+    if settings.alarm_hook is None:
+        return lambda fields: None
+    return AlarmHook(settings.alarm_hook, lambda line: log.tell(line, "alarm hook")).announce
 
 
 def _opened_rig(settings: ServerSettings, keeper: LatchKeeper, log: EventLog) -> Rig:

@@ -12,6 +12,7 @@ from time import monotonic
 from typing import Any
 
 from fmus.rig_proxy import NOT_REACHED, SAFE, STOPPING
+from orchestration.rig.server.alarms import MAJOR, SAFE_STATE, Alarms
 from orchestration.rig.server.latch_file import LatchKeeper, LatchRecord
 from orchestration.rig.server.log import EventLog
 from orchestration.rig.server.rig import Rig
@@ -37,6 +38,8 @@ class Latch:
     log : EventLog
     keeper : LatchKeeper
         Stores the latch, so that it stays closed when the server is started again.
+    alarms : Alarms
+        Get one if the safe state is not reached.
 
     Attributes
     ----------
@@ -48,17 +51,18 @@ class Latch:
         ``stopping``, ``safe`` or ``not reached`` while it is closed, ``safe`` while it is open.
     reached : float or None
         Time in s from closing the latch to the safe state; None until that is confirmed.
-    alarm : str
-        Message for the operator, until it is acknowledged; empty without one.
     """
 
-    def __init__(self, rig: Rig, log: EventLog, keeper: LatchKeeper) -> None:
+    def __init__(self, rig: Rig, log: EventLog, keeper: LatchKeeper, alarms: Alarms) -> None:
         self._rig = rig
         self._log = log
         self._keeper = keeper
+        self._alarms = alarms
         self._open()
         stored = keeper.held
         if stored is not None:
+            if stored.alarm:
+                alarms.add(SAFE_STATE, MAJOR, stored.alarm)
             self._close(stored)
             self._log.tell(
                 f"LATCHED since {stored.since}, before this start: {stored.reason}; ppy rig"
@@ -67,10 +71,10 @@ class Latch:
             self._confirm()
 
     def _open(self) -> None:
-        """Set all attributes to those of an open latch, without an alarm."""
+        """Set all attributes to those of an open latch."""
         self.name = ""
         self.reason = ""
-        self.alarm = ""
+        self._alarm = ""  # that the safe state was not reached
         self.state = SAFE
         silent = self._rig.signals.unreported
         names = ", ".join(silent)
@@ -108,7 +112,7 @@ class Latch:
         one_line = " ".join(reason.split())[:_LONGEST_REASON]
         since = datetime.now().isoformat(" ", "seconds")
         kind_of_line = kind if self.is_closed else ""  # the first line is always written
-        self._close(LatchRecord(token_hex(8), one_line, self.alarm, since))
+        self._close(LatchRecord(token_hex(8), one_line, self._alarm, since))
         self._keep()
         self._log.tell(f"SAFE STATE: {one_line}{detail}", kind_of_line)
         self._confirm()
@@ -122,24 +126,22 @@ class Latch:
         self._closed = self._rig.clock()
         self.name = record.name
         self.reason = self._cause = record.reason
-        self.alarm = record.alarm
+        self._alarm = record.alarm
         self._since = record.since
         self._is_opening = False
 
     def _keep(self) -> None:
         """Store the present state of the latch."""
-        record = LatchRecord(self.name, self._cause, self.alarm, self._since)
+        record = LatchRecord(self.name, self._cause, self._alarm, self._since)
         self._keeper.keep(record if self.is_closed else None)
 
     def acknowledge(self, name: str, who: str) -> str:
         """Open the latch as soon as the rig can be used and its safe state is confirmed.
 
-        An alarm without a latch is over with it as well.
-
         Parameters
         ----------
         name : str
-            Name of the latch that is acknowledged; empty for an alarm without one.
+            Name of the latch that is acknowledged.
         who : str
             Sender of the acknowledgement, for the log.
 
@@ -152,22 +154,12 @@ class Latch:
             refusal = f"the present latch is {self.name} ({self._cause}), not {name[:40]!r}"
             self._log.tell(f"acknowledgement by {who} refused: {refusal}", "not acknowledged")
             return refusal
-        if not self.is_closed:
-            if self.alarm and not name:
-                self._log.tell(f"alarm acknowledged by {who}: {self.alarm}")
-                self.alarm = ""
-        elif not self._is_opening:
+        if self.is_closed and not self._is_opening:
             self._log.tell(f"latch {name} acknowledged by {who}: {self._cause}")
             self._rig.release()
             self._is_opening = True
             self.supervise()
         return ""
-
-    def raise_alarm(self, alarm: str) -> None:
-        """Keep a message for the operator until it is acknowledged; the rig continues to run."""
-        self.alarm = " ".join(alarm.split())[:_LONGEST_REASON]
-        self._log.tell(f"ALARM: {self.alarm}")
-        self._keep()
 
     def supervise(self) -> None:
         """Check whether the safe state is confirmed, and open the latch that was acknowledged."""
@@ -179,6 +171,7 @@ class Latch:
         self.reason = self._rig.opening() or ("" if self.state == SAFE else _UNCONFIRMED)
         if not self.reason:
             self._open()
+            self._alarms.remove(SAFE_STATE)
             self._keep()
             self._log.tell("ready again")
 
@@ -208,8 +201,8 @@ class Latch:
         """Note that the safe state was not reached."""
         self.state = NOT_REACHED
         self.reached = None
-        self.alarm = f"THE SAFE STATE WAS NOT REACHED{why}"
-        self._log.tell(f"{self.alarm}; see to the rig itself", "not reached")
+        self._alarm = f"THE SAFE STATE WAS NOT REACHED{why}"
+        self._alarms.add(SAFE_STATE, MAJOR, f"{self._alarm}; see to the rig itself")
         self._keep()
 
     def sentence(self) -> str:
@@ -223,7 +216,6 @@ class Latch:
             "reason": self.reason,
             "latch": self.name,
             "reached": self.reached,
-            "alarm": self.alarm,
             "verified": not self._rig.signals.unreported,
         }
 

@@ -10,7 +10,7 @@ from fmus.rig_proxy import LOCKSTEP
 from orchestration.rig.backends import Backend, Steppable, backend_class, device_names, open_backend
 from orchestration.rig.safety import MeasurementMonitor
 from orchestration.rig.server.calls import BackendError, BackendSignals, call, measure
-from orchestration.rig.server.rig import RigState, cannot_open
+from orchestration.rig.server.rig import Notice, RigState, cannot_open
 from orchestration.rig.server.settings import ServerSettings
 
 
@@ -131,7 +131,7 @@ class LockstepRig:
     def beat(self) -> None:
         """Do nothing: the rig is in this process."""
 
-    def alarms(self) -> list[str]:
+    def alarms(self) -> list[Notice]:
         """Return an empty list: an emulated rig has no sensor that could be stuck."""
         return []
 

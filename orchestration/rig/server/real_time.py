@@ -7,13 +7,13 @@ from collections.abc import Callable, Sequence
 from math import isnan
 from multiprocessing import get_context
 from time import monotonic, sleep
-from typing import Any
+from typing import Any, TypeVar
 
 from fmus.rig_proxy import REAL_TIME
 from orchestration.rig.server import device, guard
 from orchestration.rig.server.calls import BackendSignals
 from orchestration.rig.server.processes import Output, undisturbed
-from orchestration.rig.server.rig import RigState, cannot_open
+from orchestration.rig.server.rig import Notice, RigState, cannot_open
 from orchestration.rig.server.scheduling import WAKE_UPS
 from orchestration.rig.server.settings import BUSY, ServerSettings
 from orchestration.rig.server.shared_memory import (
@@ -41,6 +41,7 @@ from orchestration.rig.server.shared_memory import (
 from orchestration.rig.server.standby import longest_attempt, longest_silence
 
 _Values = tuple[float | None, ...]
+_Report = TypeVar("_Report", Trip, Alarm)
 _LOOK = 0.01  # s
 # s between two starts of guards: from the first pause on they are doubled, until all has been calm
 _PAUSES = (0.1, 5.0)
@@ -290,17 +291,23 @@ class RealTimeRig:
         )
         return reasons + self._supervise_guards()
 
-    def alarms(self) -> list[str]:
-        """Return messages for the operator since the last call; the rig continues to run."""
-        return self._new_reason("alarm", self._shared.alarm)
+    def alarms(self) -> list[Notice]:
+        """Return messages for the operator since the last call."""
+        alarm = self._new("alarm", self._shared.alarm)
+        return [] if alarm is None else [Notice(read_text(alarm.source), read_text(alarm.reason))]
 
-    def _new_reason(self, who: str, slot: Slot[Trip] | Slot[Alarm]) -> list[str]:
+    def _new_reason(self, who: str, slot: Slot[Trip]) -> list[str]:
         """Return the reason in the newest report, in a list that is empty if it was seen before."""
+        report = self._new(who, slot)
+        return [] if report is None else [read_text(report.reason)]
+
+    def _new(self, who: str, slot: Slot[_Report]) -> _Report | None:
+        """Return the newest report; None if it was seen before."""
         report = slot.read()
         if report is None or report.time == self._seen.get(who):
-            return []
+            return None
         self._seen[who] = report.time
-        return [read_text(report.reason)]
+        return report
 
     def _supervise_guards(self) -> list[str]:
         """Replace guards that have ended, and both if neither shows a sign of life.

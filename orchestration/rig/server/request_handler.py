@@ -10,9 +10,10 @@ from math import isfinite
 from time import monotonic
 from typing import Any
 
-from fmus.rig_proxy import IDLE, LOCKSTEP, RUNNING, ProtocolError, encode
+from fmus.rig_proxy import IDLE, LIMIT_KEYS, LOCKSTEP, RUNNING, ProtocolError, encode
 from orchestration.rig.access import Peer
 from orchestration.rig.safety import CommandFilter, stale
+from orchestration.rig.server.alarms import MAJOR, Alarms, watch_limits
 from orchestration.rig.server.latch import Latch
 from orchestration.rig.server.latch_file import LatchKeeper
 from orchestration.rig.server.log import EventLog
@@ -27,6 +28,7 @@ _ROLES = {
     "exchange": "command",
     "disconnect": "command",
     "acknowledge": "acknowledge",
+    "shelve": "acknowledge",
 }
 """Role that a key needs for a message; every other one is for everybody who may connect."""
 
@@ -42,6 +44,8 @@ class RequestHandler:
     log : EventLog
     keeper : LatchKeeper
         Stores the latch, so that it stays closed when the server is started again.
+    announce : callable
+        Called with the fields of each alarm, and of a stop.
 
     Attributes
     ----------
@@ -49,14 +53,23 @@ class RequestHandler:
         Numbers of messages that were dropped or refused, and of deadlines that were missed.
     """
 
-    def __init__(self, rig: Rig, period: float, log: EventLog, keeper: LatchKeeper) -> None:
+    def __init__(
+        self,
+        rig: Rig,
+        period: float,
+        log: EventLog,
+        keeper: LatchKeeper,
+        announce: Callable[[Mapping[str, Any]], None] = lambda fields: None,
+    ) -> None:
         self._rig = rig
         self._period = period
         self._log = log
         signals = rig.signals
         self._filter = CommandFilter(signals.inputs, signals.limits, signals.safe_values)
         self._session: Session | None = None
-        self._latch = Latch(rig, log, keeper)
+        self._announce = announce
+        self._alarms = Alarms(log, announce)
+        self._latch = Latch(rig, log, keeper, self._alarms)
         self._rests_since = monotonic()  # when the rig was last ordered to rest without a latch
         self._refused: list[str] = []
         self.counts = dict.fromkeys(
@@ -68,6 +81,7 @@ class RequestHandler:
             "disconnect": self._disconnect,
             "stop": self._stop,
             "acknowledge": self._acknowledge,
+            "shelve": self._shelve,
             "status": lambda peer, message: self._status(),
         }
 
@@ -238,6 +252,8 @@ class RequestHandler:
         return self._status()
 
     def _acknowledge(self, peer: Peer, message: Mapping[str, Any]) -> bytes:
+        if self._alarms.acknowledge(message["latch"], str(peer)):
+            return self._status()
         was_closed = self._latch.is_closed
         refusal = self._latch.acknowledge(message["latch"], str(peer))
         if refusal:
@@ -245,6 +261,10 @@ class RequestHandler:
         if was_closed and self._session is not None:
             self._end_session("over")
         return self._status()
+
+    def _shelve(self, peer: Peer, message: Mapping[str, Any]) -> bytes:
+        refusal = self._alarms.shelve(message["alarm"], message["time"], str(peer))
+        return encode("refused", reason=refusal) if refusal else self._status()
 
     # -- events without a message
     # --------------------------------------------------------------------------------------
@@ -281,7 +301,8 @@ class RequestHandler:
         for reason in self._rig.troubles():
             self._close_latch(reason)
         for alarm in self._rig.alarms():
-            self._latch.raise_alarm(alarm)
+            self._alarms.add(alarm.source, MAJOR, alarm.text)
+        watch_limits(self._alarms, self._rig.signals, self._rig.state().values)
         self._latch.supervise()
 
     def _watch_rest(self) -> None:
@@ -298,6 +319,8 @@ class RequestHandler:
         if self._session is not None and self._session.accepted is not None:
             age = f" (last fresh command {self._rig.clock() - self._session.accepted:.3f} s ago)"
         self._filter.reset()
+        if not self._latch.is_closed:
+            self._announce({"source": "latch", "severity": MAJOR, "text": reason})
         self._latch.close(reason, detail + age, kind)
 
     def _end_session(self, ending: str) -> None:
@@ -315,7 +338,11 @@ class RequestHandler:
     def _constants(self) -> dict[str, Any]:
         """Return the fields of a message that do not change; an infinite limit becomes None."""
         limits = {
-            name: {key: bound if isfinite(bound) else None for key, bound in vars(limit).items()}
+            name: {
+                key: bound if isfinite(bound) else None
+                for key, bound in vars(limit).items()
+                if isfinite(bound) or key in LIMIT_KEYS
+            }
             for name, limit in self._rig.signals.limits.items()
         }
         return {
@@ -346,6 +373,8 @@ class RequestHandler:
             "clock": self._rig.clock(),
             "client": "" if self._session is None else self._session.client,
             **self._latch.fields(),
+            "alarm": self._alarms.text,
+            "alarms": self._alarms.fields(),
         }
 
     def _status(self) -> bytes:

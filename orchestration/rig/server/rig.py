@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from fmus.kit import UserError
 from orchestration.rig.server.calls import BackendSignals
@@ -55,6 +55,13 @@ class RigState:
             None if value is None else max(0.0, now - then)
             for value, then in zip(self.values, self.taken, strict=True)
         ]
+
+
+class Notice(NamedTuple):
+    """A message for the operator on a signal; the rig continues to run."""
+
+    source: str
+    text: str
 
 
 class Rig(Protocol):
@@ -112,8 +119,8 @@ class Rig(Protocol):
     def troubles(self) -> list[str]:
         """Return the reasons for going safe by itself since the last call, the newest last."""
 
-    def alarms(self) -> list[str]:
-        """Return messages for the operator since the last call; the rig continues to run."""
+    def alarms(self) -> list[Notice]:
+        """Return messages for the operator since the last call."""
 
     def state(self) -> RigState:
         """Return the newest sample."""

@@ -53,6 +53,8 @@ class ServerSettings:
         Real-time priority of the process that has the device.
     cpu : int or None
         Core that this process stays on.
+    alarm_hook : str or None
+        Program or address that is told of each alarm.
     files : Mapping of str to bytes
         Contents of the backend's files as the server found them: its code and its calibration.
     stuck_after : int
@@ -78,6 +80,7 @@ class ServerSettings:
     priority: int | None = None
     cpu: int | None = None
     stuck_after: int = 100
+    alarm_hook: str | None = None
     files: Mapping[str, bytes] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -17,6 +17,7 @@ from zlib import crc32
 SIGNALS = 32  # of each kind, at most
 _NUMBERS = f"{8 * SIGNALS}s"
 _TEXT = 500  # bytes
+_NAME = 100  # bytes
 LONGEST_DESCRIPTION = 16384  # bytes
 _HEAD = struct.Struct("<QI")  # count, checksum of the count and the record
 _COUNT = struct.Struct("<Q")
@@ -102,9 +103,10 @@ class Trip(NamedTuple):
 
 
 class Alarm(NamedTuple):
-    """A message for the operator, written by the device; the rig continues to run."""
+    """A message for the operator on a signal, written by the device; the rig continues to run."""
 
     time: float
+    source: bytes
     reason: bytes
 
 
@@ -143,7 +145,7 @@ _LAYOUTS: dict[type, str] = {
     Beat: "<dQ?d16s?Q",
     Sample: "<QdQ" + 4 * _NUMBERS + "QQ",
     Trip: f"<d??{_TEXT}s",
-    Alarm: f"<d{_TEXT}s",
+    Alarm: f"<d{_NAME}s{_TEXT}s",
     Watch: "<dQBQ?d?Q",
     Description: f"<{LONGEST_DESCRIPTION}sd",
 }

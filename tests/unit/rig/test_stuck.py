@@ -27,7 +27,7 @@ def alarms(sensor, current=lambda k: sin(0.3 * k), force=lambda k: 1.0, back=nan
     for k in range(100):
         applied = current(k), force(k)
         shown = {"shown": sensor(k, *applied)}
-        found += [(k, text) for text in monitor.check(applied, [back, nan], shown)]
+        found += [(k, text) for _, text in monitor.check(applied, [back, nan], shown)]
     return found
 
 
@@ -70,9 +70,16 @@ def test_a_sensor_that_sticks_is_an_alarm_once(about):
     assert text.endswith(" changed: is its sensor stuck?")
 
 
+def test_a_sensor_that_has_never_changed_is_an_alarm_once_all_inputs_have():
+    ((when, text),) = alarms(lambda k, *applied: 0.5, force=lambda k: 1.0 + 0.1 * max(0, k - 20))
+    assert when == 21 + AFTER - 1
+    assert text.startswith("shown has been 0.5 V for 31 samples, while current and force changed")
+
+
 @pytest.mark.parametrize(
     "about",
     [
+        {"sensor": lambda k, *applied: 0.5},  # the force has not changed, which it may show
         {"sensor": of_force},  # the current changes, which it does not depend on
         {"sensor": of_force, "force": lambda k: 1.0 + min(1.0, 0.1 * k)},  # nor any more
         {"sensor": of_current, "current": lambda k: min(0.9, 0.1 * k)},  # nothing changes any more

@@ -193,7 +193,7 @@ def test_operators_command_nothing(serve, kind):
     handler, _, lines = serve(operators=[request(kind, session="one")])
     assert handler.done == []
     assert handler.counts["malformed"] == 1
-    assert "there are stop, acknowledge, status" in lines[0]
+    assert "there are stop, acknowledge, shelve, status" in lines[0]
 
 
 def test_clients_acknowledge_nothing(serve):

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from orchestration.rig.server import latch as module
+from orchestration.rig.server.alarms import Alarms
 from orchestration.rig.server.latch import Latch
 from orchestration.rig.server.latch_file import LatchKeeper, LatchRecord
 
@@ -61,7 +62,8 @@ class Trial:
 
     def __init__(self, held=None):
         self.rig, self.log, self.keeper = Rig(), Log(), Keeper(held)
-        self.latch = Latch(self.rig, self.log, self.keeper)
+        self.alarms = Alarms(self.log)
+        self.latch = Latch(self.rig, self.log, self.keeper, self.alarms)
 
     def after(self, seconds):
         self.rig.now += seconds
@@ -86,7 +88,7 @@ def test_safe_is_said_when_it_is_confirmed_and_not_before(trial):
     assert trial.after(0.01) == "safe"
     assert trial.latch.reached == pytest.approx(0.012)
     assert trial.log.lines == ["SAFE STATE: stopped: smoke", "safe, reached after 12 ms"]
-    assert trial.latch.alarm == ""
+    assert trial.alarms.text == ""
 
 
 def test_a_rig_that_is_safe_already_is_safe_at_once(trial):
@@ -100,13 +102,13 @@ def test_a_safe_state_that_is_not_confirmed_in_time_is_an_alarm_that_stays(trial
     assert trial.after(0.29) == "stopping"
     assert trial.after(0.02) == "not reached"
     alarm = "THE SAFE STATE WAS NOT REACHED within 300 ms: stopped: smoke"
-    assert trial.latch.alarm == alarm
-    assert any(line.startswith(alarm) for line in trial.log.lines)
+    assert trial.alarms.text == f"{alarm}; see to the rig itself"
+    assert any(alarm in line for line in trial.log.lines)
     assert trial.latch.sentence().startswith("THE SAFE STATE OF THE RIG WAS NOT REACHED since ")
     trial.rig.safe = 1004.2
     assert trial.after(4.0) == "safe"
     assert trial.latch.reached == pytest.approx(4.2)
-    assert trial.latch.alarm == alarm
+    assert alarm in trial.alarms.text
     assert trial.log.lines[-1] == "safe, reached after 4.2 s"
     assert trial.keeper.kept[-1].alarm == alarm
 
@@ -136,12 +138,12 @@ def test_what_the_device_denies_is_an_alarm_at_once_until_it_is_safe_again(trial
     trial.latch.close("stopped: smoke")
     trial.rig.safe, trial.rig.denied = None, "the device has 1 A"
     assert trial.after(0.01) == "not reached"
-    assert trial.latch.alarm == "THE SAFE STATE WAS NOT REACHED: the device has 1 A"
+    assert trial.alarms.text.startswith("THE SAFE STATE WAS NOT REACHED: the device has 1 A")
     trial.latch.close("stopped: again")
     assert trial.latch.state == "not reached", "a stop alone is no news of the device"
     trial.rig.safe, trial.rig.denied = 1000.2, ""
     assert trial.after(0.2) == "safe"
-    assert "NOT REACHED" in trial.latch.alarm
+    assert "NOT REACHED" in trial.alarms.text
 
 
 def test_the_time_to_the_safe_state_is_that_of_the_first_time(trial):
@@ -179,15 +181,15 @@ def test_stops_that_follow_each_other_faster_than_they_are_seen_to_are_no_alarm(
         trial.latch.close(f"stopped: {k}")
         trial.rig.go_safe = go_safe
     assert trial.latch.state == "stopping"
-    assert trial.latch.alarm == ""
+    assert trial.alarms.text == ""
 
 
 def test_what_the_device_does_not_report_is_not_called_verified():
     rig = Rig()
     rig.safe = 1000.0
-    assert Latch(rig, Log(), Keeper()).fields()["verified"]
+    assert Latch(rig, Log(), Keeper(), Alarms(Log())).fields()["verified"]
     rig.signals.unreported.append("force")
-    latch = Latch(rig, Log(), Keeper())
+    latch = Latch(rig, Log(), Keeper(), Alarms(Log()))
     latch.close("stopped: smoke")
     assert not latch.fields()["verified"]
     assert "commanded safe, not verified: the device does not report force" in latch.sentence()
@@ -234,7 +236,7 @@ def test_nothing_opens_before_the_safe_state_is_confirmed(trial):
     trial.rig.waiting = ""
     trial.after(0.1)
     assert not trial.latch.is_closed
-    assert trial.latch.alarm == ""
+    assert trial.alarms.text == ""
 
 
 def test_what_stops_the_rig_while_it_opens_holds_it(trial):
@@ -255,8 +257,8 @@ def test_a_latch_that_was_kept_is_closed_from_the_start(monkeypatch):
     trial = Trial(held)
     monkeypatch.setattr(module, "monotonic", lambda: trial.rig.now)
     assert trial.latch.is_closed
-    assert (trial.latch.name, trial.latch.alarm) == ("0123456789abcdef", "look at it")
-    assert "before this start: stopped: smoke" in trial.log.lines[0]
+    assert (trial.latch.name, trial.alarms.text) == ("0123456789abcdef", "look at it")
+    assert "before this start: stopped: smoke" in trial.log.lines[1]
     trial.rig.safe = 999.0
     assert trial.after(0.01) == "safe"
     trial.latch.acknowledge("0123456789abcdef", "lab")

@@ -16,6 +16,7 @@ from orchestration.rig.server import real_time as module
 from orchestration.rig.server.calls import BackendSignals
 from orchestration.rig.server.device import ENDED
 from orchestration.rig.server.real_time import RealTimeRig
+from orchestration.rig.server.rig import Notice
 from orchestration.rig.server.settings import ServerSettings
 from orchestration.rig.server.shared_memory import (
     END,
@@ -269,8 +270,8 @@ def test_however_fast_stops_follow_each_other_a_confirmation_of_the_first_counts
 
 
 def test_alarms_are_told_once(rig):
-    rig._shared.alarm.write(Alarm(1.0, write_text("voltage is stuck")))
-    assert rig.alarms() == ["voltage is stuck"]
+    rig._shared.alarm.write(Alarm(1.0, b"voltage", write_text("voltage is stuck")))
+    assert rig.alarms() == [Notice("voltage", "voltage is stuck")]
     assert rig.alarms() == []
 
 

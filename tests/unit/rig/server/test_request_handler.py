@@ -19,7 +19,7 @@ from orchestration.rig.keys import KeyHolder
 from orchestration.rig.server.calls import BackendSignals
 from orchestration.rig.server.latch_file import LatchKeeper
 from orchestration.rig.server.request_handler import RequestHandler
-from orchestration.rig.server.rig import RigState
+from orchestration.rig.server.rig import Notice, RigState
 
 pytestmark = pytest.mark.real_time
 
@@ -343,11 +343,20 @@ def test_a_rig_that_nobody_commands_and_that_is_not_at_rest_is_latched(trial, mo
 def test_an_alarm_holds_until_it_is_acknowledged_while_the_rig_goes_on(trial):
     trial.connect()
     trial.exchange(1)
-    trial.rig.alarming = ["voltage has not changed for 100 samples"]
+    trial.rig.alarming = [Notice("voltage", "voltage has not changed for 100 samples")]
+    trial.handler.supervise()
+    trial.rig.alarming = [Notice("current", "current is ignored")]
     trial.handler.supervise()
     told = trial.ask("status")
-    assert (told["state"], told["alarm"]) == ("running", "voltage has not changed for 100 samples")
-    assert trial.ask("acknowledge", latch="")["alarm"] == ""
+    assert told["state"] == "running"
+    assert told["alarm"] == "voltage has not changed for 100 samples; current is ignored"
+    first, second = [one["name"] for one in told["alarms"]]
+    for _ in range(2):  # one that is said again clears no other
+        assert trial.ask("acknowledge", latch="")["alarm"] == told["alarm"]
+    for _ in range(2):
+        assert trial.ask("acknowledge", latch=first)["alarm"] == "current is ignored"
+    assert trial.ask("shelve", alarm=second, time=1e6)["type"] == "refused"
+    assert trial.ask("shelve", alarm=second, time=60.0)["alarm"] == ""
     assert trial.exchange(2)["refused"] == []
 
 
@@ -356,7 +365,7 @@ def test_an_alarm_holds_until_it_is_acknowledged_while_the_rig_goes_on(trial):
     [
         ("watch", {"status", "stop"}),
         ("command", {"status", "stop", "connect", "exchange", "disconnect"}),
-        ("acknowledge", {"status", "stop", "connect", "exchange", "disconnect", "acknowledge"}),
+        ("acknowledge", {*REQUESTS}),
         ("", {"status", "stop"}),
     ],
 )
