@@ -371,9 +371,16 @@ class Device:
                 self._values[k] = value
                 self._taken[k] = now
         self._number += 1
-        packed = map(pack, (self._applied, reported, self._values, self._taken))
         sample = Sample(
-            self._number, now, self._deadlines.missed, *packed, os.getpid(), self._rested
+            self._number,
+            now,
+            self._deadlines.missed,
+            pack(self._applied),
+            pack(reported),
+            pack(self._values),
+            pack(self._taken),
+            os.getpid(),
+            self._rested,
         )
         self._shared.sample.write(sample)
 

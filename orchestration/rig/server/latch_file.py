@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from datetime import datetime
 from hashlib import sha256
 from pathlib import Path
@@ -21,6 +22,7 @@ import platformdirs
 
 from fmus.kit import UserError, files
 
+_LOOK = 0.5  # s between two looks whether the files are there
 _LONGEST_END = 2.0  # s that the disk gets for the last write at the end of a server
 
 
@@ -93,6 +95,7 @@ class LatchFiles(LatchKeeper):
         self._newest: Queue[LatchRecord | None] = Queue(1)
         self._kept = self.held
         self._ending = False
+        self._trouble: str | None = ""  # as it was told
         self._writer = Thread(target=self._write_newest, daemon=True, name="latch")
         self._writer.start()
 
@@ -114,21 +117,32 @@ class LatchFiles(LatchKeeper):
             return
 
     def _write_newest(self) -> None:
-        """Write every record that is newest when the one before has been written, until the end."""
+        """Write every record that is newest when the one before has been written, until the end.
+
+        A file that somebody has deleted is written again.
+        """
+        record = self._kept
         while True:
-            record = self._newest.get()
+            is_there = all(map(os.path.exists, self._paths))
+            with suppress(Empty):
+                record = self._newest.get(timeout=_LOOK)
+                is_there = False
             if self._ending:
                 return
-            self._try_to_write(record, serving=True)
+            if not is_there:
+                self._try_to_write(record, serving=True)
 
     def _try_to_write(self, record: LatchRecord | None, serving: bool) -> None:
         try:
             self._write(record, serving)
+            self._trouble = ""
         except OSError as error:
-            self._tell(
-                f"THE LATCH IS NOT KEPT in {self._paths[0].parent}: {error.strerror}; the next"
-                " server of this device is latched in any case"
-            )
+            if error.strerror != self._trouble:
+                self._trouble = error.strerror
+                self._tell(
+                    f"THE LATCH IS NOT KEPT in {self._paths[0].parent}: {error.strerror}; the next"
+                    " server of this device is latched in any case"
+                )
 
     def _write(self, record: LatchRecord | None, serving: bool) -> None:
         server = f"process {os.getpid()}" if serving else ""

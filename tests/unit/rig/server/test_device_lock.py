@@ -15,25 +15,18 @@ from orchestration.rig.server.device_lock import locked
 from tests.support.command import posix
 
 HOLD = (
-    "import sys, time; from pathlib import Path\n"
-    "from orchestration.rig.server import device_lock as module\n"
-    "module._folder = lambda: Path(sys.argv[1])\n"
-    "with module.locked(sys.argv[2:]):\n"
+    "import sys, time; from orchestration.rig.server.device_lock import locked\n"
+    "with locked(sys.argv[1:]):\n"
     "    print('there', flush=True); time.sleep(60)"
 )
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "_folder", lambda: tmp_path)
-    return tmp_path
+DEV0, DEV1, DEV2 = (f"Dev{number} of process {os.getpid()}" for number in range(3))
 
 
 @pytest.fixture
-def other(folder):
+def other():
     """A process that has two devices."""
     with subprocess.Popen(
-        [sys.executable, "-c", HOLD, folder, "Dev1", "Dev2"], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", HOLD, DEV1, DEV2], stdout=subprocess.PIPE, text=True
     ) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "there\n"
@@ -43,11 +36,11 @@ def other(folder):
 
 def test_another_server_of_the_same_device_is_refused_with_the_process_that_has_it(other):
     with (
-        pytest.raises(UserError, match=rf"^Dev2 is served already, by process {other.pid} since "),
-        locked(["Dev0", "Dev2"]),
+        pytest.raises(UserError, match=f"^{DEV2} is served already, by process {other.pid} since "),
+        locked([DEV0, DEV2]),
     ):
         pass
-    with locked(["Dev0"]):  # was let go of
+    with locked([DEV0]):  # was let go of
         pass
     with locked([]):  # nothing real
         pass
@@ -57,27 +50,47 @@ def test_another_server_of_the_same_device_is_refused_with_the_process_that_has_
 def test_it_ends_with_its_process_however_that_ends(other):
     other.send_signal(signal.SIGKILL)
     other.wait()
-    with locked(["Dev1", "Dev2", "Dev1"]):
+    with locked([DEV1, DEV2, DEV1]):
         pass
 
 
-def test_it_is_free_again_afterwards(folder):
+def test_it_is_free_again_afterwards():
     for _ in range(2):
         with (
-            locked(["Dev1"]),
+            locked([DEV1]),
             pytest.raises(UserError, match=f"process {os.getpid()} "),
-            locked(["Dev1"]),
+            locked([DEV1]),
         ):
             pass
 
 
-def test_a_place_that_cannot_be_written_is_refused(folder, monkeypatch):
-    monkeypatch.setattr(module, "_folder", lambda: folder / ("x" * 300))
-    with pytest.raises(UserError, match="Dev1 cannot be locked"), locked(["Dev1"]):
+@pytest.fixture
+def as_elsewhere(tmp_path, monkeypatch):
+    """A lock as on systems without names of the kernel's own."""
+    monkeypatch.setattr(module, "_bound", module._locked_file)
+    monkeypatch.setattr(module, "_folder", lambda: tmp_path)
+    return tmp_path
+
+
+def test_elsewhere_a_file_is_locked(as_elsewhere):
+    for _ in range(2):
+        with (
+            locked([DEV1]),
+            pytest.raises(UserError, match="is served already, by another process"),
+            locked([DEV1]),
+        ):
+            pass
+
+
+def test_a_place_that_cannot_be_written_is_refused(as_elsewhere, monkeypatch):
+    monkeypatch.setattr(module, "_folder", lambda: as_elsewhere / ("x" * 300))
+    with pytest.raises(UserError, match=f"{DEV1} cannot be locked"), locked([DEV1]):
         pass
 
 
-@posix
-def test_the_place_is_that_of_all_users(monkeypatch):
-    monkeypatch.undo()
-    assert str(module._folder()) in ("/run/lock", "/tmp")
+@pytest.mark.skipif(sys.platform != "linux", reason="unix(7)")
+def test_there_is_no_file_that_could_be_deleted(other):
+    for number in os.listdir(f"/proc/{other.pid}/fd"):
+        assert ".lock" not in os.readlink(f"/proc/{other.pid}/fd/{number}")
+    with pytest.raises(UserError), locked([DEV1]):
+        pass

@@ -49,6 +49,21 @@ def test_of_the_states_that_follow_each_other_fast_the_newest_is_kept(tmp_path):
     assert held.reason == "stopped: 1999"
 
 
+def test_files_that_somebody_deletes_while_the_server_runs_are_written_again(tmp_path):
+    first = keeper(tmp_path)
+    for held in (None, SMOKE):
+        first.keep(held)
+        time.sleep(0.1)
+        for path in tmp_path.iterdir():
+            path.unlink()
+        until = time.monotonic() + 10.0
+        while len(list(tmp_path.glob("*.json"))) < 2:
+            assert time.monotonic() < until
+            time.sleep(0.01)
+    assert keeper(tmp_path).held == SMOKE
+    first.end()
+
+
 def test_there_is_a_file_for_each_device_which_only_its_owner_reads(tmp_path):
     keeper(tmp_path).end()
     files = sorted(tmp_path.iterdir())
