@@ -95,8 +95,12 @@ EXAMPLES = {
         "ppy rig record --stimulus fig_3_4 --set duration=5s --rate 10 --out slow.nc",
     ),
     "rig stop": ("ppy rig stop", 'ppy rig stop --reason "the clamp slips"'),
-    "rig acknowledge": ("ppy rig acknowledge", "ppy rig acknowledge --latch 4820aeb249b43f32"),
+    "rig acknowledge": (
+        "ppy rig acknowledge --latch 4820aeb249b43f32",
+        "ppy rig acknowledge --alarm 1f6d727e --shelve 600",
+    ),
     "rig status": ("ppy rig status", "ppy rig status --json -"),
+    "rig log": ("ppy rig log rig.log", "ppy rig log rig.log.2 rig.log.1 rig.log"),
     "rig keys": ("ppy rig keys keys", "ppy rig keys keys --client desk --role watch"),
     "rig bridge": (
         "ppy rig bridge --endpoint tcp://rig:5570 --credentials keys/rig-client.toml",

@@ -812,6 +812,20 @@ class AcknowledgeCommand(ServerOptions, LongTimeoutOption, JsonOption, total=Fal
     ]
 
 
+class LogCommand(TypedDict, total=False):
+    """Options of ``ppy rig log``."""
+
+    files: Annotated[
+        list[Path],
+        Option(
+            "Files of one log, the oldest first.",
+            default=REQUIRED,
+            metavar="FILE...",
+            argument=True,
+        ),
+    ]
+
+
 class StatusCommand(ServerOptions, TimeoutOption, JsonOption, total=False):
     """Options of ``ppy rig status``."""
 

@@ -14,6 +14,7 @@ from orchestration.cli.commands.options import (
     AcknowledgeCommand,
     BridgeCommand,
     KeysCommand,
+    LogCommand,
     RecordRigCommand,
     ServeCommand,
     ServerOptions,
@@ -327,6 +328,17 @@ def _show(answer: Any, path: Path | None) -> None:
     if path != STANDARD_OUTPUT:
         out.print(summarise_status(answer))
     write_json(path, answer)
+
+
+@rig.command("log")
+@command(LogCommand)
+def log(options: LogCommand) -> None:
+    """Check that no line of a log of ppy rig serve was changed, put in or taken out later."""
+    from orchestration.reporting.console import out
+    from orchestration.rig.server import verify
+
+    count = verify(options["files"])
+    out.print(f"{count} lines, as they were written")
 
 
 @rig.command("keys")

@@ -1,4 +1,5 @@
 from .front import serve as serve
+from .log_chain import verify as verify
 from .scheduling import WATCHDOG as WATCHDOG
 from .scheduling import default_watchdog as default_watchdog
 from .settings import ServerSettings as ServerSettings

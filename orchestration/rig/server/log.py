@@ -12,9 +12,9 @@ from pathlib import Path
 from queue import Empty, Full, Queue
 from threading import Thread
 from time import monotonic
-from typing import TextIO
 
 from fmus.kit import UserError, quoting
+from orchestration.rig.server.log_chain import START, last_digest, seal
 
 _LONGEST_QUEUE = 1000  # lines that wait for a terminal that does not take them
 _LONGEST_LINE = 1000  # characters
@@ -30,7 +30,8 @@ class EventLog:
     Parameters
     ----------
     path : Path or None
-        File that lines are added to.
+        File that lines are added to, each with a digest (see `log_chain`), for its owner alone. If
+        it is renamed, as by a program that rotates logs, a new one is made.
     clock : callable
         Time in s that never jumps.
 
@@ -44,10 +45,10 @@ class EventLog:
         self._clock = clock
         self._newest: dict[str, float] = {}
         self._withheld: dict[str, int] = {}
-        self._destinations = [_Destination(sys.stdout)]
+        self._destinations = [_Destination(_Terminal())]
         if path is not None:
             try:
-                file = os.fdopen(_open_at_once(path), "a", encoding="utf-8")
+                file = _File(path)
             except OSError as error:
                 raise UserError(f"--log {path}: {error.strerror}") from error
             self._destinations.append(
@@ -77,7 +78,7 @@ class EventLog:
         addition = f" (and {withheld} like it before)" if withheld else ""
         # the text may contain that of a client
         shown = quoting.line(f"{text}{addition}")[:_LONGEST_LINE]
-        line = f"{datetime.now().isoformat(' ', 'milliseconds')} {shown}\n"
+        line = _dated(shown)
         for destination in self._destinations:
             destination.put(line)
 
@@ -89,30 +90,87 @@ class EventLog:
             destination.close()
 
 
+class _Terminal:
+    """Standard output."""
+
+    def __init__(self) -> None:
+        self._stream = sys.stdout
+
+    def write(self, line: str) -> None:
+        self._stream.write(f"{line}\n")
+        self._stream.flush()
+
+    def close(self) -> None:
+        """Do nothing: it is not ours."""
+
+
+class _File:
+    """A file, with a chain of digests that goes on over its rotation and over a restart."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._descriptor = _open_at_once(path)
+        self._digest = ""  # of the last line; empty until the first is written
+
+    def write(self, line: str) -> None:
+        try:
+            is_there = os.path.samestat(os.stat(self._path), os.fstat(self._descriptor))
+        except FileNotFoundError:
+            is_there = False
+        if not is_there:
+            os.close(self._descriptor)
+            self._descriptor = _open_at_once(self._path)
+        if not self._digest:
+            self._digest = self._digest_of_before()
+            is_there = False
+        if not is_there:
+            self._add(_dated(f"log opened, after {self._digest}"))
+        self._add(line)
+
+    def _digest_of_before(self) -> str:
+        if not self._path.is_file():
+            return START
+        with self._path.open(encoding="utf-8", errors="replace") as lines:
+            return last_digest(lines)
+
+    def _add(self, line: str) -> None:
+        digest = seal(self._digest, line)
+        os.write(self._descriptor, f"{line} #{digest}\n".encode())
+        self._digest = digest
+
+    def close(self) -> None:
+        os.close(self._descriptor)
+
+
 class _Destination:
-    """A stream that a thread writes lines to, until that fails."""
+    """A place that a thread writes lines to, until that fails; it says how many were lost."""
 
     def __init__(
-        self, stream: TextIO, failed: Callable[[Exception], None] = lambda error: None
+        self,
+        place: _Terminal | _File,
+        failed: Callable[[Exception], None] = lambda error: None,
     ) -> None:
-        self._stream = stream
+        self._place = place
         self._failed = failed
+        self._lost = 0
         self._lines: Queue[str | None] = Queue(_LONGEST_QUEUE)
         self._closing = False
         self._writer = Thread(target=self._write, daemon=True, name="log")
         self._writer.start()
 
     def put(self, line: str | None) -> None:
-        with suppress(Full):
+        try:
             self._lines.put_nowait(line)
+        except Full:
+            self._lost += line is not None
 
     def close(self) -> None:
         self._closing = True
         self.put(None)
         self._writer.join(_LONGEST_END)
-        if self._stream is not sys.stdout and not self._writer.is_alive():
+        if not self._writer.is_alive():
             with suppress(OSError):
-                self._stream.close()
+                self._place.close()
 
     def _next(self) -> str | None:
         """Wait for the next line; return None at the end."""
@@ -124,16 +182,23 @@ class _Destination:
                     return None
 
     def _write(self) -> None:
-        """Write lines until the end, or until the stream fails."""
+        """Write lines until the end, or until the place fails."""
         try:
             while (line := self._next()) is not None:
-                self._stream.write(line)
-                self._stream.flush()
+                self._place.write(line)
+                if self._lost and self._lines.empty():
+                    self._place.write(_dated(f"{self._lost} lines were lost here"))
+                    self._lost = 0
         except (OSError, ValueError) as error:  # a full disk, a closed pipe
             self._failed(error)
+
+
+def _dated(text: str) -> str:
+    """Return a line with wall time."""
+    return f"{datetime.now().isoformat(' ', 'milliseconds')} {text}"
 
 
 def _open_at_once(path: Path) -> int:
     """Open a file to add to, or fail where a pipe has no reader, which would be waited for."""
     flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NONBLOCK", 0)
-    return os.open(path, flags, 0o666)
+    return os.open(path, flags, 0o600)

@@ -161,7 +161,7 @@ class RequestHandler:
             self._end_session("replaced")
             session = new_session(message, self._rig.signals, peer.connection, monotonic())
             self._session = session
-            self._log.tell(f"client connected: {name}, {peer}")
+            self._log.tell(f"client connected: {name}, {peer}", "client connected")
         return encode(
             "accepted",
             session=session.key,
@@ -326,7 +326,7 @@ class RequestHandler:
     def _end_session(self, ending: str) -> None:
         """End the session, if there is one, and log the reason; the rig goes to rest."""
         if self._session is not None:
-            self._log.tell(f"client {self._session.client[:_LONGEST_NAME]} {ending}")
+            self._log.tell(f"client {self._session.client[:_LONGEST_NAME]} {ending}", ending)
             self._session = None
         self._filter.reset()
         self._rig.go_safe()

@@ -10,6 +10,7 @@ import pytest
 
 from fmus.kit.errors import UserError
 from orchestration.rig.server.log import EventLog
+from orchestration.rig.server.log_chain import verify
 from tests.support.command import posix
 
 pytestmark = pytest.mark.real_time
@@ -23,8 +24,44 @@ def test_lines_go_to_both_places_with_wall_time(tmp_path, capsys):
     log.close()
     lines = file.read_text().splitlines()
     assert lines[0] == "before", "lines are added"
-    assert re.fullmatch(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3} ready: somewhere", lines[1])
-    assert capsys.readouterr().out == lines[1] + "\n"
+    line, _, _ = lines[2].rpartition(" #")
+    assert re.fullmatch(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3} ready: somewhere", line)
+    assert capsys.readouterr().out == line + "\n"
+
+
+@posix
+def test_a_file_is_for_its_owner_alone_and_its_rotation_is_followed(tmp_path):
+    file = tmp_path / "rig.log"
+    log = EventLog(file)
+    log.tell("one")
+    deadline = time.monotonic() + 10.0
+    while " one #" not in file.read_text():
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
+    file.rename(tmp_path / "rig.log.1")
+    log.tell("two")
+    log.close()
+    again = EventLog(file)
+    again.tell("three")
+    again.close()
+    assert " two #" not in (tmp_path / "rig.log.1").read_text()
+    assert " two #" in file.read_text()
+    assert {path.stat().st_mode & 0o777 for path in tmp_path.iterdir()} == {0o600}
+    assert verify([tmp_path / "rig.log.1", file]) == 6
+    assert verify([file]) == 4
+
+
+def test_lines_that_are_lost_are_counted(tmp_path, monkeypatch):
+    monkeypatch.setattr("orchestration.rig.server.log._LONGEST_QUEUE", 5)
+    log = EventLog(tmp_path / "rig.log")
+    for number in range(1000):
+        log.tell(f"line {number}")
+    log.close()
+    text = (tmp_path / "rig.log").read_text()
+    written = text.count(" line ")
+    lost = sum(map(int, re.findall(r" (\d+) lines were lost here", text)))
+    assert written + lost == 1000
+    assert lost > 0
 
 
 def test_what_a_stranger_calls_itself_cannot_steer_a_terminal_nor_end_the_log(tmp_path, capsys):
@@ -32,7 +69,8 @@ def test_what_a_stranger_calls_itself_cannot_steer_a_terminal_nor_end_the_log(tm
     log.tell("client \x1b[2J\ud800 \u202e refused " + "x" * 5000)
     log.tell("next")
     log.close()
-    first, second = (tmp_path / "rig.log").read_text(encoding="utf-8").splitlines()
+    sealed = (tmp_path / "rig.log").read_text(encoding="utf-8").splitlines()
+    _, first, second = (line.rpartition(" #")[0] for line in sealed)
     assert r" client \x1b[2J\ud800 \u202e refused xxx" in first
     assert len(first) < 1100
     assert second.endswith(" next")
