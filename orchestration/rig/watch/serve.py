@@ -7,7 +7,9 @@ import json
 import os
 import re
 import secrets
+import socket
 import socketserver
+import threading
 from collections.abc import Callable
 from contextlib import suppress
 from http import HTTPStatus
@@ -22,6 +24,7 @@ from orchestration.rig.watch.feed import Feed
 LOOPBACK = "127.0.0.1"
 _PATIENCE = 5.0  # s that a browser may take to send its request, or to receive the answer
 _LARGEST = 4096  # bytes of the body of a request; they are read and ignored
+_MOST = 100  # connections that are open at once, which leaves descriptors for a stop
 _WAITING = 128  # connections that wait to be taken, as when many tabs are opened at once
 _TYPES = {"css": "text/css", "js": "text/javascript"}
 _FILES = (
@@ -88,11 +91,30 @@ class PageServer(ThreadingHTTPServer):
         self.hosts = {f"{LOOPBACK}:{self.port}", f"localhost:{self.port}"}
         self.token = secrets.token_urlsafe(32)
         self.instance = secrets.token_hex(8)
+        self._connections: dict[Any, None] = {}  # the oldest first
+        self._lock = threading.Lock()
 
     @property
     def address(self) -> str:
         """Address of the page."""
         return f"http://{LOOPBACK}:{self.port}/"
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Serve a connection in a thread, in place of the oldest one if there are too many."""
+        with self._lock:
+            oldest = next(iter(self._connections), None)
+            if len(self._connections) >= _MOST and oldest is not None:
+                del self._connections[oldest]
+                with suppress(OSError):
+                    oldest.shutdown(socket.SHUT_RDWR)
+            self._connections[request] = None
+        super().process_request(request, client_address)
+
+    def shutdown_request(self, request: Any) -> None:
+        """Close a connection."""
+        with self._lock:
+            self._connections.pop(request, None)
+        super().shutdown_request(request)
 
     def server_bind(self) -> None:
         """Bind the port; the standard library would look up this machine's name first."""

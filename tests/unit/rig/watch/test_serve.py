@@ -9,7 +9,7 @@ import re
 import socket
 import threading
 import time
-from contextlib import closing
+from contextlib import ExitStack, closing
 from http.client import HTTPConnection
 
 import pytest
@@ -74,6 +74,18 @@ def test_the_page_is_of_this_rig_and_takes_nothing_from_elsewhere(page):
     for name, kind in (("page.css", "text/css"), ("worker.js", "text/javascript")):
         status, _, headers = ask(page, "GET", f"/{name}")
         assert (status, headers["Content-Type"]) == (200, f"{kind}; charset=utf-8")
+
+
+def test_connections_that_say_nothing_leave_room_for_a_stop(page):
+    with ExitStack() as opened:
+        connections = [
+            opened.enter_context(socket.create_connection(("127.0.0.1", page.port), timeout=5))
+            for _ in range(300)
+        ]
+        assert [connection.recv(1) for connection in connections[:150]] == 150 * [b""]
+        assert len(page._connections) <= 100
+        status, _, _ = ask(page, "POST", "/stop", {"X-Rig-Token": page.token}.items())
+        assert (status, page.stops) == (200, ["stop"])
 
 
 @pytest.mark.parametrize("path", ["/page.html", "/serve.py", "/../serve.py", "//etc/passwd"])
