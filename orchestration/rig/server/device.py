@@ -79,7 +79,6 @@ def main(settings: ServerSettings, memory: Any, output: Output) -> None:
     detach()
     output.redirect()
     files.keep(settings.files)
-    prefer_to_others(DEVICE)
     device = Device(settings, SharedMemory(memory))
     if hasattr(signal, "SIGTERM"):
         signal.signal(signal.SIGTERM, device.end)
@@ -144,6 +143,7 @@ class Device:
         """
         try:
             self._open(notes)
+            prefer_to_others(self._settings.priority or DEVICE)
             self._loop()
             self._rest_for_good()
             self._call("close()", self._backend.close)

@@ -78,11 +78,11 @@ def main(
         Whether another guard is on duty, and this one waits until it fails.
     """
     detach()
-    prefer_to_others(max(GUARD, settings.priority or 0))
     output.redirect()
     files.keep(settings.files)
     with suppress(Exception):  # the device will report its own fault
         backend_class(settings.backend)
+    prefer_to_others(max(GUARD, settings.priority or 0))
     guard = Guard(settings, memory, output)
     if hasattr(signal, "SIGTERM"):
         signal.signal(signal.SIGTERM, guard.end)

@@ -18,6 +18,9 @@ from orchestration.rig.server.log import EventLog
 from orchestration.rig.server.rig import Rig
 
 _LONGEST_REASON = 1000  # characters: names in it may be a stranger's
+# s beyond the bound that the process of a device, which is opened anew after an acknowledgement, may
+# take to start; the rig was left in its safe state
+_LONGEST_START = 5.0
 _UNCONFIRMED = "the safe state is not confirmed yet"
 _SENTENCES = {
     STOPPING: "the rig is on its way to its safe state",
@@ -194,7 +197,7 @@ class Latch:
             denial = self._rig.denial()
             if denial:
                 self._alarm_of_state(f": {denial}")
-            elif now - self._lacking > self._rig.bound:
+            elif now - self._lacking > self._rig.bound + _LONGEST_START * self._is_opening:
                 self._alarm_of_state(f" within {_duration(self._rig.bound)}: {self._cause}")
 
     def _alarm_of_state(self, why: str) -> None:

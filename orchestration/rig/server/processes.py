@@ -54,16 +54,29 @@ def undisturbed() -> Iterator[None]:
     """Block the signals for the front while processes are started in this context.
 
     A new process inherits the blocked signals, so that none reaches it before it detaches itself.
-    No signal is lost: those that arrive here are delivered after the context.
+    No signal is lost: those that arrive here are delivered after the context. It does not inherit
+    the priority, which its start would use up.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _for_front_alone())
+    _reset_priority_of_children(True)
     try:
         yield
     finally:
+        _reset_priority_of_children(False)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _reset_priority_of_children(resets: bool) -> None:
+    """Let processes that this thread starts begin without its real-time priority, or with it."""
+    if not hasattr(os, "SCHED_RESET_ON_FORK"):
+        return
+    policy = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
+    flag = os.SCHED_RESET_ON_FORK if resets else 0
+    with suppress(OSError):  # who has no priority may not set what is there already
+        os.sched_setscheduler(0, policy | flag, os.sched_getparam(0))
 
 
 def _for_front_alone() -> set[signal.Signals]:

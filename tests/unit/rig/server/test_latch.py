@@ -239,6 +239,17 @@ def test_nothing_opens_before_the_safe_state_is_confirmed(trial):
     assert trial.alarms.text == ""
 
 
+def test_a_device_that_is_opened_anew_has_time_to_start(trial):
+    """Nobody can ask the device meanwhile; before, it was confirmed to be safe."""
+    trial.rig.safe = 1000.0
+    trial.latch.close("stopped: smoke")
+    trial.rig.waiting = "the device is being opened"
+    trial.latch.acknowledge(trial.latch.name, "lab")
+    trial.rig.safe = None
+    assert trial.after(5.2) == "stopping"
+    assert trial.after(0.2) == "not reached"
+
+
 def test_what_stops_the_rig_while_it_opens_holds_it(trial):
     trial.rig.safe, trial.rig.waiting = 1000.0, "the device is being opened"
     trial.latch.close("stopped: smoke")
