@@ -405,7 +405,7 @@ class Guard:
         if self._is_told or trouble != self._trouble:
             self._is_told = False
             self._trouble = trouble
-            self._report(f"{self._fault}; THE SAFE STATE WAS NOT REACHED: {trouble}")
+            self._report(f"{self._fault}; its safe state cannot be reached: {trouble}")
         if backend is not None:
             with suppress(Exception), deadline(self._longest_call()):
                 backend.close()

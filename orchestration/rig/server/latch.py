@@ -198,7 +198,7 @@ class Latch:
             if denial:
                 self._alarm_of_state(f": {denial}")
             elif now - self._lacking > self._rig.bound + _LONGEST_START * self._is_opening:
-                self._alarm_of_state(f" within {_duration(self._rig.bound)}: {self._cause}")
+                self._alarm_of_state(f" within {_duration(self._rig.bound)}")
 
     def _alarm_of_state(self, why: str) -> None:
         """Note that the safe state was not reached."""

@@ -144,7 +144,7 @@ def test_a_guard_tries_for_ever_with_pauses_and_at_once_at_a_stop(tmp_path, monk
         assert bench.turn().at == RESCUING
     assert 28 <= bench.calls("fault open") <= 34, "60 s, every 2 s after some shorter pauses"
     reported = bench.shared.rescue.read()
-    assert "it hangs; THE SAFE STATE WAS NOT REACHED: " in read_text(reported.reason)
+    assert "it hangs; its safe state cannot be reached: " in read_text(reported.reason)
     assert reported.time < 1000.01, "it is told once"
     before = bench.calls("fault open")
     bench.shared.command.write(Command(REST, number=7))
