@@ -11,6 +11,7 @@ import signal
 import struct
 import time
 from contextlib import suppress
+from itertools import pairwise
 from subprocess import PIPE
 
 import pytest
@@ -354,3 +355,41 @@ def test_the_last_process_that_could_write_safe_values_is_not_ended(tmp_path):
         while server.family():
             assert time.monotonic() < until, "a process was left behind"
             time.sleep(0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("role", ["front", "guard", "standby", "device"])
+def test_the_heartbeat_stops_when_a_process_does(tmp_path, role):
+    """A relay that watches it would drop, as it would were the process killed."""
+    with serve(tmp_path, "Beating") as server:
+        driver = driven(server, tmp_path)
+        time.sleep(0.5)
+        beats = [call for call in server.calls() if call.what.startswith("beat")]
+        assert len(beats) > 10
+        levels = [beat.what for beat in beats]
+        assert all(one != other for one, other in pairwise(levels))
+        stopped = time.monotonic()
+        os.kill(server.roles()[role], signal.SIGSTOP)
+        time.sleep(0.8)
+        last = max(call.time for call in server.calls() if call.what.startswith("beat"))
+        print(f"{role}: the last heartbeat came {1e3 * (last - stopped):.0f} ms after the stop")
+        assert last - stopped < 0.4
+        for number in server.family():
+            os.kill(number, signal.SIGCONT)
+        driver.stop(orderly=False)
+
+
+@pytest.mark.slow
+def test_an_interlock_that_opens_stops_the_rig_and_holds_it_until_it_is_closed(tmp_path):
+    with serve(tmp_path, "Beating") as server:
+        driver = driven(server, tmp_path)
+        (tmp_path / "trigger").touch()
+        wait_held(tmp_path, (0.0, 0.0))
+        driver.stop(orderly=False)
+        remote = read_endpoint(server.endpoint)
+        server.wait_line("SAFE STATE: measured door 0 1 is below 0.5 1")
+        answer = acknowledge(remote, ask(remote, "status")["latch"], timeout=1.0)
+        assert answer["latch"]
+        (tmp_path / "trigger").unlink()
+        time.sleep(0.2)  # a sample with the door closed
+        assert acknowledge(remote, ask(remote, "status")["latch"])["state"] == "idle"

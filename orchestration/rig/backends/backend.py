@@ -88,6 +88,19 @@ class Backend(ABC):
         """
         return {}
 
+    def heartbeat(self, level: bool) -> None:
+        """Set the line by which a relay or a controller watches the server.
+
+        It changes with the samples, 50 times a second at most, as long as all processes of the
+        server are heard and the device does not deny its safe state; then it stays as it is, and
+        the relay has to drop. A backend without such a line does not define this.
+
+        Parameters
+        ----------
+        level : bool
+        """
+        raise NotImplementedError
+
     @abstractmethod
     def safe(self) -> None:
         """Bring the rig to its safe state: no current, no coil voltage.

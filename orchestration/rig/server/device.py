@@ -20,7 +20,7 @@ from time import monotonic, sleep
 from typing import Any
 
 from fmus.kit import files
-from orchestration.rig.backends import device_names, open_backend
+from orchestration.rig.backends import Backend, device_names, open_backend
 from orchestration.rig.safety import MeasurementMonitor, SlewLimiter, beyond, expired
 from orchestration.rig.server.calls import (
     BackendError,
@@ -59,6 +59,7 @@ from orchestration.rig.stuck import StuckMonitor
 
 # s: while the device waits for its deadline it looks this often whether it is to go safe or to end
 _LOOK = 0.01
+_HALF_BEAT = 0.02  # s, at least, between two changes of the heartbeat
 _ALARM = 0.1  # s for which an alarm is there for the front, before the next one
 SLEEP = "sleep"  # an activity of the device apart from calls of the backend
 ENDED = "ended"
@@ -123,6 +124,8 @@ class Device:
         self._acknowledgements_at_trip: int | None = None  # None while it has not tripped
         self._applied: tuple[float, ...] = ()
         self._number = 0
+        self._level = False  # of the heartbeat
+        self._toggled = 0.0  # when it changed, s
         self._alarms: deque[tuple[str, str]] = deque()  # signal and sentence, not published yet
         self._alarmed = 0.0  # when the last one was published, s
         self._looked = 0.0
@@ -156,6 +159,7 @@ class Device:
         settings = self._settings
         begun = monotonic()
         self._backend = self._call("opening", open_backend, settings.backend, settings.options)
+        self._has_heartbeat = type(self._backend).heartbeat is not Backend.heartbeat
         self._call("safe()", self._backend.safe)
         first = self._shared.description.read()
         self._signals = BackendSignals.from_backend(self._backend)
@@ -276,6 +280,17 @@ class Device:
             source, sentence = self._alarms.popleft()
             self._shared.alarm.write(Alarm(now, write_text(source), write_text(sentence)))
         self._publish(measured, reported, now)
+        if self._has_heartbeat and now - self._toggled >= _HALF_BEAT and self._is_sure(now):
+            self._toggled = now
+            self._level = not self._level
+            self._call("heartbeat()", self._backend.heartbeat, self._level)
+
+    def _is_sure(self, now: float) -> bool:
+        """Return True if all processes are heard, and the safe state is not denied."""
+        standby = self._shared.standby.read()
+        is_watched = standby is not None and now - standby.time <= self._settings.silence
+        is_denied = self._safe_state is not None and self._safe_state.is_denied
+        return is_watched and not (self._lost or is_denied)
 
     def _write(self, command: Command, values: tuple[float, ...]) -> None:
         """Write values (inputs,), SI, as far as limits of their rates allow; go safe beyond others.

@@ -18,8 +18,8 @@ from orchestration.rig.server.log import EventLog
 from orchestration.rig.server.rig import Rig
 
 _LONGEST_REASON = 1000  # characters: names in it may be a stranger's
-# s beyond the bound that the process of a device, which is opened anew after an acknowledgement, may
-# take to start; the rig was left in its safe state
+# s beyond the bound that a process may take to start, which opens the device anew after an
+# acknowledgement; the rig was left in its safe state
 _LONGEST_START = 5.0
 _UNCONFIRMED = "the safe state is not confirmed yet"
 _SENTENCES = {

@@ -130,6 +130,23 @@ class RealStepped(Stepped):
         return ["integrator"]
 
 
+class Beating(Logged):
+    """Has a heartbeat, and a door that is open while the file `trigger` exists."""
+
+    outputs = {**Logged.outputs, "door": "1"}
+
+    def __init__(self, log: str, trigger: str) -> None:
+        super().__init__(log)
+        self.limits["door"] = Limit(0.5, 1.5)
+        self._trigger = Path(trigger)
+
+    def heartbeat(self, level: bool) -> None:
+        self._note(f"beat {level}")
+
+    def read(self) -> Mapping[str, float]:
+        return {**super().read(), "door": float(not self._trigger.exists())}
+
+
 class Faulty(Logged):
     """Fails in one of its calls.
 
