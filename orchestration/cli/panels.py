@@ -72,7 +72,7 @@ _PANELS = {
         "scheduler",
     ),
     "Device": ("backend", "backend_options", "watchdog", "stuck_after", "lockstep"),
-    "Rig": ("stimulus", "latch", "reason", "beyond_limits"),
+    "Rig": ("stimulus", "latch", "alarm", "shelve", "reason", "beyond_limits", "alarm_hook"),
     "Network": ("endpoint", "host", "port", "keys", "credentials", "timeout", "client", "role"),
     "Real time": ("real_time", "missed", "lag", "processor", "priority", "cpu"),
     "Results": (

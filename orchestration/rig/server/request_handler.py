@@ -10,7 +10,7 @@ from math import isfinite
 from time import monotonic
 from typing import Any
 
-from fmus.rig_proxy import IDLE, LIMIT_KEYS, LOCKSTEP, RUNNING, ProtocolError, encode
+from fmus.rig_proxy import IDLE, LOCKSTEP, RUNNING, ProtocolError, encode, protocol
 from orchestration.rig.access import Peer
 from orchestration.rig.safety import CommandFilter, stale
 from orchestration.rig.server.alarms import MAJOR, Alarms, watch_limits
@@ -341,7 +341,7 @@ class RequestHandler:
             name: {
                 key: bound if isfinite(bound) else None
                 for key, bound in vars(limit).items()
-                if isfinite(bound) or key in LIMIT_KEYS
+                if isfinite(bound) or key in protocol.LIMIT_KEYS
             }
             for name, limit in self._rig.signals.limits.items()
         }

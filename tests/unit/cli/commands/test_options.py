@@ -98,5 +98,5 @@ def test_a_server_has_the_defaults_of_its_settings():
     """Where to bind is put together from three options, and what is to be served has to be said."""
     usual = {field.name: field.default for field in fields(ServerSettings)}
     served = options_of(ServeCommand)
-    for name in ("rate", "watchdog", "lockstep", "keys", "log", "priority", "cpu"):
+    for name in ("rate", "lockstep", "keys", "log", "priority", "cpu"):
         assert served[name].default == usual[name], name
