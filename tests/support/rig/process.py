@@ -134,7 +134,8 @@ class Server:
             for line in self.process.stdout:
                 self.lines.append(line.rstrip("\n"))
         while self._log is not None and self.process.poll() is None:
-            self.lines[:] = self._log.read_text().splitlines() if self._log.exists() else []
+            sealed = self._log.read_text().splitlines() if self._log.exists() else []
+            self.lines[:] = [line.rpartition(" #")[0] for line in sealed]  # without digests
             time.sleep(0.01)
 
     def wait_ready(self) -> str:

@@ -23,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; the exit status is 1 if a promise was broken."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("words", nargs="*", help="only kinds that have one of these in their name")
-    parser.add_argument("--combinations", type=int, default=200, help="how many are drawn")
+    parser.add_argument("--combinations", type=int, default=300, help="how many are drawn")
     parser.add_argument("--all", action="store_true", help="every combination, and nothing else")
     parser.add_argument("--seed", type=int, default=1, help="of combinations and their times")
     parser.add_argument("--out", type=Path, help="page; default docs/hil-faults.md if all is tried")

@@ -17,15 +17,17 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
 
 from fmus.rig_proxy.link import Link, LinkError
 from tests.support.rig.driver import INPUTS, OUTPUTS, Driver
+from tests.support.rig.exhausted import no_descriptors, no_memory, no_threads
 from tests.support.rig.process import ROOT, Call, Server
-from tests.support.rig.terminal import Terminal
+from tests.support.rig.terminal import HOLD, Terminal
+from tests.support.small_disk import disk_of_64_kib
 
 PERIOD = 1 / 30  # s, of the server
 TREATMENTS = {
@@ -37,6 +39,8 @@ TREATMENTS = {
 SIGNALS = ("HUP", "INT", "QUIT", "TSTP", "TTIN", "TTOU", "USR1", "USR2", "TERM", "WINCH")
 ENDING = ("HUP", "INT", "QUIT", "USR1", "TERM")  # what must end in the safe state by itself
 CLIENTS = ("idle", "commanding", "recording")
+# what there is none left of; the disk is that of the latch, and nobody takes what is printed
+LACKS = ("", "threads", "memory", "descriptors", "disk", "output")
 ALARM = 0.5  # s, within which an alarm is promised where only hardware can help
 _COMMANDS = [0.8, 1.0]
 _STARTS = 5  # of a trial, at most
@@ -65,15 +69,19 @@ class Combination:
         What the foreground gets; empty for none.
     client : str
         What the client does.
+    lacks : str
+        What no process gets any more.
     """
 
     faults: Faults
     signal: str
     client: str
+    lacks: str = ""
 
     def __str__(self) -> str:
         events = [f"{process} {how}" for process, how in self.faults]
-        return ", ".join([*events, *([f"SIG{self.signal}"] if self.signal else []), self.client])
+        events += [f"SIG{self.signal}"] * bool(self.signal)
+        return ", ".join([*events, self.client, *([f"no {self.lacks}"] if self.lacks else [])])
 
     @property
     def kind(self) -> str:
@@ -144,8 +152,10 @@ def _of_different_processes(single: list[tuple[str, str]], number: int) -> list[
 
 
 def drawn(number: int, seed: int) -> list[Combination]:
-    """Draw combinations by chance."""
-    return random.Random(seed).sample(all_combinations(), number)
+    """Draw combinations by chance, and what is lacking in each."""
+    chance = random.Random(seed)
+    chosen = chance.sample(all_combinations(), number)
+    return [replace(combination, lacks=chance.choice(LACKS)) for combination in chosen]
 
 
 def bound_of(server: Server, watchdog: float) -> float:
@@ -187,8 +197,9 @@ def trial(
                 server, client = _started(opened, combination, place, watchdog)
             except AssertionError:  # too busy a machine: the rig was safe before anything happened
                 continue
-            chance = random.Random(seed)
-            return _Trial(combination, server, client, watchdog, allowance).run(chance)
+            begun = _Trial(combination, server, client, watchdog, allowance)
+            opened.enter_context(_without(combination.lacks, server, place))
+            return begun.run(random.Random(seed))
     raise AssertionError(f"too busy a machine: nothing began, {_STARTS} times")
 
 
@@ -197,14 +208,36 @@ def _started(
 ) -> tuple[Server, _Idle]:
     """Start a server on a terminal of its own, and the client, if there is one."""
     hang = {"trigger": folder / "trigger", "where": "read", "how": "hang", "times": 1}
+    arguments = ["--watchdog", watchdog]
+    if combination.lacks == "disk":
+        arguments += ["--state", opened.enter_context(disk_of_64_kib(folder / "disk"))]
     server = opened.enter_context(
-        Server(folder, "Faulty", "--watchdog", watchdog, options=hang, terminal=Terminal())
+        Server(folder, "Faulty", *arguments, options=hang, terminal=Terminal())
     )
     server.wait_ready()
     client = _CLIENTS[combination.client](server, folder)
     opened.callback(client.close)
     client.start()
     return server, client
+
+
+@contextmanager
+def _without(lacks: str, server: Server, folder: Path) -> Iterator[None]:
+    """Let nothing of something be left for a server while the context lasts."""
+    if lacks == "disk":
+        with suppress(OSError), (folder / "disk" / "filler").open("wb") as file:
+            file.write(bytes(2**16))
+    elif lacks == "output":
+        assert server.terminal is not None
+        server.terminal.press(HOLD)
+    elif lacks:
+        with _REFUSED[lacks](server.family()):
+            yield
+        return
+    yield
+
+
+_REFUSED = {"threads": no_threads, "memory": no_memory, "descriptors": no_descriptors}
 
 
 class _Trial:

@@ -51,8 +51,10 @@ guard that stands by, device) stopped, killed, or hung in a call of the driver t
 alone and in pairs, with a signal of a real terminal in whose foreground the server is (Ctrl-C,
 Ctrl-\\, Ctrl-Z, closing it, and others) or without, while no client is there, one commands every
 20 ms, or `ppy rig record` records. They happen at once, or within up to 1.5 watchdog times in any
-order. Afterwards all that was stopped goes on, and where there was no client one tries to command:
-the output has to stay at zero. `make hil-faults-all` tries every combination.
+order; and by chance there are no further threads, no address space, no descriptors or no room for
+the latch on the disk, or nobody takes what the server prints. Afterwards all that was stopped goes
+on, and where there was no client one tries to command: the output has to stay at zero. `make
+hil-faults-all` tries every combination, with nothing lacking.
 
 *Median*, *95 %* and *longest* are of the time from the last event before it to the safe state, of
 those that had anything to make safe; *longest in all* begins with the first event that demands it.
@@ -100,7 +102,15 @@ def _of_combinations(outcomes: Sequence[Outcome]) -> str:
     intro = _COMBINATIONS.format(
         drawn=len(outcomes), all=len(all_combinations()), promised=" to ".join(promised)
     )
-    return f"{intro}\n{_table(head, rows)}"
+    lacks = dict.fromkeys(outcome.combination.lacks for outcome in outcomes)
+    of_lacks = [
+        _summary(
+            f"no {lacking}" if lacking else "nothing",
+            [o for o in outcomes if o.combination.lacks == lacking],
+        )
+        for lacking in sorted(lacks)
+    ]
+    return f"{intro}\n{_table(head, rows)}\n{_table(['what is lacking', *head[1:]], of_lacks)}"
 
 
 _RESULTS = ("safe", "served", "alarm", "BROKEN")
