@@ -21,7 +21,7 @@ from orchestration.rig.endpoint import read_endpoint
 from orchestration.rig.operator import acknowledge, ask, stop
 from tests.support.command import here, posix
 from tests.support.rig.driver import Driver
-from tests.support.rig.exhausted import no_descriptors, no_memory, no_threads
+from tests.support.rig.exhausted import frozen, no_descriptors, no_memory, no_threads
 from tests.support.rig.process import BACKENDS, Server
 
 pytestmark = [posix, pytest.mark.timeout(120), pytest.mark.real_time]
@@ -393,3 +393,30 @@ def test_an_interlock_that_opens_stops_the_rig_and_holds_it_until_it_is_closed(t
         (tmp_path / "trigger").unlink()
         time.sleep(0.2)  # a sample with the door closed
         assert acknowledge(remote, ask(remote, "status")["latch"])["state"] == "idle"
+
+
+@pytest.mark.slow
+def test_processes_that_cannot_even_be_killed_are_not_waited_for(tmp_path):
+    with serve(tmp_path) as server:
+        driver = driven(server, tmp_path)
+        roles = server.roles()
+        with frozen([roles["device"], roles["guard"]]):
+            took = wait_held(tmp_path, (0.0, 0.0))
+            print(f"safe after {1e3 * took:.0f} ms; promised are {1e3 * server.promised():.0f} ms")
+            told = ask(read_endpoint(server.endpoint), "status")
+            assert "NOT REACHED" not in told["alarm"] or took > server.promised()
+        driver.stop(orderly=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("safe_values", "part"),
+    [("{'current': 5.0}", "current 5 A is above 1.3 A"), ("{'current': 0.5}", "has current = 0 A")],
+)
+def test_a_safe_state_that_is_none_is_refused_at_the_start(tmp_path, safe_values, part):
+    own = tmp_path / "own.py"
+    head = "from tests.support.rig.backends import Reporting\n"
+    own.write_text(f"{head}class Own(Reporting):\n    safe_values = {safe_values}\n")
+    with serve(tmp_path, "Own", backends=own) as server:
+        assert server.wait_end() != 0
+        assert part in server.errors()

@@ -13,6 +13,7 @@ from typing import Any, NoReturn, TypeVar
 
 from fmus.kit import UserError
 from orchestration.rig.backends import Backend
+from orchestration.rig.safety import beyond
 from orchestration.rig.server.shared_memory import LONGEST_DESCRIPTION, SIGNALS, Description
 from orchestration.rig.signals import Limit
 
@@ -117,13 +118,13 @@ class BackendSignals:
         BackendError
             If it breaks a promise of :class:`~orchestration.rig.backends.backend.Backend`.
         """
-        inputs, outputs, limits, safe_values = call(
+        inputs, outputs, limits, safe = call(
             "the backend's description",
             lambda: (
                 dict(backend.inputs),
                 dict(backend.outputs),
                 dict(backend.limits),
-                tuple(float(backend.safe_values.get(name, 0.0)) for name in backend.inputs),
+                {name: float(value) for name, value in backend.safe_values.items()},
             ),
         )
         for kind, units in (("inputs", inputs), ("outputs", outputs)):
@@ -146,6 +147,12 @@ class BackendSignals:
                     f"limits of {name} are no limits: {limit.min} to {limit.max}, {limit.rate}/s"
                 )
         plain = {name: Limit(**_bounds(one)) for name, one in limits.items()}
+        safe_values = tuple(safe.pop(name, 0.0) for name in inputs)
+        fault = beyond(inputs, plain, safe_values)
+        if safe:
+            fault = f"{', '.join(map(repr, safe))} is not commanded"
+        if fault:
+            raise BackendError(f"safe values of the backend: {fault}")
         return cls(inputs, outputs, plain, safe_values=safe_values)
 
     def check_real(self) -> None:

@@ -176,6 +176,7 @@ class Device:
         )
         self._applied = self._signals.safe_values
         self._safe_state = SafeState(self._backend, self._signals, self._show)
+        self._rest_for_good()
         self._rest(self._command())
         opening = monotonic() - begun
         self._stuck = StuckMonitor(
@@ -373,8 +374,8 @@ class Device:
                 is_safe = True
                 self._call("close()", self._backend.close)
             except Exception as error:
-                failures.append(str(error) or repr(error))
-        self._report("; ".join(failures), reached=is_safe, ended=True)
+                failures.append(str(error) if isinstance(error, BackendError) else repr(error))
+        self._report("; ".join(filter(None, failures)), reached=is_safe, ended=True)
 
     def _report(self, reason: str, *, reached: bool, ended: bool) -> None:
         """Publish the reason for going to the safe state, and whether the rig reached it."""

@@ -56,6 +56,7 @@ from orchestration.rig.server.standby import LONGEST_DYING, Standby, longest_att
 LONGEST_OPENING = 30.0  # s that a backend may take to open before it is held to hang
 # s between two attempts at the safe state; from the first on, pauses are doubled
 _PAUSES = (0.2, 2.0)
+_STANDBY = 0.5  # s for which a sign of life of the standby guard counts
 _ORPHAN = 0.1  # of the watchdog time, that a device gets to go safe when its guard has ended
 _GRACE = 0.01  # s, at least, that the device has beyond the watchdog time to go safe by itself
 
@@ -450,7 +451,7 @@ class Guard:
         is_watched = (
             standby is not None
             and standby.process != os.getpid()
-            and monotonic() - standby.time < LONGEST_DYING
+            and monotonic() - standby.time < _STANDBY
         )
         if is_watched or parent is None or parent.is_alive():
             return longest_attempt(self._shared)

@@ -58,6 +58,23 @@ def no_descriptors(processes: Iterable[int]) -> Iterator[None]:
     yield
 
 
+@contextmanager
+def frozen(processes: Iterable[int]) -> Iterator[None]:
+    """Let the kernel hold processes, which then do not even end when they are killed."""
+    group = _UNIFIED / "freezer" / "ppy-test-frozen"
+    try:
+        group.mkdir(exist_ok=True)
+        for number in processes:
+            (group / "cgroup.procs").write_text(str(number))
+        (group / "freezer.state").write_text("FROZEN")
+    except OSError as error:
+        pytest.skip(f"a control group that freezes is not permitted here: {error}")
+    try:
+        yield
+    finally:
+        (group / "freezer.state").write_text("THAWED")
+
+
 def _next_descriptor(number: int) -> int:
     """Return the lowest descriptor that a process does not have."""
     there = {int(one.name) for one in Path(f"/proc/{number}/fd").iterdir()}

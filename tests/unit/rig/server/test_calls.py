@@ -14,7 +14,8 @@ from orchestration.rig.server.calls import BackendError, BackendSignals, call, m
 class Described(Backend):
     """A backend with any description and any reading."""
 
-    def __init__(self, inputs=None, outputs=None, limits=None, values=None):
+    def __init__(self, inputs=None, outputs=None, limits=None, values=None, safe_values=None):
+        self.safe_values = safe_values or {}
         self.inputs = {"current": "A"} if inputs is None else inputs
         self.outputs = {"voltage": "V", "force": "N"} if outputs is None else outputs
         self.limits = {} if limits is None else limits
@@ -81,6 +82,13 @@ def test_a_description_is_the_same_on_the_other_side_of_the_memory():
         ({"limits": {"current": Limit(nan, 1.0)}}, "are no limits"),
         ({"limits": {"current": Limit(None, 1.0)}}, "are no limits"),
         ({"limits": {"current": Limit(rate=-1.0)}}, "are no limits"),
+        ({"limits": {"current": Limit(1.0, 2.0, warn_min=2.0, warn_max=1.0)}}, "are no limits"),
+        (
+            {"limits": {"current": Limit(1.0, 2.0)}},
+            "safe values of the backend: current 0 A is below",
+        ),
+        ({"safe_values": {"curent": 1.0}}, "safe values of the backend: 'curent' is not commanded"),
+        ({"safe_values": {"current": nan}}, "current nan A is no finite number"),
         ({"inputs": 5}, "the backend's description raised TypeError"),
     ],
 )
