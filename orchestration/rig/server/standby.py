@@ -20,8 +20,8 @@ from orchestration.rig.server.shared_memory import (
 # the first opening took longer, it may take twice as long again
 _LEAST_ATTEMPT = 5.0
 _OPENINGS = 2.0
-# s for which a killed process is waited for: the kernel may hold it for longer, and a device that it
-# still has is tried for again
+# s for which a killed process is waited for: the kernel may hold it for longer, and a device that
+# it still has is tried for again
 LONGEST_DYING = 0.1
 
 
