@@ -188,7 +188,9 @@ def _drive(
     from orchestration.reporting.console import alarm, err, note
     from orchestration.rig import on_termination
     from orchestration.rig.record import RecordingObserver, dataset, drive
+    from orchestration.rig.server import CLIENT, prefer_to_others
 
+    prefer_to_others(CLIENT)
     with ExitStack() as opened:
         link = Link(remote.requests, planned.inputs, planned.outputs, credentials, "ppy rig record")
         opened.callback(link.close)

@@ -16,8 +16,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from math import ceil, floor
 
-# real-time priorities of the processes of a server: who watches comes before who is watched
-FRONT, DEVICE, GUARD = 10, 20, 30
+# real-time priorities of a client and of the processes of a server: who watches comes before who is
+# watched
+CLIENT, FRONT, DEVICE, GUARD = 5, 10, 20, 30
 WATCHDOG = 0.2  # s, unless processes wake too late for it
 _LONGEST_WATCHDOG = 2.0  # s
 _STEPS = 20  # of a measured watchdog time in a second
