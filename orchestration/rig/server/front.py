@@ -25,7 +25,12 @@ from orchestration.rig.server.log import EventLog
 from orchestration.rig.server.real_time import RealTimeRig
 from orchestration.rig.server.request_handler import RequestHandler
 from orchestration.rig.server.rig import Rig
-from orchestration.rig.server.scheduling import FRONT, Collector, prefer_to_others
+from orchestration.rig.server.scheduling import (
+    FRONT,
+    Collector,
+    keep_libraries_to_one_thread,
+    prefer_to_others,
+)
 from orchestration.rig.server.settings import ServerSettings
 from orchestration.rig.server.sockets import Sockets, opened
 
@@ -77,6 +82,7 @@ def serve(settings: ServerSettings) -> int:
     """
     if not settings.lockstep:
         prefer_to_others(FRONT)  # before any thread is started, which has the same
+        keep_libraries_to_one_thread()
     log = EventLog(settings.log)
     try:
         with files.kept() as found:

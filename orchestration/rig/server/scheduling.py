@@ -188,6 +188,15 @@ def prefer_to_others(priority: int) -> str:
     return ""
 
 
+def keep_libraries_to_one_thread() -> None:
+    """Let libraries of linear algebra in processes that are started from now on have no threads.
+
+    Theirs would begin before the process has its priority, and it would wait for them.
+    """
+    for library in ("OPENBLAS", "OMP", "MKL"):
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+
 def default_watchdog(tell: Callable[[str], None]) -> float:
     """Return the watchdog time in s for the server in this process, which was given none.
 
