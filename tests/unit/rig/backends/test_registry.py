@@ -119,7 +119,7 @@ def test_a_library_that_is_not_installed_is_named(
             raise ModuleNotFoundError(f"No module named {library!r}", name=library)
         return real(name, *arguments, **named)
 
-    monkeypatch.delitem(sys.modules, f"orchestration.rig.backends.{spec}", raising=False)
+    monkeypatch.delitem(sys.modules, f"orchestration.plugins.{spec}", raising=False)
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(UserError, match=rf'pip install "ppy-rig\[{extra}\]"$'):
         open_backend(spec, {})

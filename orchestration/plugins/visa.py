@@ -14,7 +14,7 @@ from pyvisa.errors import Error
 from pyvisa.resources import MessageBasedResource
 
 from fmus.kit import UserError
-from orchestration.rig.backends.backend import Backend, Limit
+from orchestration.rig.backends import Backend, Limit
 from orchestration.rig.calibration import Channel, Instrument, read_calibration
 from orchestration.rig.signals import commands
 

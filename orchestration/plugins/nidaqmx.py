@@ -30,7 +30,7 @@ from nidaqmx.system import Device
 from nidaqmx.system.watchdog import AOExpirationState, WatchdogTask
 
 from fmus.kit import UserError
-from orchestration.rig.backends.backend import Backend, Limit
+from orchestration.rig.backends import Backend, Limit
 from orchestration.rig.calibration import Channel, read_calibration
 from orchestration.rig.signals import commands, one_of, seconds
 
