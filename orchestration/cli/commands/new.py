@@ -43,6 +43,9 @@ def new(options: NewCommand) -> None:
         files.write(path, _fill_template(kind, part, words).encode())
         screen.print(str(path))
     screen.print(f"try it: python -m pytest {folder / f'test_{name}.py'}")
+    if kind == "backend":
+        place = f"{folder / words['file']}:{words['Class']}"
+        screen.print(f"serve it: {quoting.shell(['ppy', 'rig', 'serve', '--backend', place])}")
 
 
 def _fill_template(kind: str, part: str, words: Mapping[str, str]) -> str:

@@ -104,7 +104,8 @@ def test_an_effect_of_a_shipped_component_passes_its_test_and_says_where_it_belo
 
 
 def test_a_backend_opens_and_passes_its_test(tmp_path):
-    works("new", "backend", "my_rig", cwd=tmp_path)
+    printed = works("new", "backend", "my_rig", cwd=tmp_path)
+    assert "serve it: ppy rig serve --backend my_rig.py:MyRig" in printed
     backend = open_backend(f"{tmp_path / 'my_rig.py'}:MyRig", {"gain": "1"})
     assert backend.read() == {"displacement": 0.0}
     run_tests_of(tmp_path / "test_my_rig.py")
