@@ -30,9 +30,9 @@ from nidaqmx.system import Device
 from nidaqmx.system.watchdog import AOExpirationState, WatchdogTask
 
 from fmus.kit import UserError
-from orchestration.rig.backends import Backend, Limit
+from orchestration.plugins.calibrated import Calibrated
 from orchestration.rig.calibration import Channel, read_calibration
-from orchestration.rig.signals import commands, one_of, seconds
+from orchestration.rig.signals import one_of, seconds
 
 _TERMINALS = {
     "default": TerminalConfiguration.DEFAULT,
@@ -48,7 +48,7 @@ _CALIBRATION = "thesis"
 _DEVICE = "Dev1"  # as NI MAX names the first one
 
 
-class NiDaqmx(Backend):
+class NiDaqmx(Calibrated):
     """The channels of a device that a calibration lists; opening it changes no output.
 
     Parameters
@@ -82,14 +82,9 @@ class NiDaqmx(Backend):
         timing: str = "auto",
         timeout: str = "1",
     ) -> None:
-        self._calibration = read_calibration(calibration)
-        self._command_channels = self._calibration.inputs
-        self._measured_channels = self._calibration.outputs
+        super().__init__(calibration)
         self._timeout = seconds("timeout", timeout, 10.0)
         one_of("timing", timing, ("auto", "hardware", "software"))
-        self.inputs, self.outputs = self._calibration.units
-        self.limits: Mapping[str, Limit] = self._calibration.limits
-        self.safe_values = {name: one.safe for name, one in self._command_channels.items()}
         self._check(calibration, device)
         self._name = device
         self._tasks: list[nidaqmx.Task] = []
@@ -247,8 +242,7 @@ class NiDaqmx(Backend):
             If a command is missing, unknown, not finite or beyond its channel's range, which
             changes nothing, or the driver reports an error.
         """
-        checked = commands(values, self.inputs)
-        volts = [channel.volts(checked[name]) for name, channel in self._command_channels.items()]
+        volts = list(self._volts(values).values())
         if self._writer is None:
             if self._command_channels:
                 raise UserError(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import datetime
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -39,6 +40,7 @@ units.registry()
 # ---- types of values; the description names the allowed values, and every refusal ends with it
 # --------------------------------------------------------------------------------------------------
 
+_FIRST = re.compile("([^,]*)")  # of the values in an answer, which SCPI puts commas between
 _TWO_NUMBERS = "[low, high] of two finite numbers is wanted, the lower one first"
 
 
@@ -65,6 +67,12 @@ def _check_rising(bounds: tuple[float, float]) -> tuple[float, float]:
     return bounds
 
 
+def _check_one_group(pattern: re.Pattern[str]) -> re.Pattern[str]:
+    if pattern.groups != 1:
+        raise ValueError("one group in parentheses is wanted, which finds the number")
+    return pattern
+
+
 Number = Annotated[
     float, Field(strict=True, allow_inf_nan=False, description="a finite number is wanted")
 ]
@@ -79,6 +87,19 @@ Timeout = Annotated[
 Text = Annotated[str, Field(strict=True, pattern=r"\S", description="a text is wanted")]
 Texts = Annotated[
     tuple[Annotated[str, Field(strict=True)], ...], Field(description="a list of texts is wanted")
+]
+Ending = Annotated[str, Field(strict=True, min_length=1, description="a text is wanted")]
+_REGULAR = Field(description="a valid regular expression is wanted")
+Baudrate = Annotated[
+    int | None, Field(strict=True, gt=0, description="a whole number above 0 is wanted")
+]
+Framing = Annotated[
+    str,
+    Field(
+        strict=True,
+        pattern="^[5-8][NEO][12]$",
+        description="data bits, parity (N, E or O) and stop bits are wanted, such as 8N1",
+    ),
 ]
 Interval = Annotated[
     tuple[Number, Number], AfterValidator(_check_rising), Field(description=_TWO_NUMBERS)
@@ -166,7 +187,7 @@ class Instrument(TomlTable):
     Attributes
     ----------
     resource : str
-        VISA address.
+        VISA address, or a serial port.
     timeout : float
         s, of every message.
     setup, safe : tuple of str
@@ -175,6 +196,14 @@ class Instrument(TomlTable):
         Query whose answer begins with 0 when nothing is wrong; empty if there is none.
     termination : str
         The end of a message.
+    answer : re.Pattern
+        Its group finds the number in an answer.
+    reply : re.Pattern or None
+        Answer to each message that is no query; None if there is no such answer.
+    baudrate : int or None
+        Of a serial port.
+    framing : str
+        Of a serial port: data bits, parity (N, E or O) and stop bits.
     """
 
     resource: Text
@@ -182,7 +211,11 @@ class Instrument(TomlTable):
     setup: Texts = ()
     safe: Texts = ()
     error: Text = ""
-    termination: Text = "\n"
+    termination: Ending = "\n"
+    answer: Annotated[re.Pattern[str], AfterValidator(_check_one_group), _REGULAR] = _FIRST
+    reply: Annotated[re.Pattern[str] | None, _REGULAR] = None
+    baudrate: Baudrate = None
+    framing: Framing = "8N1"
 
 
 # ---- a calibration
@@ -276,8 +309,8 @@ class Channel:
         room = _ROUNDING * (self.high - self.low)
         if not self.low - room <= raw <= self.high + room:
             raise UserError(
-                f"{self.name} = {value:.6g} {self.unit} needs {raw:.6g} V at {self.place}; "
-                f"its range is {self.low:g} … {self.high:g} V"
+                f"{self.name} = {value:.6g} {self.unit} needs {raw:.6g} at {self.place}, "
+                f"whose range is {self.low:g} … {self.high:g}"
             )
         return min(max(raw, self.low), self.high)
 

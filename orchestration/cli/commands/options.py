@@ -913,7 +913,7 @@ class ServeCommand(TypedDict, total=False):
     backend: Annotated[
         str,
         Option(
-            "emulator, replay, nidaqmx, visa, or FILE.py:Class.",
+            "emulator, replay, nidaqmx, visa, serial, modbus, or FILE.py:Class.",
             default="emulator",
             metavar="NAME",
         ),

@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 from orchestration.rig.signals import Limit
 
-__all__ = ["Backend", "Limit", "Steppable"]
+__all__ = ["Backend", "Limit", "Steppable", "place"]
 
 
 class Backend(ABC):
@@ -57,7 +57,7 @@ class Backend(ABC):
             Names; by default one of the class and its options, whatever file it is in. An option
             that is a path counts as what it leads to, a device of the system as its number.
         """
-        given = "".join(f" {key}={_place(value)}" for key, value in sorted(options.items()))
+        given = "".join(f" {key}={place(value)}" for key, value in sorted(options.items()))
         return [f"{cls.__qualname__}{given}"]
 
     @abstractmethod
@@ -113,8 +113,17 @@ class Backend(ABC):
         """Release the device; the rig stays as it is."""
 
 
-def _place(option: str) -> str:
-    """Return an option, or what it leads to if it is a path."""
+def place(option: str) -> str:
+    """Return an option, or what it leads to if it is a path; a device of the system as its number.
+
+    Parameters
+    ----------
+    option : str
+
+    Returns
+    -------
+    str
+    """
     try:
         found = os.stat(option)
     except (OSError, ValueError):

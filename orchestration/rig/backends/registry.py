@@ -23,7 +23,7 @@ def open_backend(spec: str, options: Mapping[str, str]) -> Backend:
     Parameters
     ----------
     spec : str
-        ``emulator``, ``replay``, ``nidaqmx``, ``visa``, or ``path/to/file.py:Class``.
+        Name of an entry point, such as ``emulator`` or ``replay``, or ``path/to/file.py:Class``.
     options : Mapping of str to str
         Options of the backend by name; the error for an unknown one lists those that exist.
 

@@ -100,7 +100,7 @@ def test_a_broken_wire_is_no_value(device: daqmx.Device) -> None:
     [
         (
             {"current": 1.4, "force": 0.0},
-            "current = 1.4 A needs 1.4 V at ao1; its range is -1.3 … 1.3 V",
+            "current = 1.4 A needs 1.4 at ao1, whose range is -1.3 … 1.3",
         ),
         ({"current": 0.1}, "command force = missing: must be a finite number"),
         ({"current": math.nan, "force": 0.0}, "command current = nan: must be a finite number"),

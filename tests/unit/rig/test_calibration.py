@@ -107,7 +107,7 @@ def test_a_command_beyond_the_range_is_refused(tmp_path: Path) -> None:
     assert channel.volts(1.35) == 2.5
     for value in (1.36, -0.91, math.nan, math.inf):
         with pytest.raises(
-            UserError, match=r"current = .* A needs .* V at ao1; its range is -2 … 2.5 V"
+            UserError, match=r"current = .* A needs .* at ao1, whose range is -2 … 2.5"
         ):
             channel.volts(value)
 

@@ -107,10 +107,11 @@ def test_what_is_no_backend_is_told(spec: str, message: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("spec", "library", "extra"), [("nidaqmx", "nidaqmx", "nidaqmx"), ("visa", "pyvisa", "visa")]
+    ("spec", "library"),
+    [("nidaqmx", "nidaqmx"), ("visa", "pyvisa"), ("serial", "serial"), ("modbus", "pymodbus")],
 )
 def test_a_library_that_is_not_installed_is_named(
-    monkeypatch: pytest.MonkeyPatch, spec: str, library: str, extra: str
+    monkeypatch: pytest.MonkeyPatch, spec: str, library: str
 ) -> None:
     real = builtins.__import__
 
@@ -121,7 +122,7 @@ def test_a_library_that_is_not_installed_is_named(
 
     monkeypatch.delitem(sys.modules, f"orchestration.plugins.{spec}", raising=False)
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(UserError, match=rf'pip install "ppy-rig\[{extra}\]"$'):
+    with pytest.raises(UserError, match=rf'pip install "ppy-rig\[{spec}\]"$'):
         open_backend(spec, {})
 
 
