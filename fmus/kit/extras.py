@@ -35,6 +35,7 @@ class Package(NamedTuple):
 PACKAGES: Mapping[str, Package] = {
     "SALib": Package("SALib", "sweeps", "computing Sobol indices"),
     "asammdf": Package("asammdf", "mdf", "reading MDF"),
+    "asyncua": Package("asyncua", "opcua", "the bridge to OPC UA"),
     "control": Package("control", "linear", "analysing a linear model"),
     "dask": Package("dask", "zarr", "writing Zarr"),
     "distributed": Package("distributed", "cluster", "sweeping on a cluster"),

@@ -106,6 +106,7 @@ EXAMPLES = {
         "ppy rig bridge --endpoint tcp://rig:5570 --credentials keys/rig-client.toml",
         "ppy rig bridge --port 5590 --endpoint tcp://rig:5570 --credentials key.toml",
     ),
+    "rig opcua": ("ppy rig opcua", "ppy rig opcua --port 4841 --lease 5"),
     "rig demo": ("ppy rig demo", "ppy rig demo --seed 2 --out another-rig"),
 }
 

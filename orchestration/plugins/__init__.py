@@ -1,4 +1,15 @@
 """Plugins of a rig: backends of hardware and a bridge, each on a library of an extra.
 
-A rig is served without them: the server finds its backends by entry points, as those of anybody.
+Nothing imports them: backends and commands are found by entry points, as those of anybody. This
+module imports nothing.
 """
+
+COMMANDS = {
+    "Models, systems, experiments, rigs": {
+        "rig opcua": (
+            "Show a rig in OPC UA, and let it be driven from there.",
+            "orchestration.plugins.commands:opcua",
+        ),
+    },
+}
+"""Line of help and function by heading of the help and name of the command."""

@@ -138,13 +138,15 @@ def test_a_server_starts(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [0, 1])
-def test_the_page_and_the_bridge_are_there_until_they_are_interrupted(rig, tmp_path, number):
+def test_the_page_and_the_bridges_are_there_until_they_are_interrupted(rig, tmp_path, number):
     works("rig", "keys", "keys", cwd=tmp_path)
     (tmp_path / "key.toml").write_bytes((tmp_path / "keys" / "rig-client.toml").read_bytes())
     watch = f"{EXAMPLES['rig watch'][number]} --endpoint {rig.endpoint} --port 0 --no-browser"
     bridge = EXAMPLES["rig bridge"][number].replace("tcp://rig:5570", "tcp://127.0.0.1:9")
     bridge += f" --port {free_port()}"
-    for example, sign in ((watch, "watching"), (bridge, "is carried on to")):
+    opcua = f"{EXAMPLES['rig opcua'][number]} --endpoint {rig.endpoint} --port {free_port()}"
+    signs = ((watch, "watching"), (bridge, "is carried on to"), (opcua, "ready: opc.tcp://"))
+    for example, sign in signs:
         with started(example, tmp_path) as process:
             assert sign in process.stdout.readline()
             process.send_signal(signal.SIGINT)
@@ -166,5 +168,5 @@ def test_examples_of_a_rig_that_take_long(rig, tmp_path):
 
 @pytest.mark.slow
 def test_every_example_is_run_by_one_of_these():
-    named = {"rig keys", "rig serve", "rig watch", "rig bridge", "rig record"}
+    named = {"rig keys", "rig serve", "rig watch", "rig bridge", "rig opcua", "rig record"}
     assert set(OF_A_RIG) == {*SERVED, *named, "rig demo"}

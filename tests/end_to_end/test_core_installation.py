@@ -150,6 +150,7 @@ def test_a_system_is_run(core: dict[str, str], folder: Path, stand: Path) -> Non
         (["build", "pid", "--runtime", "pythonfmu"], "pythonfmu"),
         (["rig", "serve"], "rig"),
         (["rig", "stop"], "rig"),
+        (["rig", "opcua"], "opcua,rig"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else value,
 )
@@ -166,9 +167,9 @@ def test_what_needs_an_extra_says_which(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("backend", "extra"), [("nidaqmx", "nidaqmx"), ("visa", "visa")])
+@pytest.mark.parametrize("backend", ["nidaqmx", "visa", "serial", "modbus"])
 def test_a_rig_without_the_library_of_its_devices(
-    tmp_path: Path, folder: Path, backend: str, extra: str
+    tmp_path: Path, folder: Path, backend: str
 ) -> None:
     done = ppy(
         *("rig", "serve", "--backend", backend),
@@ -176,7 +177,7 @@ def test_a_rig_without_the_library_of_its_devices(
         environment=installation(tmp_path, "rig"),
     )
     assert done.returncode == 2
-    assert done.stderr.splitlines()[-1].endswith(f': pip install "ppy-rig[{extra}]"')
+    assert done.stderr.splitlines()[-1].endswith(f': pip install "ppy-rig[{backend}]"')
 
 
 @pytest.mark.slow

@@ -90,6 +90,7 @@ THE_READERS = {
     "oven.py",
     "room.py",
     "tank.py",
+    "test_oven.py",
     "test_tank.py",
 }  # files that a reader would write
 SCRIPTS = ("benchmarks", "studies", "tests")  # folders
