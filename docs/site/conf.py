@@ -73,6 +73,7 @@ navigation = {
         "docs/how-to/continuous-integration",
         "docs/how-to/hardware-in-the-loop",
         "docs/how-to/retune",
+        "docs/how-to/own-hardware",
         "docs/how-to/own-backend",
         "docs/how-to/thesis",
     ],
