@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 import zmq
 
+from fmus.rig_proxy import local_key
 from fmus.rig_proxy.protocol import OPERATOR, REPLIES, decode, encode
 from orchestration.rig.server.scheduling import Deadlines
 from tests.support.rig.driver import INPUTS, OUTPUTS
@@ -153,7 +154,7 @@ class _Client:
             socket.routing_id = b"latency"
             socket.rcvtimeo = 1000  # ms
             socket.connect(endpoint)
-        names = {"client": "latency", "instance": "latency"}
+        names = {"client": "latency", "instance": "latency", "key": local_key.read(server)}
         accepted = self.ask("connect", **names, inputs=INPUTS, outputs=OUTPUTS, time=0.0)
         self.session = accepted["session"]
         self._seen = accepted["clock"]

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..kit.registry import ComponentPackage
-from . import protocol, rigs
+from . import local_key, protocol, rigs
 from .credentials import ClientKeys, checked, key, read_client_keys, read_table
 from .protocol import (
     ENDPOINT,
@@ -24,7 +24,6 @@ from .protocol import (
     ProtocolError,
     decode,
     encode,
-    new_name,
 )
 from .proxy import LINK_STATES, LOST, REFUSED
 from .systems import HIL_BENCH
@@ -59,7 +58,7 @@ __all__ = [
     "describe_latch",
     "encode",
     "key",
-    "new_name",
+    "local_key",
     "protocol",
     "read_client_keys",
     "read_table",

@@ -13,7 +13,7 @@ from typing import Any
 import zmq
 
 from ..kit import UserError
-from . import protocol
+from . import local_key, protocol
 from .credentials import read_client_keys
 
 FAREWELL = 0.2  # s, longest wait of a disconnect for its answer
@@ -47,11 +47,14 @@ class Link:
     inputs, outputs : Mapping of str to str
         SI units of the signals to command and to read, by name; values have the same order.
     credentials : Path, optional
-        The client's keys (``ppy rig keys``); default is no encryption.
+        The client's keys (``ppy rig keys``); default is no encryption, and the key that a server of
+        this user on this machine has left.
     client : str
         Name of this client in the server's log.
     instance : str, optional
         16 hexadecimal digits that are unique; default random ones.
+    take_over : bool
+        Whether to take the rig over from a client that hands it over.
 
     Raises
     ------
@@ -79,6 +82,8 @@ class Link:
         credentials: Path | None = None,
         client: str = "ppy",
         instance: str | None = None,
+        *,
+        take_over: bool = False,
     ):
         self.endpoint = endpoint
         self.inputs = dict(inputs)
@@ -89,6 +94,7 @@ class Link:
         self.trip = 0.0
         self._overtaken: Mapping[str, Any] | None = None  # answer to an earlier exchange
         self._instance = instance or token_hex(8)
+        self._take_over = take_over
         self._keys = None if credentials is None else read_client_keys(credentials)
         self._sequence = 0  # number of the newest exchange
         self._answered = 0  # number of the newest exchange with an answer
@@ -144,6 +150,8 @@ class Link:
             inputs=self.inputs,
             outputs=self.outputs,
             time=time,
+            take_over=self._take_over,
+            key="" if self._keys else local_key.read(self.endpoint),
         )
         for message in self._answers(monotonic() + timeout):
             if message["type"] == "refused":
@@ -241,6 +249,27 @@ class Link:
             newest = message
         return newest
 
+    def hand_over(self, timeout: float) -> bool:
+        """Offer the rig to a client that takes it over within 10 s.
+
+        This client has to go on commanding until its exchange is refused: the watchdog is armed.
+
+        Parameters
+        ----------
+        timeout : float
+            Longest wait for the answer, in s.
+
+        Returns
+        -------
+        bool
+            True if the server has noted the offer.
+        """
+        self._send("hand_over", session=self.session)
+        for message in self._answers(monotonic() + timeout):
+            if message["type"] in ("offered", "refused"):
+                return bool(message["type"] == "offered")
+        return False
+
     def disconnect(self, longest: float = FAREWELL) -> None:
         """End the session in order: the rig goes to zero.
 
@@ -282,7 +311,7 @@ class Link:
         if self._keys is not None:
             self._keys.secure(socket)
         try:
-            socket.connect(self.endpoint)
+            socket.connect(local_key.numeric(self.endpoint))
         except zmq.ZMQError as error:
             raise LinkError(
                 f"endpoint {self.endpoint!r}: {error.strerror}; it is like {protocol.ENDPOINT}"

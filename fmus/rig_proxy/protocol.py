@@ -95,7 +95,8 @@ _STATE = {
 }
 _NAMED = {"inputs": _is_units, "outputs": _is_units}
 
-# Fields that each message must have, in addition to its version and type.
+# Fields that each message must have, in addition to its version and type. `key`, `take_over` and
+# `operator` may be missing, as at those that were written before them.
 REQUESTS = {
     "connect": {"client": _is_text, "instance": _is_text, **_NAMED, "time": _is_number},
     "exchange": {
@@ -108,6 +109,7 @@ REQUESTS = {
         "values": _is_numbers,
     },
     "disconnect": {"session": _is_text},
+    "hand_over": {"session": _is_text},
     "stop": {"reason": _is_text},
     "acknowledge": {"latch": _is_text},  # or the name of an alarm
     "shelve": {"alarm": _is_text, "time": _is_number},
@@ -127,6 +129,7 @@ REPLIES = {
         "refused": _is_texts,
     },
     "disconnected": {},
+    "offered": {},
     "status": {**_STATE, **_RIG, **_NAMED, "counts": _is_mapping},
     "telemetry": {
         **_STATE,

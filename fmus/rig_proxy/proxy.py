@@ -23,6 +23,7 @@ _NATIVE = (
     "json_writer",
     "messages",
     "zmtp",
+    "local_key",
     "link",
     "proxy",
 )

@@ -80,6 +80,7 @@ _PANELS = {
         "keys",
         "credentials",
         "password",
+        "no_keys",
         "timeout",
         "client",
         "role",

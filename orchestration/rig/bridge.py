@@ -1,6 +1,7 @@
 """Bridge from plain connections on this machine to an encrypted connection with a rig's server.
 
-It is for proxies that cannot encrypt: plain ZeroMQ on this machine, CURVE beyond it.
+It is for proxies that cannot encrypt: plain ZeroMQ on this machine, CURVE beyond it. As a server
+does, it leaves a key for its user's clients: nobody else on this machine drives the rig through it.
 
 Every client here gets a connection of its own to the server, so that the server tells them apart as
 if they had connected to it. Nothing is stored: a message that cannot be sent within a second is
@@ -17,8 +18,24 @@ from time import monotonic
 import zmq
 
 from fmus.kit import UserError
-from fmus.rig_proxy import MAX_FRAME, OPERATOR, TELEMETRY
-from orchestration.rig.access import access_control, guard_access, received
+from fmus.rig_proxy import (
+    MAX_FRAME,
+    OPERATOR,
+    REQUESTS,
+    TELEMETRY,
+    ProtocolError,
+    decode,
+    encode,
+)
+from orchestration.rig.access import (
+    EVERYBODY,
+    Admission,
+    Peer,
+    access_control,
+    guard_access,
+    received,
+    user_admission,
+)
 from orchestration.rig.endpoint import Endpoint, bound_queues
 
 LOOPBACK = "127.0.0.1"
@@ -70,8 +87,15 @@ class _Lane:
     It has a context of its own, as the server's sockets have.
     """
 
-    def __init__(self, router: zmq.Socket[bytes], remote: Endpoint, address: str):
+    def __init__(
+        self,
+        router: zmq.Socket[bytes],
+        remote: Endpoint,
+        address: str,
+        admission: Admission,
+    ):
         self.router = router
+        self._admission = admission
         self._remote = remote
         self._address = address
         self._clients: OrderedDict[bytes, _Client] = OrderedDict()
@@ -90,8 +114,13 @@ class _Lane:
     def carry(self, ready: set[object], now: float) -> None:
         """Carry messages in both directions."""
         if self.router in ready:
-            for name, frame in _read_requests(self.router):
-                self._client(name).send(frame, now)
+            for peer, frame in _read_requests(self.router, self._admission):
+                reason = _refusal(self._admission, peer, frame)
+                if reason:
+                    refused = encode("refused", reason=reason)
+                    self.router.send_multipart((peer.connection, refused), zmq.DONTWAIT)
+                else:
+                    self._client(peer.connection).send(frame, now)
         for name, client in self._clients.items():
             if client.socket in ready:
                 for frame in _read_frames(client.socket):
@@ -124,6 +153,8 @@ class Bridge:
         the next ones, as on the server.
     tell : callable
         Called with a line when the server becomes silent or is heard again.
+    no_keys : bool
+        Whether everybody on this machine may drive the rig, without a key.
 
     Raises
     ------
@@ -132,7 +163,11 @@ class Bridge:
     """
 
     def __init__(
-        self, remote: Endpoint, port: int, tell: Callable[[str], None] = lambda text: None
+        self,
+        remote: Endpoint,
+        port: int,
+        tell: Callable[[str], None] = lambda text: None,
+        no_keys: bool = False,
     ):
         self._remote = remote
         self._tell = tell
@@ -142,13 +177,16 @@ class Bridge:
             first, second = (zmq.Context(), zmq.Context())
             for context in (first, second):
                 opened.callback(context.destroy, 0)
-            opened.enter_context(access_control((first, second)))
+            opened.enter_context(access_control((first, second), EVERYBODY))
             requests = opened.enter_context(_listening(first, zmq.ROUTER, port))
             operators = opened.enter_context(_listening(second, zmq.ROUTER, port + OPERATOR))
             self._telemetry = opened.enter_context(_listening(first, zmq.PUB, port + TELEMETRY))
+            admission = EVERYBODY
+            if not no_keys:
+                admission = opened.enter_context(user_admission(f"tcp://{LOOPBACK}:{port}"))
             self._lanes = (
-                _Lane(operators, remote, remote.operators),
-                _Lane(requests, remote, remote.requests),
+                _Lane(operators, remote, remote.operators, admission),
+                _Lane(requests, remote, remote.requests, admission),
             )
             self._source = first.socket(zmq.SUB)
             remote.connect(self._source, remote.telemetry)
@@ -224,15 +262,24 @@ def _listening(
         yield socket
 
 
-def _read_requests(router: zmq.Socket[bytes]) -> Iterator[tuple[bytes, bytes]]:
-    """Yield messages of clients that have arrived, a bounded number, with the clients' names."""
+def _read_requests(router: zmq.Socket[bytes], admission: Admission) -> Iterator[tuple[Peer, bytes]]:
+    """Yield messages of clients that have arrived, a bounded number, with their senders."""
     for _ in range(_AT_ONCE):
         try:
-            peer, frames = received(router)
+            peer, frames = received(router, admission)
         except zmq.Again:
             return
         if peer.has_name and len(frames) == 1 and len(frames[0]) <= MAX_FRAME:
-            yield peer.connection, frames[0]
+            yield peer, frames[0]
+
+
+def _refusal(admission: Admission, peer: Peer, frame: bytes) -> str:
+    """Return why a message is not carried on; the server drops one that is malformed."""
+    try:
+        message = decode(frame, REQUESTS)
+    except ProtocolError:
+        return ""
+    return admission.refusal(admission.identify(peer, message), message["type"])
 
 
 def _read_frames(socket: zmq.Socket[bytes]) -> Iterator[bytes]:

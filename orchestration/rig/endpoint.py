@@ -14,7 +14,8 @@ from fmus.rig_proxy import (
     OPERATOR,
     TELEMETRY,
     ClientKeys,
-    new_name,
+    local_key,
+    protocol,
     read_client_keys,
 )
 
@@ -42,6 +43,11 @@ class Endpoint:
     operators: str
     keys: ClientKeys | None = None
 
+    @property
+    def local_key(self) -> str:
+        """Key that a server of this user on this machine has left; empty without one."""
+        return "" if self.keys else local_key.read(self.requests)
+
     def connect(self, socket: Any, address: str, *, has_name: bool = True) -> None:
         """Connect a ZeroMQ socket, with a name, with keys if there are any, and bounded queues.
 
@@ -55,7 +61,7 @@ class Endpoint:
         """
         bound_queues(socket)
         if has_name:
-            socket.routing_id = new_name()
+            socket.routing_id = protocol.new_name()
         socket.ipv6 = True
         socket.reconnect_ivl = 100  # ms
         socket.reconnect_ivl_max = 500  # ms
@@ -128,5 +134,7 @@ def read_endpoint(
             f" {HIGHEST_PORT}"
         )
     keys = None if credentials is None else read_client_keys(credentials, warn)
-    telemetry, operators = (f"tcp://{host}:{port + more}" for more in (TELEMETRY, OPERATOR))
-    return Endpoint(text, telemetry, operators, keys)
+    requests, telemetry, operators = (
+        local_key.numeric(f"tcp://{host}:{port + more}") for more in (0, TELEMETRY, OPERATOR)
+    )
+    return Endpoint(requests, telemetry, operators, keys)

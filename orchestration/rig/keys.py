@@ -8,14 +8,17 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from secrets import token_hex
 from typing import Any, NamedTuple
 
+from psutil import Process
+
 from fmus.kit import UserError
-from fmus.rig_proxy import checked, key, read_table
+from fmus.rig_proxy import checked, key, local_key, read_table
 
 SERVER_FILE = "rig-server.toml"
 CLIENT_FILE = "rig-client.toml"
@@ -24,6 +27,7 @@ _NAME_RULE = "has to be 1 to 40 letters, digits, - and _, and begin with none of
 ROLES = ("watch", "command", "acknowledge")
 """Roles of keys: each has the permissions of those before it. Everybody may stop."""
 _FIRST_CLIENT = "first-client"
+_PRIVATE = 0o700  # mode of a folder
 
 
 class KeyHolder(NamedTuple):
@@ -62,6 +66,111 @@ class ServerKeys:
 
     def __repr__(self) -> str:
         return f"ServerKeys(public_key={self.public_key!r}, clients={self.clients!r})"
+
+
+class KeyFile:
+    """A server's key file, which is read again when it has changed.
+
+    Parameters
+    ----------
+    path : Path
+    tell : callable
+        Called with a line on what was read.
+
+    Attributes
+    ----------
+    keys : ServerKeys
+        As they were last read without an error.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be used, as :func:`read_server_keys` says.
+    """
+
+    def __init__(self, path: Path, tell: Callable[[str], None]) -> None:
+        self._path = path
+        self._tell = tell
+        self._version = self._look()
+        self.keys = read_server_keys(path, tell)
+
+    def _look(self) -> tuple[int, ...]:
+        """Return what changes with the contents of the file; nothing if there is none."""
+        try:
+            about = self._path.stat()
+        except OSError:
+            return ()
+        return about.st_mtime_ns, about.st_ctime_ns, about.st_size, about.st_ino
+
+    def clients(self) -> Mapping[str, KeyHolder]:
+        """Return the holders of keys, read again if the file has changed.
+
+        A file that cannot be used leaves them as they were, and is told once.
+        """
+        version = self._look()
+        if version == self._version:
+            return self.keys.clients
+        self._version = version
+        try:
+            keys = read_server_keys(self._path, self._tell)
+            if keys.secret_key != self.keys.secret_key:
+                raise UserError(f"{self._path}: has the keys of another server")
+        except UserError as error:
+            self._tell(f"{error}; the keys read before hold on")
+            return self.keys.clients
+        self._tell(_describe_change(self.keys.clients, keys.clients))
+        self.keys = keys
+        return keys.clients
+
+
+def _describe_change(before: Mapping[str, KeyHolder], now: Mapping[str, KeyHolder]) -> str:
+    """Describe which holders of keys are new, and which have no key or role of theirs any more."""
+
+    def names(holders: set[KeyHolder]) -> str:
+        return ", ".join(sorted(f"{holder.name} ({holder.role})" for holder in holders)) or "nobody"
+
+    known = set(before.values())
+    present = set(now.values())
+    return f"keys read again: let in {names(present - known)}; shut out {names(known - present)}"
+
+
+@contextmanager
+def left_key(endpoint: str) -> Iterator[dict[str, KeyHolder]]:
+    """Leave a new key for clients of this user while the context lasts.
+
+    Parameters
+    ----------
+    endpoint : str
+        Where the server listens already, so that no other one of this name can be running.
+
+    Yields
+    ------
+    dict of str to KeyHolder
+        This user, who may do everything, by the key (:func:`fmus.rig_proxy.local_key.read`); and
+        whoever has none, who may watch. The key is new at every start, so that one that a stranger
+        heard at the port of a server that had ended is of no use.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be written.
+    """
+    path = local_key.path(endpoint)
+    made = token_hex(16)
+    try:
+        path.parent.mkdir(_PRIVATE, parents=True, exist_ok=True)
+        path.parent.chmod(_PRIVATE)
+        path.unlink(missing_ok=True)  # of a server that was killed
+    except OSError as error:
+        raise UserError(
+            f"cannot leave the key in {path}: {error.strerror}; --no-keys serves without"
+        ) from error
+    _write_new(path, f"{made}\n")
+    try:
+        yield {"": KeyHolder("", ROLES[0]), made: KeyHolder(Process().username(), ROLES[-1])}
+    finally:
+        with suppress(OSError):
+            path.unlink()
 
 
 def read_server_keys(path: Path, warn: Callable[[str], None] = lambda text: None) -> ServerKeys:
@@ -165,7 +274,7 @@ def add_client(folder: Path, name: str, role: str = "command") -> Path:
     Returns
     -------
     Path
-        The client's file. A server that is running knows the client when it is started again.
+        The client's file. A server that is running lets the client in within a second or two.
 
     Raises
     ------
@@ -234,7 +343,7 @@ def _encode_server_file(keys: ServerKeys) -> str:
         "# Keys of the rig's server: this file stays on its machine, and nobody else may read it.\n"
         f'public_key = "{keys.public_key}"\nsecret_key = "{keys.secret_key}"\n'
         "# Who may connect, for what: watch (and stop), command, or acknowledge (all there is).\n"
-        "# To shut somebody out, delete the line and start the server again.\n"
+        "# To shut somebody out, delete the line; a server that is running sees it.\n"
         f"clients = [\n{clients}]\n"
     )
 

@@ -45,7 +45,7 @@ def ask(remote: Endpoint, kind: str, timeout: float = 2.0, **fields: Any) -> dic
     try:
         socket = context.socket(zmq.DEALER)
         remote.connect(socket, remote.operators)
-        socket.send(protocol.encode(kind, **fields))
+        socket.send(protocol.encode(kind, key=remote.local_key, **fields))
         until = monotonic() + timeout
         while (remaining := until - monotonic()) > 0.0:
             if not socket.poll(round(1000 * remaining)):
@@ -169,7 +169,10 @@ def summarise_status(answer: Mapping[str, Any]) -> str:
     if answer["latch"]:
         parts.append(f"latch {answer['latch']}")
     if answer["client"]:
-        parts.append(f"client {answer['client']}")
+        operator = answer.get("operator")  # which a server that is not ours need not name
+        parts.append(f"client {answer['client']}{f' of {operator}' if operator else ''}")
+    if answer.get("acknowledged"):
+        parts.append(f"acknowledged by {answer['acknowledged']}")
     parts.append(
         f"{answer['mode']}, period {answer['period']:.4g} s, watchdog {answer['watchdog']:g} s"
     )

@@ -1,11 +1,14 @@
 """Claims: neither a web page nor a peer of another protocol stops, releases or connects anything at
-a server, and a key lets its holder do what its role says.
+a server; a key lets its holder do what its role says, until it is struck out; without keys one
+login alone drives; and a change of client is no step.
 """
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -13,13 +16,14 @@ from pathlib import Path
 import pytest
 import zmq
 
+from fmus.rig_proxy import Link, LinkError, local_key
 from orchestration.rig.endpoint import read_endpoint
 from orchestration.rig.keys import add_client, make_keys
 from orchestration.rig.operator import acknowledge, ask, stop
 from tests.support.browser import chromium
 from tests.support.command import here
 from tests.support.rig.driver import INPUTS, OUTPUTS, Driver, refusal
-from tests.support.rig.process import Server
+from tests.support.rig.process import ROOT, Server
 from tests.support.rig.raw_peer import (
     RawPeer,
     message,
@@ -161,6 +165,144 @@ def test_a_key_is_for_what_its_role_says_and_the_log_says_whose_it_was(tmp_path,
         for offset in (0, 2):  # who has no key
             with pytest.raises((OSError, AssertionError)):
                 RawPeer(int(endpoint.rpartition(":")[2]) + offset)
+
+
+@pytest.mark.slow
+def test_a_key_that_is_struck_out_drives_no_more_and_a_new_one_needs_no_restart(tmp_path, keys):
+    file = keys["server"]
+    # the driver may be late on a busy machine
+    with Server(tmp_path, "Logged", "--keys", file, "--watchdog", 2.0) as server:
+        endpoint = server.wait_ready()
+        boss = read_endpoint(endpoint, keys["acknowledge"])
+        driver = Driver(endpoint, credentials=keys["command"]).start()
+        whole = file.read_text()
+        file.write_text("clients = [")
+        server.wait_line("the keys read before hold on")
+        driver.wait(10)
+        file.write_text(whole)
+        driver.wait(10)
+        new = add_client(file.parent, "new")
+        server.wait_line("let in new (command); shut out nobody")
+        assert ask(read_endpoint(endpoint, new), "status")["operator"] == "lab"
+        struck = time.monotonic()
+        rows = file.read_text().splitlines()
+        file.write_text("\n".join(row for row in rows if '"lab"' not in row))
+        server.wait_line("client driver is shut out: the key of lab may not drive")
+        assert time.monotonic() - struck < 3.0
+        until = time.monotonic() + 5.0
+        while not driver.errors:
+            assert time.monotonic() < until
+            time.sleep(0.01)
+        assert "its key is none" in driver.errors[0]
+        assert server.wait_call("safe", struck)
+        told = ask(boss, "status")
+        assert (told["state"], told["latch"]) == ("idle", "")
+        driver.stop()
+        assert refusal(endpoint, keys["command"], 1.0).startswith("no answer")
+        with Driver(endpoint, credentials=new):
+            assert ask(boss, "status")["operator"] == "new"
+
+
+OTHER = """
+import os, sys, zmq
+from fmus.rig_proxy import Link, LinkError, local_key
+from orchestration.rig import ask, read_endpoint
+from tests.support.rig.driver import refusal
+endpoint, latch = sys.argv[1:]
+remote = read_endpoint(endpoint)
+ask(remote, "status")  # all is imported
+os.setgroups([])
+os.setgid(65534)
+os.setuid(65534)
+assert not local_key.read(endpoint)
+print(refusal(endpoint))
+print(ask(remote, "stop", reason="another login")["latch"])
+try:
+    ask(remote, "acknowledge", latch=latch)
+except Exception as error:
+    print(error)
+"""
+
+
+def as_another_login(endpoint: str, latch: str) -> list[str]:
+    """Return what another user of this machine gets, who knows where the key is."""
+    if not hasattr(os, "geteuid") or os.geteuid() != 0:
+        pytest.skip("only root can run a program as another user")
+    command = [sys.executable, "-c", OTHER, endpoint, latch]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        command, env=environment, check=False, timeout=60, text=True, capture_output=True
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+@pytest.mark.slow
+def test_without_keys_the_user_drives_and_another_login_may_only_stop(tmp_path):
+    late = ("--watchdog", 2.0)
+    with Server(tmp_path, "Logged", *late) as server:
+        endpoint = server.wait_ready()
+        driver = Driver(endpoint).start()
+        assert local_key.read(endpoint)
+        refused, stopped, not_released = as_another_login(endpoint, "none")
+        assert "connect needs the key of this server" in refused
+        assert stopped == ask(read_endpoint(endpoint), "status")["latch"]
+        assert "acknowledge needs the key of this server" in not_released
+        server.wait_line("stopped: another login (by 127.0.0.1)")
+        assert acknowledge(read_endpoint(endpoint), stopped)["state"] == "idle"
+        driver.stop()
+    assert not local_key.path(endpoint).exists()
+
+
+def test_keys_can_be_given_up_which_the_log_says(tmp_path):
+    with Server(tmp_path, "Logged", "--no-keys") as server:
+        endpoint = server.wait_ready()
+        server.wait_line("WARNING: --no-keys: everybody on this machine may drive the rig")
+        assert not local_key.path(endpoint).exists()
+        assert refusal(endpoint) == ""
+
+
+@pytest.mark.slow
+def test_a_change_of_client_is_no_step_and_the_watchdog_stays_armed(tmp_path):
+    """The backend says what was written: only values between those of both clients."""
+    first, second = [0.8, 1.0], [-0.4, 2.0]
+    # the rig goes on for half a second at the most without a command
+    with Server(tmp_path, "Logged", "--rate", 100, "--watchdog", 0.5) as server:
+        endpoint = server.wait_ready()
+        old = Link(endpoint, INPUTS, OUTPUTS, client="old")
+        new = Link(endpoint, INPUTS, OUTPUTS, client="new", take_over=True)
+        old.connect(0.0, 2.0)
+        for k in range(30):
+            old.exchange(first, 0.02 * k, 0.02, 0.5)
+            time.sleep(0.02)
+        with pytest.raises(LinkError, match="serves old"):
+            new.connect(0.0, 2.0)
+        begun = time.monotonic()
+        assert old.hand_over(2.0)
+        accepted = new.connect(0.0, 2.0)
+        assert list(accepted["applied"].values()) == first
+        for k in range(70):
+            assert new.exchange(second, 0.02 * k, 0.02, 0.5)["refused"] == []
+            time.sleep(0.02)
+        with pytest.raises(LinkError, match="this session is over"):
+            old.exchange(first, 0.0, 0.02, 1.0)
+        written = [
+            list(map(float, call.what.split()[1:]))
+            for call in server.calls()
+            if call.what.startswith("write") and call.time > begun
+        ]
+        shares = [(0.8 - current) / 1.2 for current, _ in written]
+        assert shares == sorted(shares)
+        assert [force - 1.0 for _, force in written] == pytest.approx(shares)
+        assert max(b - a for a, b in itertools.pairwise(shares)) < 0.5
+        assert (shares[0], shares[-1]) == pytest.approx((0.0, 1.0), abs=0.02)
+        old.close()
+        assert new.hand_over(2.0)
+        third = Link(endpoint, INPUTS, OUTPUTS, client="third", take_over=True)
+        third.connect(0.0, 2.0)  # and says nothing
+        server.wait_line("SAFE STATE: no fresh command for 0.5 s", 5.0)
+        for link in (new, third):
+            link.close()
 
 
 def test_the_log_is_opened_to_be_added_to(tmp_path):

@@ -1,6 +1,7 @@
 /* A session with the rig. */
 #include "link.h"
 #include "clock.h"
+#include "local_key.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -148,7 +149,9 @@ static void begin_session(Link *link, double sent) {
 static Opening negotiate(Link *link, double time, double until, Message message) {
     Writer request = writer(link);
     double sent = clock_now();
-    write_connect(&request, link->instance, time, link->measured);
+    char key[KEY_SIZE];
+    local_key(&link->address, key);
+    write_connect(&request, link->instance, key, time, link->measured);
     if (request.full) {
         snprintf(message, MESSAGE_SIZE, "the names of all signals need more than the %d bytes of a message", FRAME_MOST);
         return WIRE_UNFIT;

@@ -37,12 +37,15 @@ static void write_session(Writer *writer, const char *session) {
     write_text(writer, session);
 }
 
-void write_connect(Writer *writer, const char *instance, double time, const int measured[MEASURED + 1]) {
+void write_connect(Writer *writer, const char *instance, const char *key, double time,
+                   const int measured[MEASURED + 1]) {
     begin_message(writer, "connect");
     write_plain(writer, ",\"client\":");
     write_text(writer, model_name);
     write_plain(writer, ",\"instance\":");
     write_text(writer, instance);
+    write_plain(writer, ",\"key\":");
+    write_text(writer, key);
     write_plain(writer, ",\"inputs\":{");
     for (int i = 0; i < MODEL_INPUTS; i++)
         write_unit(writer, FIRST_INPUT + i, i == 0);

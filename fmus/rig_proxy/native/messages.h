@@ -30,9 +30,10 @@ typedef struct {
 /* What a frame says; every field that the protocol has for its kind must be there and of the right type. */
 static void reply_read(const char *frame, size_t size, Reply *reply);
 
-/* `instance` names who connects, `measured` are the indices of the measured values, `inputs` the commands, in the order
-   of the model. A writer that is full after this must not be sent. */
-static void write_connect(Writer *writer, const char *instance, double time, const int measured[MEASURED + 1]);
+/* `instance` names who connects, `key` is the server's or empty, `measured` are the indices of the measured values,
+   `inputs` the commands, in the order of the model. A writer that is full after this must not be sent. */
+static void write_connect(Writer *writer, const char *instance, const char *key, double time,
+                          const int measured[MEASURED + 1]);
 static void write_exchange(Writer *writer, const Reply *session, uint64_t sequence, double sent, double seen, double time,
                            double step, const double *inputs);
 static void write_disconnect(Writer *writer, const char *session);

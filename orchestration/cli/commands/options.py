@@ -871,6 +871,10 @@ class SamplingOptions(TypedDict, total=False):
 class RecordRigCommand(RecordingOptions, ServerOptions, SamplingOptions, total=False):
     """Options of ``ppy rig record``."""
 
+    take_over: Annotated[
+        bool, Option("Go on from a client that hands the rig over.", default=False)
+    ]
+
 
 class BridgeCommand(TypedDict, total=False):
     """Options of ``ppy rig bridge``."""
@@ -882,6 +886,10 @@ class BridgeCommand(TypedDict, total=False):
         Option(
             "On this machine; the two above it are taken, too.", default=PORT, least=1, most=65533
         ),
+    ]
+    no_keys: Annotated[
+        bool,
+        Option("Everybody on this machine may drive the rig, without a key.", default=False),
     ]
 
 
@@ -951,6 +959,10 @@ class ServeCommand(TypedDict, total=False):
     ]
     port: Annotated[int | None, Option("Port, 5570 if not given; 0 is any free one.", metavar="N")]
     keys: Annotated[Path | None, Option("Key file of the server, of ppy rig keys.", metavar="FILE")]
+    no_keys: Annotated[
+        bool,
+        Option("Everybody on this machine may drive the rig, without a key.", default=False),
+    ]
     log: Annotated[Path | None, Option("Add every line to this file, too.", metavar="FILE")]
     state: Annotated[
         Path | None,

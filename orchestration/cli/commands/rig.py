@@ -68,6 +68,7 @@ def serve(options: ServeCommand) -> None:
         host=default[0] if host is None else host,
         port=default[1] if port is None else port,
         keys=options["keys"],
+        no_keys=options["no_keys"],
         log=options["log"],
         state=options["state"],
         priority=options["priority"],
@@ -137,7 +138,7 @@ def record(options: RecordRigCommand) -> None:
     remote = read_endpoint(options["endpoint"], credentials, warn)
     planned = plan_recording(experiment, ask(remote, "status"), stimulus, rate, max_age, note)
     results.check(empty_dataset(planned), out)
-    data = _drive(planned, remote, credentials, stimulus, live)
+    data = _drive(planned, remote, options, live)
     keep(data, out, live)
     extent = f"{data.time.size} rows, {float(data.time[-1]):g} s of {planned.time[-1]:g} s"
     terminal.print(f"{data.attrs['subject']}: {extent}")
@@ -177,7 +178,7 @@ def _raise_if_incomplete(
 
 
 def _drive(
-    planned: RecordingPlan, remote: Endpoint, credentials: Path | None, where: str, live: Live
+    planned: RecordingPlan, remote: Endpoint, options: RecordRigCommand, live: Live
 ) -> xarray.Dataset:
     """Drive the rig and return the record, with a journal on the disk and a status line."""
     from contextlib import ExitStack
@@ -192,7 +193,14 @@ def _drive(
 
     prefer_to_others(CLIENT)
     with ExitStack() as opened:
-        link = Link(remote.requests, planned.inputs, planned.outputs, credentials, "ppy rig record")
+        link = Link(
+            remote.requests,
+            planned.inputs,
+            planned.outputs,
+            options["credentials"],
+            "ppy rig record",
+            take_over=options["take_over"],
+        )
         opened.callback(link.close)
         journal = _journal(live, planned)
         opened.callback(journal.close)
@@ -210,7 +218,7 @@ def _drive(
         if recorded.failure:
             raise UserError(f"{recorded.failure}; nothing was recorded")
         raise KeyboardInterrupt
-    return dataset(planned, recorded, where, remote.requests)
+    return dataset(planned, recorded, options["stimulus"], remote.requests)
 
 
 def _journal(live: Live, planned: RecordingPlan) -> Journal:
@@ -350,7 +358,7 @@ def keys(options: KeysCommand) -> None:
 
     Nothing is overwritten.
     """
-    from orchestration.reporting.console import note, wrote
+    from orchestration.reporting.console import wrote
     from orchestration.rig import add_client, make_keys
 
     folder = options["folder"]
@@ -363,7 +371,6 @@ def keys(options: KeysCommand) -> None:
             add_client(folder, client, role or "command"),
             "keys of the client; let nobody else read it",
         )
-        note("a server that is running lets the client in when it has been started again")
         return
     server, first = make_keys(folder)
     wrote(server, "stays with the server")
@@ -389,6 +396,6 @@ def bridge(options: BridgeCommand) -> None:
             f"--endpoint {endpoint}: this is the bridge itself; --port chooses another port for it"
         )
     with until_interrupted():
-        carries = Bridge(remote, port, note)
+        carries = Bridge(remote, port, note, options["no_keys"])
         out.print(f"{local} is carried on to {remote.requests} (Ctrl-C ends it)")
         carries.run()

@@ -97,9 +97,12 @@ def serve(settings: ServerSettings) -> int:
             rig = _opened_rig(settings, keeper, log)
             try:
                 log.tell(_describe_rig(settings, sockets, rig))
+                if settings.no_keys:
+                    log.tell("WARNING: --no-keys: everybody on this machine may drive the rig")
                 for note in rig.signals.notes:
                     log.tell(note)
-                handler = RequestHandler(rig, settings.period, log, keeper, _hook(settings, log))
+                hook = _hook(settings, log)
+                handler = RequestHandler(rig, settings.period, log, keeper, hook, sockets.admission)
                 EventLoop(sockets, handler, log, signals).run()
             finally:
                 trouble = _close(rig, log, signals)
@@ -164,6 +167,7 @@ class EventLoop:
         self._handler = handler
         self._log = log
         self._signals = signals
+        self._holders = sockets.admission.holders
         self._looked = 0.0
         self._published = 0.0
         self._number = -1
@@ -190,6 +194,7 @@ class EventLoop:
             if now - self._looked > _LOOK:
                 self._looked = now
                 self._count_turned_away()
+                self._turn_away_subscribers()
                 self._watch_memory()
             collector.collect(now)
 
@@ -221,7 +226,7 @@ class EventLoop:
         until = monotonic() + _LONGEST_TURN
         for _ in range(_AT_ONCE):
             try:
-                peer, frames = received(socket)
+                peer, frames = received(socket, self._sockets.admission)
             except zmq.Again:
                 return
             message = self._decoded(peer, frames, known)
@@ -293,6 +298,13 @@ class EventLoop:
                 "a peer was turned away: it has no key, a wrong one, or does not speak ZMTP 3",
                 "turned away",
             )
+
+    def _turn_away_subscribers(self) -> None:
+        """Let all subscribers connect anew when the keys that are let in have changed."""
+        holders = self._sockets.admission.holders
+        if holders is not self._holders:
+            self._holders = holders
+            self._sockets.telemetry.close()
 
     def _watch_memory(self) -> None:
         """End the server, latched, before a peer has filled the memory of the machine."""

@@ -11,7 +11,7 @@ from time import monotonic
 from typing import Any
 
 from fmus.rig_proxy import IDLE, LOCKSTEP, RUNNING, ProtocolError, encode, protocol
-from orchestration.rig.access import Peer
+from orchestration.rig.access import EVERYBODY, Admission, Peer
 from orchestration.rig.safety import CommandFilter, stale
 from orchestration.rig.server.alarms import MAJOR, Alarms, watch_limits
 from orchestration.rig.server.latch import Latch
@@ -23,14 +23,7 @@ from orchestration.rig.server.session import FIRST_COMMAND, Session, describe_mi
 _LONGEST_STEP = 60.0  # s, in lockstep: the emulated rig takes it in one go
 _LONGEST_REASON = 1000  # characters: names in it may be a stranger's
 _LONGEST_NAME = 40  # characters of a client's name in the log
-_ROLES = {
-    "connect": "command",
-    "exchange": "command",
-    "disconnect": "command",
-    "acknowledge": "acknowledge",
-    "shelve": "acknowledge",
-}
-"""Role that a key needs for a message; every other one is for everybody who may connect."""
+_OVER = "this session is over, or of a server before this one"
 
 
 class RequestHandler:
@@ -46,6 +39,8 @@ class RequestHandler:
         Stores the latch, so that it stays closed when the server is started again.
     announce : callable
         Called with the fields of each alarm, and of a stop.
+    admission : Admission
+        Says what the sender of a message may do, at present.
 
     Attributes
     ----------
@@ -60,7 +55,9 @@ class RequestHandler:
         log: EventLog,
         keeper: LatchKeeper,
         announce: Callable[[Mapping[str, Any]], None] = lambda fields: None,
+        admission: Admission = EVERYBODY,
     ) -> None:
+        self._admission = admission
         self._rig = rig
         self._period = period
         self._log = log
@@ -72,6 +69,7 @@ class RequestHandler:
         self._latch = Latch(rig, log, keeper, self._alarms)
         self._rests_since = monotonic()  # when the rig was last ordered to rest without a latch
         self._refused: list[str] = []
+        self._acknowledged = ""  # by whom, since the latch was closed last
         self.counts = dict.fromkeys(
             ("malformed", "late", "repeated", "stale", "refused", "turned away", "missed"), 0
         )
@@ -79,6 +77,7 @@ class RequestHandler:
             "connect": self._connect,
             "exchange": self._exchange,
             "disconnect": self._disconnect,
+            "hand_over": self._hand_over,
             "stop": self._stop,
             "acknowledge": self._acknowledge,
             "shelve": self._shelve,
@@ -130,9 +129,9 @@ class RequestHandler:
             The reply, if there is one.
         """
         kind = message["type"]
-        needed = _ROLES.get(kind)
-        if needed is not None and not peer.holder.has_role(needed):
-            reason = f"the key of {peer.holder.name} is for {peer.holder.role}, not for {kind}"
+        peer = self._admission.identify(peer, message)
+        reason = self._admission.refusal(peer, kind)
+        if reason:
             self._log.tell(f"{kind} by {peer} refused: {reason}", "role")
             return encode("refused", reason=reason)
         return self._answers[kind](peer, message)
@@ -158,17 +157,29 @@ class RequestHandler:
             return encode("refused", reason=reason[:_LONGEST_REASON])
         session = self._session
         if session is None or session.peer != peer.connection or session.sequence > 0:
-            self._end_session("replaced")
-            session = new_session(message, self._rig.signals, peer.connection, monotonic())
-            self._session = session
+            session = self._begin_session(peer, message)
             self._log.tell(f"client connected: {name}, {peer}", "client connected")
         return encode(
             "accepted",
             session=session.key,
             clock=self._rig.clock(),
+            applied=dict(zip(self._rig.signals.inputs, self._filter.applied, strict=True)),
             **self._constants(),
             **self._sample(session),
         )
+
+    def _begin_session(self, peer: Peer, message: Mapping[str, Any]) -> Session:
+        """Begin a session, which goes on from the commands of one that was handed over to it."""
+        now = monotonic()
+        begun = new_session(message, self._rig.signals, peer, now)
+        before = self._session
+        if before is not None and before.is_handed_over(message, now):
+            begun.go_on(before, self._filter.applied)
+            self._log.tell(f"the rig was handed over by {before.client[:_LONGEST_NAME]}")
+        else:
+            self._end_session("replaced")
+        self._session = begun
+        return begun
 
     def _occupied(self, peer: Peer, message: Mapping[str, Any]) -> str:
         """Return the reason for which another client excludes a new one; empty if none does.
@@ -177,6 +188,8 @@ class RequestHandler:
         """
         session = self._session
         if session is None or session.may_be_taken_up(message, peer.connection):
+            return ""
+        if session.is_handed_over(message, monotonic()):
             return ""
         if self._rig.mode == LOCKSTEP and session.is_silent(monotonic()):
             return ""
@@ -187,10 +200,7 @@ class RequestHandler:
         """Take the commands of an exchange, and return a sample; None for a repeated exchange."""
         session = self._session
         if session is None or message["session"] != session.key:
-            return encode(
-                "refused",
-                reason="this session is over, or of a server before this one",
-            )
+            return encode("refused", reason=_OVER)
         if session.repeats(message, self.counts):
             return None
         refused = self._command(session, message)
@@ -224,7 +234,7 @@ class RequestHandler:
             self.counts["stale"] += 1
             refused = [reason]
         else:
-            values = [message["values"][k] for k in session.commanded]
+            values = session.blend([message["values"][k] for k in session.commanded], now)
             refused = self._filter.take(values, now, self._longest_rate_time(message))
         self._refused = refused
         if refused:
@@ -247,17 +257,28 @@ class RequestHandler:
             self._end_session("disconnected")
         return encode("disconnected")
 
+    def _hand_over(self, peer: Peer, message: Mapping[str, Any]) -> bytes:
+        session = self._session
+        if session is None or message["session"] != session.key:
+            return encode("refused", reason=_OVER)
+        session.offer(monotonic())
+        self._log.tell(f"client {session.client[:_LONGEST_NAME]} offers to hand over")
+        return encode("offered")
+
     def _stop(self, peer: Peer, message: Mapping[str, Any]) -> bytes:
         self.stop(message["reason"][:200] or "somebody stopped it", f" (by {peer})")
         return self._status()
 
     def _acknowledge(self, peer: Peer, message: Mapping[str, Any]) -> bytes:
         if self._alarms.acknowledge(message["latch"], str(peer)):
+            self._acknowledged = str(peer)
             return self._status()
         was_closed = self._latch.is_closed
         refusal = self._latch.acknowledge(message["latch"], str(peer))
         if refusal:
             return encode("refused", reason=refusal)
+        if was_closed:
+            self._acknowledged = str(peer)
         if was_closed and self._session is not None:
             self._end_session("over")
         return self._status()
@@ -288,6 +309,9 @@ class RequestHandler:
         """Handle events that the rig caused, and messages of the client that are overdue."""
         self._supervise()
         session = self._session
+        if session is not None and not self._admission.may_drive(session.owner):
+            self._end_session(f"is shut out: the key of {session.owner.holder.name} may not drive")
+            session = None
         if self._latch.is_closed or self._rig.mode == LOCKSTEP:
             self._rests_since = monotonic()
             return
@@ -321,6 +345,7 @@ class RequestHandler:
         self._filter.reset()
         if not self._latch.is_closed:
             self._announce({"source": "latch", "severity": MAJOR, "text": reason})
+        self._acknowledged = ""
         self._latch.close(reason, detail + age, kind)
 
     def _end_session(self, ending: str) -> None:
@@ -372,9 +397,11 @@ class RequestHandler:
             "state": self._state(),
             "clock": self._rig.clock(),
             "client": "" if self._session is None else self._session.client,
+            "operator": "" if self._session is None else self._session.owner.holder.name,
             **self._latch.fields(),
             "alarm": self._alarms.text,
             "alarms": self._alarms.fields(),
+            "acknowledged": self._acknowledged,
         }
 
     def _status(self) -> bytes:

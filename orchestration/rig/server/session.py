@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import inf
 from secrets import token_hex
 from typing import Any
 
 from fmus.kit.errors import suggestion
+from orchestration.rig.access import Peer
 from orchestration.rig.server.calls import BackendSignals
 
 FIRST_COMMAND = 10.0  # s that a client has for it; until then the rig rests
+OFFER = 10.0  # s for which an offer to hand over holds
+BLEND = 1.0  # s in which commands after a hand-over go from the applied values to the client's
 _LONGEST_NAME = 200  # characters of a client's, for which every status has room
 _SILENCE = 2.0  # s, in lockstep, after which another client may replace one that sends nothing
 
@@ -25,8 +29,8 @@ class Session:
         Name of the client.
     instance : str
         Identifier of the one FMU or program that connected: two may have the same name.
-    peer : bytes
-        ZeroMQ's name of its connection.
+    owner : Peer
+        Who connected, with the key that was shown then.
     commanded : list of int
         Index of every input of the rig among the client's values.
     wanted : list of int
@@ -41,11 +45,13 @@ class Session:
         Time of the newest fresh command, in s of the rig's clock.
     heard : float
         Time of the client's newest message, in s of the server's clock.
+    peer : bytes
+        ZeroMQ's name of its present connection.
     """
 
     client: str
     instance: str
-    peer: bytes
+    owner: Peer
     commanded: list[int]
     wanted: list[int]
     begun: float
@@ -53,9 +59,50 @@ class Session:
     sequence: int = 0
     accepted: float | None = None
     heard: float = 0.0
+    peer: bytes = b""
+    _offered: float = -inf  # when the client offered to hand over, in s of the server's clock
+    _applied: Sequence[float] = ()  # commands of the session that was handed over to this one
+    _blend_begun: float | None = None  # time of the first command, in s of the rig's clock
 
     def __post_init__(self) -> None:
         self.heard = self.begun
+        self.peer = self.owner.connection
+
+    def offer(self, now: float) -> None:
+        """Note that the client would hand over to one that takes over."""
+        self._offered = now
+
+    def is_handed_over(self, message: Mapping[str, Any], now: float) -> bool:
+        """Return True if a client that connects may take over a rig that is being commanded."""
+        is_wanted = message.get("take_over") is True and self.accepted is not None
+        return is_wanted and now - self._offered <= OFFER
+
+    def go_on(self, before: Session, applied: Sequence[float]) -> None:
+        """Go on from the last commands of another session; its watchdog time runs on."""
+        self.accepted = before.accepted
+        self._applied = applied
+
+    def blend(self, values: Sequence[float], now: float) -> Sequence[float]:
+        """Return commands on the way from those of the session before to the client's own.
+
+        Parameters
+        ----------
+        values : sequence of float
+            Commands of the client, SI.
+        now : float
+            Time in s of the rig's clock.
+
+        Returns
+        -------
+        sequence of float
+        """
+        if self._blend_begun is None:
+            self._blend_begun = now
+        share = (now - self._blend_begun) / BLEND
+        if not self._applied or share >= 1.0:
+            return values
+        pairs = zip(self._applied, values, strict=True)
+        return [before + share * (value - before) for before, value in pairs]
 
     def repeats(self, message: Mapping[str, Any], counts: dict[str, int]) -> bool:
         """Return True, and count it, if an exchange came before or was overtaken."""
@@ -109,7 +156,7 @@ def describe_misfit(message: Mapping[str, Any], signals: BackendSignals) -> str:
 
 
 def new_session(
-    message: Mapping[str, Any], signals: BackendSignals, peer: bytes, now: float
+    message: Mapping[str, Any], signals: BackendSignals, peer: Peer, now: float
 ) -> Session:
     """Make a session for a client whose signals fit those of the rig.
 
@@ -118,7 +165,7 @@ def new_session(
     message : Mapping
         ``connect``.
     signals : BackendSignals
-    peer : bytes
+    peer : Peer
     now : float
         In s of the server's clock.
 
@@ -131,7 +178,7 @@ def new_session(
     return Session(
         client=message["client"][:_LONGEST_NAME],
         instance=message["instance"],
-        peer=peer,
+        owner=peer,
         commanded=[names.index(name) for name in signals.inputs],
         wanted=[outputs.index(name) for name in message["outputs"]],
         begun=now,

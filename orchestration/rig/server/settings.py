@@ -44,7 +44,9 @@ class ServerSettings:
         Port of the requests; telemetry has the next, and operators the one after it. Zero is any
         that is free.
     keys : Path or None
-        Key file of the server.
+        Key file of the server; without one it leaves a key for its user's clients.
+    no_keys : bool
+        Whether everybody on this machine may drive the rig, without a key.
     log : Path or None
         File that gets a copy of every line.
     state : Path or None
@@ -75,6 +77,7 @@ class ServerSettings:
     host: str = "127.0.0.1"
     port: int = PORT
     keys: Path | None = None
+    no_keys: bool = False
     log: Path | None = None
     state: Path | None = None
     priority: int | None = None
@@ -96,6 +99,8 @@ class ServerSettings:
             raise UserError(f"--stuck-after {self.stuck_after}: allowed are 0, never, and more")
         if self.cpu is not None and self.cpu < 0:
             raise UserError(f"--device-cpu {self.cpu}: cores count from 0")
+        if self.keys is not None and self.no_keys:
+            raise UserError(f"--keys {self.keys} and --no-keys exclude each other")
         if self.keys is None and not is_loopback(self.host):
             raise UserError(
                 f"--bind {self.host}: beyond this machine the rig is served with keys only; "

@@ -14,9 +14,16 @@ from zmq.utils.monitor import parse_monitor_message
 
 from fmus.kit import UserError
 from fmus.rig_proxy import MAX_FRAME, OPERATOR, TELEMETRY
-from orchestration.rig.access import HANDSHAKE, access_control, guard_access
+from orchestration.rig.access import (
+    EVERYBODY,
+    HANDSHAKE,
+    Admission,
+    access_control,
+    guard_access,
+    user_admission,
+)
 from orchestration.rig.endpoint import HIGHEST_PORT
-from orchestration.rig.keys import ServerKeys, read_server_keys
+from orchestration.rig.keys import KeyFile, ServerKeys
 from orchestration.rig.server.settings import ServerSettings
 from orchestration.rig.server.telemetry import TelemetrySocket
 
@@ -78,6 +85,8 @@ class Sockets:
     host : str
     port : int
         Port of `requests`.
+    admission : Admission
+        Keys of clients, as they are at present.
     """
 
     requests: zmq.Socket[bytes]
@@ -85,6 +94,7 @@ class Sockets:
     operators: zmq.Socket[bytes]
     host: str
     port: int
+    admission: Admission = EVERYBODY
     _handshakes: list[Handshakes] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -112,7 +122,7 @@ def opened(
     ----------
     settings : ServerSettings
     warn : callable
-        Called with a line if others can read the key file.
+        Called with a line if others can read the key file, and when it was read again.
 
     Yields
     ------
@@ -123,14 +133,23 @@ def opened(
     UserError
         If an address cannot be bound to, or the key file is invalid.
     """
-    keys = None if settings.keys is None else read_server_keys(settings.keys, warn)
+    file = None if settings.keys is None else KeyFile(settings.keys, warn)
+    admission = EVERYBODY if file is None else Admission(file.keys.clients)
+
+    def refresh() -> None:
+        if file is not None:
+            admission.holders = file.clients()
+
     _allow_most_descriptors()
     with ExitStack() as stack:
         contexts: Sequence[zmq.Context[zmq.Socket[bytes]]] = (zmq.Context(), zmq.Context())
         for context in contexts:
             stack.callback(context.destroy, linger=0)
-        stack.enter_context(access_control(contexts, None if keys is None else keys.clients))
-        sockets = _bind_all(contexts, settings, keys)
+        stack.enter_context(access_control(contexts, admission, refresh))
+        sockets = _bind_all(contexts, settings, None if file is None else file.keys)
+        sockets.admission = admission
+        if file is None and not settings.no_keys:
+            sockets.admission = stack.enter_context(user_admission(sockets.endpoint()))
         yield sockets
 
 

@@ -60,8 +60,7 @@ class TelemetrySocket:
         if self._socket is not None:
             self._socket.send(message, zmq.NOBLOCK)
             if self._count_topics(self._socket):
-                self._socket.close(linger=0)
-                self._socket = None
+                self.close()
                 return False
         return True
 
@@ -84,6 +83,7 @@ class TelemetrySocket:
         self._topics = 0
 
     def close(self) -> None:
-        """Close the socket."""
+        """Close the socket until something is published: all subscribers have to connect anew."""
         if self._socket is not None:
             self._socket.close(linger=0)
+            self._socket = None

@@ -203,6 +203,7 @@ class Feed:
             "reached": _number(message["reached"]),
             "alarm": _text(message["alarm"]),
             "verified": message.get("verified") is not False,  # a server need not say it
+            "operator": _text(message.get("operator", "")),  # nor this
         }
         before = self._condition
         if condition == before:

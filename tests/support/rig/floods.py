@@ -142,7 +142,7 @@ def flooded_server(kind: str, offset: int, folder: Path) -> Iterator[Endpoint]:
     """Serve a rig one of whose ports is flooded; without a kind, one that nobody floods."""
     server_file, client = make_keys(folder / "keys")
     has_keys = kind == "strangers"
-    arguments = ("--keys", server_file) if has_keys else ()
+    arguments = ("--keys", server_file) if has_keys else ("--no-keys",)
     with ExitStack() as opened:
         server = opened.enter_context(Server(folder, "Logged", *arguments))
         port = int(server.wait_ready().rpartition(":")[2])

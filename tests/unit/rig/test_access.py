@@ -12,7 +12,14 @@ import pytest
 import zmq
 
 from fmus.rig_proxy import read_client_keys
-from orchestration.rig.access import HANDSHAKE, access_control, guard_access, received
+from orchestration.rig.access import (
+    EVERYBODY,
+    HANDSHAKE,
+    Admission,
+    access_control,
+    guard_access,
+)
+from orchestration.rig.access import received as received_from
 from orchestration.rig.keys import KeyHolder, add_client, make_keys, read_server_keys
 from tests.support.rig.raw_peer import RawPeer, message, post, say, smuggled, version_1, version_2
 
@@ -20,6 +27,12 @@ pytestmark = pytest.mark.real_time
 
 PATIENCE = 5000  # ms
 STOP = message("stop", reason="smoke")
+
+
+def received(socket):
+    return received_from(socket, EVERYBODY)
+
+
 BOSS = KeyHolder("first-client", "acknowledge")
 
 
@@ -28,7 +41,7 @@ def router():
     """A guarded ROUTER without keys, and its port."""
     with (
         zmq.Context() as context,
-        access_control([context]),
+        access_control([context], EVERYBODY),
         context.socket(zmq.ROUTER) as socket,
     ):
         guard_access(socket)
@@ -127,7 +140,7 @@ def heard(router, keys, file, patience=PATIENCE):
         replace(read_client_keys(file), server_key=keys.public_key).secure(client)
         client.connect(router.last_endpoint)
         client.send(STOP)
-        return received(router)[0] if router.poll(patience) else None
+        return received_from(router, Admission(keys.clients))[0] if router.poll(patience) else None
 
 
 def test_a_key_says_name_and_role_of_its_holder_at_each_context(tmp_path):
@@ -136,7 +149,7 @@ def test_a_key_says_name_and_role_of_its_holder_at_each_context(tmp_path):
     _, stranger = make_keys(tmp_path / "theirs")
     keys = read_server_keys(server_file)
     contexts = [zmq.Context(), zmq.Context()]
-    with access_control(contexts, keys.clients):
+    with access_control(contexts, Admission(keys.clients)):
         for context in contexts:
             with context.socket(zmq.ROUTER) as router:
                 guard_access(router)

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 import zmq
 
+from fmus.rig_proxy import local_key
 from orchestration.rig.bridge import Bridge
 from orchestration.rig.endpoint import read_endpoint
 from orchestration.rig.keys import add_client, make_keys
@@ -50,9 +51,11 @@ class Client:
         self.socket = context.socket(zmq.DEALER)
         self.socket.linger = 0
         self.socket.routing_id = name
+        self.key = local_key.read(f"tcp://127.0.0.1:{port}")
         self.socket.connect(f"tcp://127.0.0.1:{port}")
 
     def send(self, kind, **fields):
+        fields["key"] = self.key
         self.socket.send(json.dumps({"ppy": 2, "type": kind, **fields}).encode())
 
     def answer(self, within=PATIENCE):
@@ -141,6 +144,19 @@ def test_a_plain_client_reaches_a_server_with_keys(keys, plain):
             "type": "disconnected",
         }
         assert [m["values"][0] for m in rig.of_type("exchange")] == [0.01 * k for k in range(1, 30)]
+
+
+def test_who_does_not_know_the_bridges_key_may_watch_and_stop(keys, plain):
+    with SmallRig(keys=keys[0]) as rig, Carrying(rig.port, keys[1]) as bridge:
+        stranger, operator = plain(bridge.port), plain(bridge.port + 2)
+        for key in ("", "guess"):
+            stranger.key = operator.key = key
+            assert "key" in stranger.ask("connect", client="plain", **CONNECT)["reason"]
+            assert "key" in operator.ask("acknowledge", latch="")["reason"]
+        stranger.key = operator.key = ""
+        assert stranger.ask("status")["type"] == "status"
+        assert operator.ask("stop", reason="smoke")["latch"] == rig.latch
+        assert {message["type"] for message in rig.heard} == {"status", "stop"}
 
 
 def test_without_the_bridge_it_gets_nothing(keys, plain):

@@ -11,7 +11,14 @@ import zmq
 
 from fmus.kit.errors import UserError
 from fmus.rig_proxy.credentials import read_client_keys
-from orchestration.rig.keys import ROLES, KeyHolder, add_client, make_keys, read_server_keys
+from orchestration.rig.keys import (
+    ROLES,
+    KeyFile,
+    KeyHolder,
+    add_client,
+    make_keys,
+    read_server_keys,
+)
 from tests.support.command import here, posix, refused
 
 
@@ -155,6 +162,36 @@ def test_clients_of_a_server_are_keys(tmp_path, clients, why):
     path.write_text(f'public_key = "{GOOD}"\nsecret_key = "{GOOD}"\nclients = {clients}')
     with pytest.raises(UserError, match=why):
         read_server_keys(path)
+
+
+def test_a_file_that_has_changed_is_read_again_and_a_broken_one_changes_nothing(tmp_path):
+    server_file, _ = make_keys(tmp_path / "ours")
+    told: list[str] = []
+    file = KeyFile(server_file, told.append)
+
+    def names() -> set[str]:
+        return {holder.name for holder in file.clients().values()}
+
+    assert names() == {"first-client"}
+    add_client(server_file.parent, "lab")
+    assert names() == {"first-client", "lab"}
+    assert told == ["keys read again: let in lab (command); shut out nobody"]
+    whole = server_file.read_text()
+    stranger, _ = make_keys(tmp_path / "theirs")
+    for broken, why in (("clients = [", "not TOML"), (stranger.read_text(), "another server")):
+        server_file.write_text(broken)
+        assert names() == {"first-client", "lab"}
+        assert why in told[-1]
+        assert told[-1].endswith("the keys read before hold on")
+    number = len(told)
+    assert names() == {"first-client", "lab"}
+    assert len(told) == number, "it is told once"
+    server_file.unlink()
+    assert names() == {"first-client", "lab"}
+    server_file.write_text("\n".join(row for row in whole.splitlines() if '"lab"' not in row))
+    server_file.chmod(0o600)
+    assert names() == {"first-client"}
+    assert told[-1] == "keys read again: let in nobody; shut out lab (command)"
 
 
 def test_secrets_are_not_shown(tmp_path):

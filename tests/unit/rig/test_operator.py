@@ -111,6 +111,11 @@ def test_what_a_stranger_gives_for_a_reason_does_nothing_to_a_terminal():
     assert "\\x1b[2Jsafe\\u202e idle" in line
 
 
+def test_who_drives_and_who_acknowledged_is_named():
+    line = summarise_status({**STATUS, "operator": "anna", "acknowledged": "ben (acknowledge)"})
+    assert "client lab of anna; acknowledged by ben (acknowledge)" in line
+
+
 def test_a_safe_state_that_the_device_does_not_report_is_not_called_verified():
     line = summarise_status({**LATCHED, "verified": False})
     assert line.startswith("safe (reached after 12 ms; commanded safe, not verified): stopped")

@@ -25,7 +25,7 @@ const meta = name => document.querySelector(`meta[name=${name}]`).content;
 
 let rig = null;
 let samples = [];
-let condition = { state: "unknown", reason: "", client: "", latch: "", reached: null, alarm: "", verified: true };
+let condition = { state: "unknown", reason: "", client: "", latch: "", reached: null, alarm: "", verified: true, operator: "" };
 let contact = { server: false, samples: false };
 let offset = null; // of this page's clock from the one that samples are stamped with, s; it is no less
 let answered = null; // that clock when the newest answer was made
@@ -174,7 +174,8 @@ function showState(lost) {
   const more = lost ? was : reachedAfter();
   set(place("word"), lost ? "no contact" : label());
   set(place("more"), more && ` (${more})`);
-  set(place("client"), condition.client || "none");
+  const operator = condition.operator && ` (${condition.operator})`;
+  set(place("client"), condition.client ? condition.client + operator : "none");
   set(place("reason"), isLatched() ? condition.reason : "");
   const name = condition.latch && ` (${condition.latch})`;
   set(place("hint"), isLatched() ? `latched${name}; “ppy rig acknowledge” releases it` : "");

@@ -12,7 +12,10 @@ import time
 
 import pytest
 
+from fmus.rig_proxy import local_key
 from fmus.rig_proxy.model import RigProxy
+from orchestration.rig.keys import left_key
+from tests.support.command import posix
 from tests.support.rig.native_engine import LATE, MEASURED, NativeEngine
 from tests.support.rig.scripted_rig import ScriptedRig, message, served
 
@@ -38,6 +41,7 @@ def test_a_session_has_the_messages_of_the_protocol(engine):
     assert connect == {
         "ppy": 2,
         "type": "connect",
+        "key": "",
         "client": "rig_proxy",
         "instance": connect["instance"],
         "inputs": {"current": "A", "force": "N"},
@@ -242,6 +246,22 @@ def test_parameters_that_cannot_be_are_refused_in_a_line(engine, values, text):
 def test_every_name_of_this_machine_is_reached(engine, host):
     address = {"localhost": "127.0.0.1", "::1": "[::1]"}.get(host, host)
     options = {"ipv6": True} if ":" in host else {}
-    with served(ScriptedRig(len(MEASURED)), f"tcp://{address}:*", **options) as endpoint:
-        started(engine, f"tcp://{host}:{endpoint.rpartition(':')[2]}")
+    rig = ScriptedRig(len(MEASURED))
+    with served(rig, f"tcp://{address}:*", **options) as endpoint:
+        port = endpoint.rpartition(":")[2]
+        with left_key(f"tcp://{address}:{port}") as holders:
+            started(engine, f"tcp://{host}:{port}")
         assert engine.advance(0.0, 0.01).ok
+    connect = next(request for request in rig.requests if request["type"] == "connect")
+    assert holders[connect["key"]].role == "acknowledge"
+
+
+@posix
+@pytest.mark.parametrize("mode", [0o640, 0o604])
+def test_a_key_that_others_can_read_is_not_sent(engine, mode):
+    rig = ScriptedRig(len(MEASURED))
+    with served(rig, "tcp://127.0.0.1:*") as endpoint, left_key(endpoint):
+        local_key.path(endpoint).chmod(mode)
+        started(engine, endpoint)
+    connect = next(request for request in rig.requests if request["type"] == "connect")
+    assert connect["key"] == ""

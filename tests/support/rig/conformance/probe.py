@@ -51,6 +51,7 @@ class ConformancePeer:
         has_name: bool = True,
     ) -> None:
         self._socket = context.socket(zmq.DEALER)
+        self._key = remote.local_key
         remote.connect(self._socket, address, has_name=has_name)
 
     def send(self, *frames: bytes) -> None:
@@ -84,7 +85,7 @@ class ConformancePeer:
         BrokenError
             If there is none.
         """
-        self.send(encode(kind, **fields))
+        self.send(encode(kind, **{"key": self._key, **fields}))
         answer = self.receive()
         if answer is None:
             raise BrokenError(f"no answer to {kind} within {PATIENCE:g} s")
@@ -156,7 +157,8 @@ class Probe:
     def signals(self) -> Message:
         """Return the fields of a ``connect`` that fits."""
         names = {"inputs": self.about["inputs"], "outputs": self.about["outputs"]}
-        return {"client": "conformance", "instance": token_hex(8), **names, "time": 0.0}
+        about = {"client": "conformance", "instance": token_hex(8), "key": self.remote.local_key}
+        return {**about, **names, "time": 0.0}
 
     def session(self) -> ConformanceSession:
         """Begin a session."""

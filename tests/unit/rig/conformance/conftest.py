@@ -29,7 +29,7 @@ class Silent:
 @contextmanager
 def served():
     """Serve, and give the endpoint."""
-    settings = ServerSettings(f"{backends.__file__}:Stepped", lockstep=True, port=0)
+    settings = ServerSettings(f"{backends.__file__}:Stepped", lockstep=True, port=0, no_keys=True)
     signals = ReceivedSignals()
     with opened(settings) as sockets:
         rig = LockstepRig(settings)

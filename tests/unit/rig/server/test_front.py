@@ -16,7 +16,7 @@ import pytest
 import zmq
 
 from fmus.rig_proxy import ProtocolError
-from orchestration.rig.access import Peer
+from orchestration.rig.access import EVERYBODY, Peer
 from orchestration.rig.keys import KeyHolder
 from orchestration.rig.server import front as module
 from orchestration.rig.server.front import EventLoop, ReceivedSignals, received_signals
@@ -107,7 +107,7 @@ STATUS = [b"b", json.dumps({"ppy": 2, "type": "status"}).encode()]
 def sockets_of_the_test(monkeypatch):
     poller = SimpleNamespace(register=lambda socket, flags: None, poll=lambda wait: [])
     monkeypatch.setattr(module.zmq, "Poller", lambda: poller)
-    monkeypatch.setattr(module, "received", lambda socket: socket.receive())
+    monkeypatch.setattr(module, "received", lambda socket, admission: socket.receive())
     # the garbage of the tests is their own
     monkeypatch.setattr(module, "Collector", lambda: SimpleNamespace(collect=lambda now: None))
 
@@ -120,6 +120,7 @@ def serve():
         signals = signals or ReceivedSignals()
         requests, handler, log = Requests(messages, signals), Handler(), Log()
         sockets = SimpleNamespace(
+            admission=EVERYBODY,
             requests=requests,
             telemetry=requests,
             operators=Requests(operators),
@@ -217,7 +218,11 @@ def test_clients_that_keep_sending_hold_up_no_operator(monkeypatch, serve):
 
     looks, operators.receive = [], look
     sockets = SimpleNamespace(
-        requests=requests, telemetry=requests, operators=operators, turned_away=lambda: 0
+        admission=EVERYBODY,
+        requests=requests,
+        telemetry=requests,
+        operators=operators,
+        turned_away=lambda: 0,
     )
     EventLoop(sockets, handler, Log(), signals).run()
     assert len(handler.done) == 1000
@@ -247,7 +252,11 @@ def test_telemetry_has_a_pace_whatever_the_rig_has(monkeypatch, serve, fresh, mo
 
     idle = Idle([], signals)
     sockets = SimpleNamespace(
-        requests=idle, telemetry=idle, operators=Requests([]), turned_away=lambda: 0
+        admission=EVERYBODY,
+        requests=idle,
+        telemetry=idle,
+        operators=Requests([]),
+        turned_away=lambda: 0,
     )
     EventLoop(sockets, handler, Log(), signals).run()
     assert 1.0 / most * 0.95 - 1 <= len(sent) <= 1.0 / least + 1
@@ -259,7 +268,9 @@ def test_a_server_whose_memory_fills_stops_the_rig_and_ends(monkeypatch):
     monkeypatch.setattr(module.psutil, "Process", lambda: process)
     monkeypatch.setattr(module, "_LOOK", -1.0)
     handler, signals, idle = Handler(), ReceivedSignals(), Requests([])
-    sockets = SimpleNamespace(requests=idle, telemetry=idle, operators=idle, turned_away=lambda: 0)
+    sockets = SimpleNamespace(
+        admission=EVERYBODY, requests=idle, telemetry=idle, operators=idle, turned_away=lambda: 0
+    )
     EventLoop(sockets, handler, Log(), signals).run()
     assert handler.stops == [signals.ending] == ["a peer filled 1024 MiB of memory"]
     assert next(used, None) is None

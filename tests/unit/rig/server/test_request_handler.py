@@ -7,15 +7,17 @@ processes in `tests/end_to_end/test_rig_faults.py`.
 from __future__ import annotations
 
 import json
+import time
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from fmus.rig_proxy.protocol import REPLIES, REQUESTS, ProtocolError, decode, encode
-from orchestration.rig.access import Peer
+from orchestration.rig.access import EVERYBODY, Admission, Peer
 from orchestration.rig.backends.backend import Limit
 from orchestration.rig.keys import KeyHolder
+from orchestration.rig.server import request_handler as module
 from orchestration.rig.server.calls import BackendSignals
 from orchestration.rig.server.latch_file import LatchKeeper
 from orchestration.rig.server.request_handler import RequestHandler
@@ -96,13 +98,16 @@ class Trial:
 
     def __init__(self):
         self.rig, self.log = SetRig(), Told()
-        self.handler = RequestHandler(self.rig, 1 / 30, self.log, LatchKeeper())
-        self.session, self.holder = "", KeyHolder("lab", "acknowledge")
+        self.admission = Admission({"lab's": KeyHolder("lab", "acknowledge")})
+        self.handler = RequestHandler(
+            self.rig, 1 / 30, self.log, LatchKeeper(), admission=self.admission
+        )
+        self.session, self.key = "", "lab's"
 
     def ask(self, kind, peer=b"a", **fields):
         message = decode(encode(kind, **fields), REQUESTS)
         self.handler.check(message)
-        reply = self.handler.answer(Peer(peer, self.holder, "10.0.0.1"), message)
+        reply = self.handler.answer(Peer(peer, KeyHolder("", ""), "10.0.0.1", self.key), message)
         return None if reply is None else decode(reply, REPLIES)
 
     def connect(self, peer=b"a", client="a", inputs=None, outputs=None, instance="one"):
@@ -117,6 +122,11 @@ class Trial:
         )
         self.session = answer.get("session", self.session)
         return answer
+
+    def take_over(self, **fields):
+        """Connect as another client does that would go on from the present one."""
+        signals = {"inputs": SIGNALS.inputs, "outputs": SIGNALS.outputs}
+        return self.ask("connect", b"b", client="b", instance="two", time=0.0, **signals, **fields)
 
     def exchange(self, sequence, values=(0.5, 1.0), seen=None, session=None, sent=0.0, peer=b"a"):
         return self.ask(
@@ -363,15 +373,16 @@ def test_an_alarm_holds_until_it_is_acknowledged_while_the_rig_goes_on(trial):
 @pytest.mark.parametrize(
     ("role", "allowed"),
     [
-        ("watch", {"status", "stop"}),
+        ("watch", {"status", "stop", "exchange", "disconnect"}),  # whoever can name the session
         ("command", {"status", "stop", "connect", "exchange", "disconnect"}),
         ("acknowledge", {*REQUESTS}),
-        ("", {"status", "stop"}),
+        ("", {"stop"}),
     ],
 )
 def test_a_key_is_for_what_its_role_says(trial, role, allowed):
     trial.connect(b"z", "z", instance="present")  # so that its session can be named
-    trial.holder = KeyHolder("page", role)
+    trial.key = "page's"
+    trial.admission.holders = {**trial.admission.holders, "page's": KeyHolder("page", role)}
     messages = {
         "connect": {"client": "p", "instance": "i", "inputs": {}, "outputs": {}, "time": 0.0},
         "exchange": {"session": trial.session, "sequence": 1, "sent": 0.0, "seen": 100.0}
@@ -383,8 +394,8 @@ def test_a_key_is_for_what_its_role_says(trial, role, allowed):
     }
     for kind, fields in messages.items():
         answer = trial.ask(kind, b"p", **fields)
-        is_for_role = f"the key of page is for {role}, not for {kind}"
-        assert (answer.get("reason", "") != is_for_role) == (kind in allowed), kind
+        refusals = (f"the key of page is for {role}, not for {kind}", "its key is none of")
+        assert (not answer.get("reason", "").startswith(refusals)) == (kind in allowed), kind
     assert bool(trial.rig.commands) == ("exchange" in allowed)
 
 
@@ -392,7 +403,9 @@ def test_after_a_rest_a_rate_counts_from_zero_and_no_pause_makes_it_slower(trial
     trial.rig.signals = BackendSignals(
         SIGNALS.inputs, SIGNALS.outputs, {"current": Limit(rate=1.0)}
     )
-    trial.handler = RequestHandler(trial.rig, 1 / 30, trial.log, LatchKeeper())
+    trial.handler = RequestHandler(
+        trial.rig, 1 / 30, trial.log, LatchKeeper(), admission=trial.admission
+    )
     trial.connect()
     trial.rig.now += 100.0
     assert "faster than 1 A/s" in trial.exchange(1, [0.3, 0.0])["refused"][0]
@@ -426,3 +439,86 @@ def test_a_long_name_of_a_client_leaves_room_for_the_answers(trial, letter):
     status = trial.ask("status")  # decoding refuses a long frame
     assert status["client"] == letter * 200
     assert decode(trial.handler.telemetry(), REPLIES)["client"] == letter * 200
+
+
+def test_without_curve_the_key_is_in_the_message_and_everybody_may_stop(trial):
+    trial.key = ""  # of the connection
+    owner = KeyHolder("owner", "acknowledge")
+    trial.admission.holders = {"": KeyHolder("", "watch"), "secret": owner}
+    assert "connect needs the key" in trial.take_over()["reason"]
+    assert "connect needs the key" in trial.take_over(key="guess")["reason"]
+    assert "connect needs the key" in trial.take_over(key=["secret"])["reason"]
+    trial.session = trial.take_over(key="secret")["session"]
+    assert trial.exchange(1)["refused"] == []
+    assert trial.ask("status")["operator"] == "owner"
+    latch = trial.ask("stop", reason="smoke")["latch"]
+    assert "acknowledge needs the key" in trial.ask("acknowledge", latch=latch)["reason"]
+    assert trial.ask("acknowledge", latch=latch, key="secret")["acknowledged"].startswith("owner (")
+
+
+def test_where_no_keys_are_asked_for_one_of_a_server_before_does_no_harm(trial):
+    trial.key = ""
+    trial.admission.holders = EVERYBODY.holders
+    assert trial.take_over(key="of the server before")["type"] == "accepted"
+
+
+def test_with_curve_a_key_in_a_message_is_nothing(trial):
+    trial.admission.holders = {**trial.admission.holders, "page's": KeyHolder("page", "watch")}
+    trial.key = "page's"
+    answer = trial.ask("acknowledge", latch="", key="lab's")
+    assert answer["reason"] == "the key of page is for watch, not for acknowledge"
+
+
+@pytest.mark.parametrize("left", [{}, {"lab's": KeyHolder("lab", "watch")}], ids=["gone", "watch"])
+def test_a_key_that_is_struck_out_drives_no_more(trial, left):
+    trial.connect()
+    trial.exchange(1)
+    trial.admission.holders = left
+    trial.handler.supervise()
+    assert trial.rig.resting == 2  # at the connection and now
+    assert "client a is shut out: the key of lab may not drive" in trial.log.lines
+    assert trial.exchange(2)["type"] == "refused"
+    assert trial.connect()["type"] == "refused"
+    assert trial.ask("stop", reason="smoke")["latch"]
+
+
+def test_a_rig_is_handed_over_only_by_whom_it_serves(trial):
+    trial.connect(b"a", "a", instance="one")
+    trial.exchange(1)
+    mine = trial.session
+    assert "serves a" in trial.take_over(take_over=True)["reason"]
+    assert trial.ask("hand_over", b"b", session="other")["type"] == "refused"
+    assert trial.ask("hand_over", session=mine)["type"] == "offered"
+    assert "serves a" in trial.take_over()["reason"]
+    accepted = trial.take_over(take_over=True)
+    assert accepted["applied"] == {"current": 0.5, "force": 1.0}
+    assert "serves b" in trial.connect(b"c", "c", instance="three")["reason"]
+    assert trial.exchange(2, session=mine)["type"] == "refused"
+
+
+def test_at_a_change_of_client_commands_go_from_the_applied_values_within_a_second(trial):
+    """The oracle is the straight line between both clients' values; the rig never rests."""
+    trial.connect(b"a", "a", instance="one")
+    trial.exchange(1, [0.5, 1.0])
+    trial.ask("hand_over", session=trial.session)
+    rests = trial.rig.resting
+    session = trial.take_over(take_over=True)["session"]
+    trial.handler.supervise()
+    begun, applied = trial.rig.now, []
+    for k in range(7):
+        trial.rig.now = begun + 0.2 * k
+        assert trial.exchange(k + 1, [-0.5, 0.0], session=session)["refused"] == []
+        applied.append(trial.rig.commands[-1])
+    shares = [min(1.0, 0.2 * k) for k in range(7)]
+    line = [(0.5 - share, 1.0 - share) for share in shares]
+    assert [list(values) for values in applied] == [pytest.approx(values) for values in line]
+    assert trial.rig.resting == rests
+
+
+def test_an_offer_holds_for_ten_seconds(trial, monkeypatch):
+    trial.connect()
+    trial.exchange(1)
+    trial.ask("hand_over", session=trial.session)
+    later = time.monotonic() + 10.5
+    monkeypatch.setattr(module, "monotonic", lambda: later)
+    assert "serves a" in trial.take_over(take_over=True)["reason"]

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import pytest
 
+from orchestration.rig.access import Peer
+from orchestration.rig.keys import KeyHolder
 from orchestration.rig.server.calls import BackendSignals
 from orchestration.rig.server.session import describe_misfit, new_session
 
+PEER = Peer(b"peer", KeyHolder("lab", "command"), "127.0.0.1")
 SIGNALS = BackendSignals(
     {"current": "A", "force": "N"}, {"voltage": "V", "displacement": "m", "charge": "C"}, {}
 )
@@ -39,15 +42,15 @@ def test_a_client_must_fit_the_rig(given, reason):
 
 def test_signals_have_places_in_the_order_of_the_other_side():
     given = message({"force": "N", "current": "A"}, {"charge": "C", "voltage": "V"})
-    session = new_session(given, SIGNALS, b"peer", 5.0)
+    session = new_session(given, SIGNALS, PEER, 5.0)
     assert session.commanded == [1, 0]  # of current and force, among the client's values
     assert session.wanted == [2, 0]  # of charge and voltage, among the rig's
     assert session.heard == session.begun == 5.0
-    assert new_session(given, SIGNALS, b"peer", 5.0).key != session.key
+    assert new_session(given, SIGNALS, PEER, 5.0).key != session.key
 
 
 def test_an_exchange_that_came_before_is_counted():
-    session = new_session(message(), SIGNALS, b"peer", 0.0)
+    session = new_session(message(), SIGNALS, PEER, 0.0)
     session.sequence = 7
     counts = {"late": 0, "repeated": 0}
     assert not session.repeats({"sequence": 8}, counts)
@@ -58,7 +61,7 @@ def test_an_exchange_that_came_before_is_counted():
 
 
 def test_a_client_that_never_commands_has_ten_seconds():
-    session = new_session(message(), SIGNALS, b"peer", 100.0)
+    session = new_session(message(), SIGNALS, PEER, 100.0)
     assert not session.never_began(110.0)
     assert session.never_began(110.1)
     session.sequence = 1

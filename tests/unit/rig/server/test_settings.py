@@ -31,6 +31,8 @@ pytestmark = pytest.mark.real_time
             "--bind 0.0.0.0: beyond this machine the rig is served with keys only",
         ),
         ({"host": "*"}, "with keys only"),
+        ({"host": "0.0.0.0", "no_keys": True}, "with keys only"),
+        ({"keys": Path("k.toml"), "no_keys": True}, "--keys k.toml and --no-keys exclude"),
         ({"host": "::"}, "with keys only"),
         ({"host": "192.168.0.7"}, "with keys only"),
         ({"host": "rig.example"}, "with keys only"),

@@ -46,7 +46,7 @@ def received(sockets) -> list[bytes]:
 
 @real_time
 def test_a_free_port_has_two_neighbours(client):
-    with opened(ServerSettings("any", port=0)) as sockets:
+    with opened(ServerSettings("any", port=0, no_keys=True)) as sockets:
         for server, offset in ((sockets.requests, 0), (sockets.operators, 2)):
             assert sockets.endpoint(offset) == f"tcp://127.0.0.1:{sockets.port + offset}"
             socket = client(sockets.endpoint(offset))
@@ -68,7 +68,7 @@ def test_a_free_port_has_two_neighbours(client):
 
 
 def test_operators_are_two_ports_above_clients():
-    with opened(ServerSettings("any", port=0)) as sockets:
+    with opened(ServerSettings("any", port=0, no_keys=True)) as sockets:
         clients, operators = (
             int(socket.getsockopt_string(zmq.LAST_ENDPOINT).rpartition(":")[2])
             for socket in (sockets.requests, sockets.operators)
@@ -86,15 +86,15 @@ def test_a_port_in_use_is_told_with_what_to_do(taken):
             pytest.raises(
                 UserError, match=rf"^one of ports {port} to {port + 2} of .* choose other"
             ),
-            opened(ServerSettings("any", port=port)),
+            opened(ServerSettings("any", port=port, no_keys=True)),
         ):
             pass
 
 
 def test_ports_are_free_again_afterwards():
-    with opened(ServerSettings("any", port=0)) as sockets:
+    with opened(ServerSettings("any", port=0, no_keys=True)) as sockets:
         port = sockets.port
-    with opened(ServerSettings("any", port=port)) as sockets:
+    with opened(ServerSettings("any", port=port, no_keys=True)) as sockets:
         assert sockets.endpoint() == f"tcp://127.0.0.1:{port}"
 
 
@@ -103,7 +103,7 @@ def test_the_server_may_have_as_many_connections_as_the_system_allows():
     before = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (256, before[1]))
     try:
-        with opened(ServerSettings("any", port=0)):
+        with opened(ServerSettings("any", port=0, no_keys=True)):
             assert resource.getrlimit(resource.RLIMIT_NOFILE) == (before[1], before[1])
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, before)
@@ -112,7 +112,7 @@ def test_the_server_may_have_as_many_connections_as_the_system_allows():
 @real_time
 def test_those_who_do_not_get_beyond_the_handshake_are_counted(client):
     """A browser, one of ZMTP 2, one that says nothing; and a client, who is not counted."""
-    with opened(ServerSettings("any", port=0)) as sockets:
+    with opened(ServerSettings("any", port=0, no_keys=True)) as sockets:
         for data in (post(b"stop"), version_2(b"ppy-1", b"stop"), b""):
             say(sockets.port, data)
         say(sockets.port + OPERATOR, post(b"stop"))
@@ -124,7 +124,7 @@ def test_those_who_do_not_get_beyond_the_handshake_are_counted(client):
 @real_time
 @pytest.mark.parametrize(("offset", "most"), [(0, 16 * 65536), (OPERATOR, 4096)])
 def test_a_message_that_is_much_too_large_ends_its_connection(offset, most):
-    with opened(ServerSettings("any", port=0)) as sockets:
+    with opened(ServerSettings("any", port=0, no_keys=True)) as sockets:
         with RawPeer(sockets.port + offset) as peer:
             peer.send(b"x" * most)
             socket = sockets.operators if offset else sockets.requests
