@@ -51,6 +51,7 @@ PACKAGES: Mapping[str, Package] = {
     "pyvisa": Package("PyVISA", "visa", "an instrument of VISA"),
     "serial": Package("pyserial", "serial", "an instrument on a serial port"),
     "threadpoolctl": Package("threadpoolctl", "diagnose", "diagnosing or identifying a black box"),
+    "tomlkit": Package("tomlkit", "rig", "adjusting a rig's calibration"),
     "zarr": Package("zarr", "zarr", "writing Zarr"),
     "ziglang": Package("ziglang", "native", "compiling for other platforms"),
     "zmq": Package("pyzmq", "rig", "talking to a rig"),

@@ -1,0 +1,9 @@
+from .adjustment import Point as Point
+from .adjustment import adjust as adjust
+from .adjustment import measure as measure
+from .adjustment import served_channel as served_channel
+from .adjustment import write_adjustment as write_adjustment
+from .channels import Calibration as Calibration
+from .channels import Channel as Channel
+from .channels import Instrument as Instrument
+from .file import read_calibration as read_calibration
