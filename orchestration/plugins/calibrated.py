@@ -29,6 +29,7 @@ class Calibrated(Backend):
         self._measured_channels = self._calibration.outputs
         self.inputs, self.outputs = self._calibration.units
         self.limits = self._calibration.limits
+        self.attributes = self._calibration.attributes
         self.safe_values = {name: one.safe for name, one in self._command_channels.items()}
 
     def _volts(self, values: Mapping[str, float]) -> dict[str, float]:

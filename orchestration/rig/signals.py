@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
+from typing import Any
 
 from fmus.kit import registry
 from fmus.kit.errors import UserError, suggestion
@@ -40,6 +41,33 @@ KNOWN_LIMITS: dict[str, Limit] = {}
 for _rig in SIGNALS.values():
     UNITS = {**_rig.inputs, **_rig.outputs, **UNITS}
     KNOWN_LIMITS = {name: Limit(*limits) for name, limits in _rig.limits.items()} | KNOWN_LIMITS
+
+
+def checked_attributes(given: Any) -> dict[str, dict[str, float | str]]:
+    """Return what a backend or a server states about its signals, by signal and name.
+
+    Raises
+    ------
+    UserError
+        If it is anything but finite numbers and texts.
+    """
+    attributes: dict[str, dict[str, float | str]] = {}
+    try:
+        for signal, stated in given.items():
+            attributes[signal] = {name: _attribute(value) for name, value in stated.items()}
+    except (AttributeError, TypeError, ValueError) as error:
+        raise UserError(
+            "attributes of signals must be finite numbers and texts, by signal and name"
+        ) from error
+    return attributes
+
+
+def _attribute(value: Any) -> float | str:
+    if isinstance(value, str):
+        return value
+    if not abs(value) < inf:
+        raise ValueError
+    return float(value)
 
 
 def one_of(option: str, value: str, allowed: Mapping[str, object] | tuple[str, ...]) -> str:

@@ -31,12 +31,16 @@ class Backend(ABC):
         Limits of commands and of measured values, by signal.
     safe_values : Mapping of str to float
         Values of inputs in the safe state; zero for those that are not in it.
+    attributes : Mapping of str to Mapping
+        Numbers and texts that describe a signal, such as its ``standard_uncertainty`` in SI, by
+        signal and name; they go with every record.
     """
 
     inputs: Mapping[str, str]
     outputs: Mapping[str, str]
     limits: Mapping[str, Limit]
     safe_values: Mapping[str, float] = MappingProxyType({})
+    attributes: Mapping[str, Mapping[str, float | str]] = MappingProxyType({})
 
     @classmethod
     def devices(cls, **options: str) -> Sequence[str]:

@@ -27,7 +27,8 @@ def units(planned: RecordingPlan) -> dict[str, str]:
 def empty_dataset(planned: RecordingPlan) -> xarray.Dataset:
     """Return a dataset of one point of zeros, to check that a file's format can hold the record."""
     zeros = {name: np.zeros(1) for name in units(planned)}
-    return results.dataset(planned.time[:1], zeros, _signals(planned), (), {})
+    sketch = results.dataset(planned.time[:1], zeros, _signals(planned), (), {})
+    return _described(sketch, planned)
 
 
 def dataset(
@@ -49,7 +50,8 @@ def dataset(
     xarray.Dataset
         Inputs, outputs and the ages of outputs over time, with the attributes of results of ``ppy
         run``, as far as there are any without a model. A record is complete if no row lacks a
-        value; ``gaps`` is the number of rows that do.
+        value; ``gaps`` is the number of rows that do. A variable has the attributes that the rig
+        states about its signal, such as ``standard_uncertainty``.
     """
     count = len(recorded.inputs)
     rows = np.hstack([recorded.inputs, recorded.outputs, recorded.ages])
@@ -68,9 +70,18 @@ def dataset(
     if recorded.failure:
         about["failure"] = recorded.failure
     values = dict(zip(units(planned), rows.T, strict=True))
-    return results.dataset(
+    data = results.dataset(
         planned.time[:count], values, _signals(planned), set(planned.inputs), about
     )
+    return _described(data, planned)
+
+
+def _described(data: xarray.Dataset, planned: RecordingPlan) -> xarray.Dataset:
+    """Return a dataset whose variables have what the rig states about them, too."""
+    for name, stated in planned.attributes.items():
+        if name in data:
+            data[name].attrs = {**stated, **data[name].attrs}
+    return data
 
 
 def _about_rig(planned: RecordingPlan, endpoint: str) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from fmus.kit.errors import UserError, suggestion
 from fmus.rig_proxy import LOCKSTEP, describe_latch
 from orchestration.experiment import Experiment
 from orchestration.experiment.preparation import points, stimulus_values
+from orchestration.rig.signals import checked_attributes
 
 _PER_WATCHDOG = 3  # exchanges in the time after which the rig stops without one
 # of the rig's period: a step that was written with three digits is meant to be the rig's
@@ -47,6 +48,8 @@ class RecordingPlan:
         Limits of the rig, as it states them.
     max_age : float
         Largest age in s of a value that is recorded.
+    attributes : Mapping
+        Numbers and texts that describe a signal, by signal and name.
     """
 
     experiment: Experiment
@@ -59,6 +62,7 @@ class RecordingPlan:
     watchdog: float
     limits: Mapping[str, Mapping[str, float | None]]
     max_age: float
+    attributes: Mapping[str, Mapping[str, float | str]]
 
     @property
     def interval(self) -> float:
@@ -129,6 +133,7 @@ def plan_recording(
         watchdog=rig["watchdog"],
         limits=rig["limits"],
         max_age=_OLD * step if max_age is None else max_age,
+        attributes=checked_attributes(rig.get("attributes", {})),
     )
 
 

@@ -15,7 +15,7 @@ from fmus.kit import UserError
 from orchestration.rig.backends import Backend
 from orchestration.rig.safety import beyond
 from orchestration.rig.server.shared_memory import LONGEST_DESCRIPTION, SIGNALS, Description
-from orchestration.rig.signals import Limit
+from orchestration.rig.signals import Limit, checked_attributes
 
 _LONGEST = 200  # characters of somebody else's message
 Result = TypeVar("Result")
@@ -88,6 +88,8 @@ class BackendSignals:
         Value of each input in the safe state.
     unreported : list of str
         Inputs of which the device does not report its value.
+    attributes : dict of str to dict
+        Numbers and texts by signal and name.
     """
 
     inputs: dict[str, str]
@@ -96,6 +98,7 @@ class BackendSignals:
     notes: list[str] = field(default_factory=list)
     safe_values: tuple[float, ...] = ()
     unreported: list[str] = field(default_factory=list)
+    attributes: dict[str, dict[str, float | str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.safe_values:
@@ -118,13 +121,14 @@ class BackendSignals:
         BackendError
             If it breaks a promise of :class:`~orchestration.rig.backends.backend.Backend`.
         """
-        inputs, outputs, limits, safe = call(
+        inputs, outputs, limits, safe, attributes = call(
             "the backend's description",
             lambda: (
                 dict(backend.inputs),
                 dict(backend.outputs),
                 dict(backend.limits),
                 {name: float(value) for name, value in backend.safe_values.items()},
+                checked_attributes(backend.attributes),
             ),
         )
         for kind, units in (("inputs", inputs), ("outputs", outputs)):
@@ -153,7 +157,7 @@ class BackendSignals:
             fault = f"{', '.join(map(repr, safe))} is not commanded"
         if fault:
             raise BackendError(f"safe values of the backend: {fault}")
-        return cls(inputs, outputs, plain, safe_values=safe_values)
+        return cls(inputs, outputs, plain, safe_values=safe_values, attributes=attributes)
 
     def check_real(self) -> None:
         """Refuse an input without limits, as one of a real device.
@@ -200,10 +204,10 @@ class BackendSignals:
         """
         limits = {name: vars(limit) for name, limit in self.limits.items()}
         given = [self.inputs, self.outputs, limits, self.notes, self.safe_values, self.unreported]
-        text = json.dumps(given).encode()
+        text = json.dumps([*given, self.attributes]).encode()
         if len(text) > LONGEST_DESCRIPTION:
             raise BackendError(
-                "names and units of the backend's signals are longer than"
+                "names, units and attributes of the backend's signals are longer than"
                 f" {LONGEST_DESCRIPTION} bytes"
             )
         return Description(text)
@@ -211,9 +215,9 @@ class BackendSignals:
     @classmethod
     def from_record(cls, record: Description) -> BackendSignals:
         """Return the description that a record of the shared memory has."""
-        inputs, outputs, bounds, notes, safe, unreported = json.loads(record.text.rstrip(b"\0"))
+        inputs, outputs, bounds, notes, safe, *others = json.loads(record.text.rstrip(b"\0"))
         limits = {name: Limit(**one) for name, one in bounds.items()}
-        return cls(inputs, outputs, limits, notes, tuple(safe), unreported)
+        return cls(inputs, outputs, limits, notes, tuple(safe), *others)
 
 
 def _bounds(limit: Limit) -> dict[str, float]:

@@ -409,7 +409,12 @@ class RequestHandler:
         signals = self._rig.signals
         named = {"inputs": signals.inputs, "outputs": signals.outputs}
         return encode(
-            "status", **self._state_fields(), **named, **self._constants(), counts=self.counts
+            "status",
+            **self._state_fields(),
+            **named,
+            **self._constants(),
+            attributes=signals.attributes,
+            counts=self.counts,
         )
 
     def sample_number(self) -> int:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from fmus.kit.errors import UserError
+from orchestration.experiment import results
 from orchestration.experiment.model import parse
 from orchestration.master import Pacing
 from orchestration.rig.record.data import dataset, empty_dataset, units
@@ -53,6 +56,28 @@ def test_a_record_says_whether_it_came_to_its_end(planned, rows, failure, comple
     for column, name in enumerate(NAMES):
         assert data[name].values.tolist() == [6.0 * row + column for row in range(rows)]
         assert data[name].attrs["units"] == units(planned)[name]
+
+
+@pytest.mark.parametrize("suffix", [".nc", ".parquet"])
+def test_a_record_keeps_what_the_rig_states_of_a_signal(planned, tmp_path, suffix):
+    stated = {
+        "voltage": {"standard_uncertainty": 0.002, "calibration_date": "2026-05-01", "units": "mV"},
+        "unknown": {"standard_uncertainty": 1.0},
+    }
+    described = replace(planned, attributes=stated)
+    results.check(empty_dataset(described), tmp_path / f"run{suffix}")
+    results.write(dataset(described, recorded(5), "here", "rig"), tmp_path / f"run{suffix}")
+    data = results.read(tmp_path / f"run{suffix}")
+    assert data.voltage.attrs["standard_uncertainty"] == 0.002
+    assert data.voltage.attrs["calibration_date"] == "2026-05-01"
+    assert data.voltage.attrs["units"] == "V"
+    assert "standard_uncertainty" not in data.displacement.attrs
+
+
+@pytest.mark.parametrize("attributes", [[], {"voltage": 3}, {"voltage": {"gain": None}}])
+def test_attributes_of_another_kind_are_refused(planned, attributes):
+    with pytest.raises(UserError, match="attributes of signals must be finite numbers and texts"):
+        plan_recording(planned.experiment, {**STATUS, "attributes": attributes}, "here")
 
 
 @pytest.mark.parametrize("part", ["inputs", "outputs", "ages"])

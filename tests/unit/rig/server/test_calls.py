@@ -14,12 +14,21 @@ from orchestration.rig.server.calls import BackendError, BackendSignals, call, m
 class Described(Backend):
     """A backend with any description and any reading."""
 
-    def __init__(self, inputs=None, outputs=None, limits=None, values=None, safe_values=None):
+    def __init__(
+        self,
+        inputs=None,
+        outputs=None,
+        limits=None,
+        values=None,
+        safe_values=None,
+        attributes=None,
+    ):
         self.safe_values = safe_values or {}
         self.inputs = {"current": "A"} if inputs is None else inputs
         self.outputs = {"voltage": "V", "force": "N"} if outputs is None else outputs
         self.limits = {} if limits is None else limits
         self.values = values
+        self.attributes = {} if attributes is None else attributes
 
     def read(self):
         return self.values
@@ -63,11 +72,13 @@ def test_an_interrupt_is_no_failure_of_the_backend():
 
 def test_a_description_is_the_same_on_the_other_side_of_the_memory():
     limits = {"current": Limit(-1.3, 1.3, rate=2.0), "voltage": Limit()}
-    signals = BackendSignals.from_backend(Described(limits=limits))
+    attributes = {"voltage": {"standard_uncertainty": 0.002, "calibration_date": "2026-05-01"}}
+    signals = BackendSignals.from_backend(Described(limits=limits, attributes=attributes))
     signals.notes.append("no priority")
     again = BackendSignals.from_record(signals.to_record())
     assert again == signals
     assert again.limits == limits
+    assert again.attributes == attributes
     assert again.limits["voltage"].max == inf
 
 
@@ -89,6 +100,8 @@ def test_a_description_is_the_same_on_the_other_side_of_the_memory():
         ),
         ({"safe_values": {"curent": 1.0}}, "safe values of the backend: 'curent' is not commanded"),
         ({"safe_values": {"current": nan}}, "current nan A is no finite number"),
+        ({"attributes": {"voltage": {"gain": nan}}}, "attributes of signals must be finite"),
+        ({"attributes": {"voltage": {"gain": None}}}, "attributes of signals must be finite"),
         ({"inputs": 5}, "the backend's description raised TypeError"),
     ],
 )
@@ -106,8 +119,8 @@ def test_an_input_of_a_real_device_has_limits(limit):
 
 
 def test_a_description_that_does_not_fit_the_memory_is_refused():
-    signals = BackendSignals({"x" * 17000: "A"}, {}, {})
-    with pytest.raises(BackendError, match="longer than 16384 bytes"):
+    signals = BackendSignals({"x" * 33000: "A"}, {}, {})
+    with pytest.raises(BackendError, match="longer than 32768 bytes"):
         signals.to_record()
 
 

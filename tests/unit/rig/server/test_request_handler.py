@@ -29,6 +29,7 @@ SIGNALS = BackendSignals(
     {"current": "A", "force": "N"},
     {"voltage": "V", "displacement": "m"},
     {"current": Limit(-1.3, 1.3)},
+    attributes={"voltage": {"standard_uncertainty": 0.002, "calibration_date": "2026-05-01"}},
 )
 
 
@@ -415,6 +416,12 @@ def test_after_a_rest_a_rate_counts_from_zero_and_no_pause_makes_it_slower(trial
     trial.rig.now += 0.05
     assert trial.exchange(3, [0.27, 0.0])["refused"] != []
     assert trial.exchange(4, [0.23, 0.0])["refused"] == []
+
+
+def test_the_status_says_what_the_backend_states_of_its_signals(trial):
+    assert trial.ask("status")["attributes"] == {
+        "voltage": {"standard_uncertainty": 0.002, "calibration_date": "2026-05-01"}
+    }
 
 
 def test_telemetry_and_status_are_of_the_protocol(trial):
