@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 import mmap
 import os
+import random
 import struct
 import sys
 import threading
@@ -20,6 +21,7 @@ from pathlib import Path
 
 from fmus.kit.errors import UserError
 from orchestration.rig.backends.backend import Backend, Limit, Steppable
+from orchestration.rig.calibration import read_calibration
 
 GAIN = {"voltage": 2.0, "displacement": 0.5}  # of the commands, see `Logged.read`
 
@@ -282,6 +284,32 @@ class Unlimited(Reporting):
     def __init__(self, log: str, trigger: str) -> None:
         super().__init__(log, trigger)
         self.limits = {"current": Limit(-1.3, 1.3)}
+
+
+class Calibrated(Logged):
+    """Measures volts that stand in a file beside its log, give or take a noise, by a calibration.
+
+    Parameters
+    ----------
+    calibration : str
+        File with the commands of the hardware.
+    """
+
+    NOISE = 0.002  # V, upwards or downwards
+
+    def __init__(self, log: str, calibration: str) -> None:
+        super().__init__(log)
+        self._channels = read_calibration(calibration)
+        self.inputs, self.outputs = self._channels.units
+        self.limits = self._channels.limits
+        self.attributes = self._channels.attributes
+        self._volts = Path(log).with_name("volts")
+        self._random = random.Random(1)
+
+    def read(self) -> Mapping[str, float]:
+        noise = self._random.choice((-self.NOISE, self.NOISE))
+        volts = float(self._volts.read_text()) + noise
+        return {name: one.measured(volts) for name, one in self._channels.outputs.items()}
 
 
 class Limitless(Logged):
