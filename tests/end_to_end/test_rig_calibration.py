@@ -152,6 +152,12 @@ class Dialog:
         self.wait(question)
         os.write(self._ours, f"{text}\n".encode())
 
+    def press(self, key):
+        if key == b"\x03":  # this terminal is not the one that controls the process
+            self.process.send_signal(signal.SIGINT)
+        else:
+            os.write(self._ours, key)
+
     def wait(self, part):
         seen = len(self.shown)
         while part not in self.shown[seen:]:
@@ -183,12 +189,13 @@ def test_the_dialog_asks_for_what_is_missing(tmp_path):
 
 
 @posix
-def test_an_interrupt_leaves_the_file_and_says_how_to_go_on(tmp_path):
+@pytest.mark.parametrize("key", [b"\x03", b"\x04"], ids=["Ctrl-C", "Ctrl-D"])
+def test_an_interrupt_leaves_the_file_and_says_how_to_go_on(tmp_path, key):
     with served(tmp_path) as endpoint:
         dialog = Dialog(tmp_path, endpoint)
         dialog.answer("known value 1 in kgf", "-1")
         dialog.wait("known value 2 in kgf")
-        dialog.process.send_signal(signal.SIGINT)
+        dialog.press(key)
         assert dialog.end() == 130, dialog.shown
     assert "Traceback" not in dialog.shown
     assert re.search(r"to go on, give the same command --point -1.0=\S+", dialog.shown)

@@ -282,10 +282,13 @@ def _known_values(given: Sequence[str], unit: str) -> Iterator[str]:
 
 
 def _typed(question: str) -> str:
-    """Return the answer to a question at a terminal."""
+    """Return the answer to a question at a terminal; its end is an interrupt."""
     if not sys.stdin.isatty():
         raise UserError(f"--point is missing: {question}")
-    return input(f"{question}: ").strip()
+    try:
+        return input(f"{question}: ").strip()
+    except EOFError as error:
+        raise KeyboardInterrupt from error
 
 
 def _measured(point: Point, remote: Endpoint, channel: Channel, duration: float) -> Point:
