@@ -399,6 +399,7 @@ class Device:
             self._rested,
         )
         self._shared.sample.write(sample)
+        self._shared.samples.write(sample)
 
     def _call(self, name: str, function: Callable[..., Any], *arguments: Any) -> Any:
         """Call the backend after a sign of life that names the call."""

@@ -63,6 +63,13 @@ class RealTimeRig:
     ------
     UserError
         If the backend cannot be opened; nothing goes on then.
+
+    Attributes
+    ----------
+    memory : ctypes array
+        Shared with the other processes.
+    output : Output
+        For what they print.
     """
 
     mode = REAL_TIME
@@ -70,11 +77,11 @@ class RealTimeRig:
     def __init__(self, settings: ServerSettings, tell: Callable[[str, str], None]) -> None:
         self._settings = settings
         self._tell = tell
-        self._output = Output()
+        self.output = Output()
         self.watchdog = settings.watchdog
         with undisturbed():
-            self._memory = new_memory()
-        self._shared = SharedMemory(self._memory)
+            self.memory = new_memory()
+        self._shared = SharedMemory(self.memory)
         self._command = Command()
         self._shared.command.write(self._command)
         self._rests = 0  # number of the order to rest whose confirmation counts
@@ -120,7 +127,7 @@ class RealTimeRig:
         return []
 
     def _start_process(self, rescue: str, stands_by: bool) -> Any:
-        arguments = (self._settings, self._memory, self._output, rescue, stands_by)
+        arguments = (self._settings, self.memory, self.output, rescue, stands_by)
         name = "standby" if stands_by else "guard"
         process = get_context("spawn").Process(target=guard.main, args=arguments, name=name)
         with undisturbed():
@@ -189,7 +196,7 @@ class RealTimeRig:
     def beat(self) -> None:
         """Show device and guards that the front is alive, and tell what they print."""
         self._shared.front.write(SignOfLife(monotonic(), os.getpid()))
-        printed = self._output.read()
+        printed = self.output.read()
         if printed:
             self._tell(f"printed: {printed}", "printed")
 
@@ -262,6 +269,7 @@ class RealTimeRig:
             self._rests = number
         self._command = command._replace(number=number)
         self._shared.command.write(self._command)
+        self._shared.commands.write(self._command)
 
     def opening(self) -> str:
         """Return the reason for which the rig cannot be used.
