@@ -86,6 +86,14 @@ def seconds(given: str | float) -> float:
         return read_amount(str(given), "s", f"{given!r}")
 
 
+def size_in_bytes(given: str | float) -> float:
+    """Return a size in bytes from a text such as ``1GB``, with a power of a thousand."""
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([kMGT])B\s*", str(given))
+    if match is None:
+        raise ValueError(f"{given!r}: write a size with its unit, kB, MB, GB or TB, such as 1GB")
+    return float(match[1]) * 1000.0 ** (1 + "kMGT".index(match[2]))
+
+
 def percent(text: str) -> float:
     """Return a share in percent, above 0 and up to 100, from a text with or without ``%``."""
     try:
@@ -211,6 +219,7 @@ BAND = Form(
     str | None,
     given=lambda value, name: band(value, name) if isinstance(value, str) else value,
 )
+SIZE = Form(write=lambda value: [f"{value / 1e6:g}MB"], typed=float | None, parse=size_in_bytes)
 TIME = Form(write=lambda value: [_in_seconds(value)], typed=float | None, parse=seconds)
 RATE = Form(
     write=lambda value: [f"{rows_per_second(value):.12g}Hz"],

@@ -115,6 +115,8 @@ _PANELS = {
         "experiment",
         "effect_out",
         "log",
+        "archive",
+        "archive_size",
         "state",
         "show_list",
         "browser",

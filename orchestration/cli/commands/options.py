@@ -9,7 +9,7 @@ from typing import Annotated, TypedDict
 
 from fmus.rig_proxy import ENDPOINT, PORT
 from orchestration.api.declaration import REQUIRED, Option
-from orchestration.api.forms import NAMES, PERCENT, TEXTS, TIME, names_among, some_of
+from orchestration.api.forms import NAMES, PERCENT, SIZE, TEXTS, TIME, names_among, some_of
 from orchestration.api.options import (
     BandOptions,
     DiagnoseOptions,
@@ -1003,6 +1003,19 @@ class ServeCommand(TypedDict, total=False):
         Option("Everybody on this machine may drive the rig, without a key.", default=False),
     ]
     log: Annotated[Path | None, Option("Add every line to this file, too.", metavar="FILE")]
+    archive: Annotated[
+        Path | None,
+        Option("Keep every sample, command and event in files there.", metavar="FOLDER"),
+    ]
+    archive_size: Annotated[
+        float,
+        Option(
+            "Largest size of the archive; the oldest files go.",
+            default=1e9,
+            metavar="SIZE",
+            form=SIZE,
+        ),
+    ]
     state: Annotated[
         Path | None,
         Option("Keeps the latch of each device; default is the user's.", metavar="FOLDER"),

@@ -75,6 +75,8 @@ def serve(options: ServeCommand) -> None:
         keys=options["keys"],
         no_keys=options["no_keys"],
         log=options["log"],
+        archive=options["archive"],
+        archive_size=options["archive_size"],
         state=options["state"],
         priority=options["priority"],
         cpu=options["cpu"],

@@ -18,6 +18,7 @@ from fmus.rig_proxy import OPERATOR, REQUESTS, TELEMETRY, ProtocolError, decode
 from orchestration.rig.access import Peer, received
 from orchestration.rig.backends import device_names
 from orchestration.rig.server.alarm_hook import AlarmHook
+from orchestration.rig.server.archiver import archived, locked_archive
 from orchestration.rig.server.device_lock import locked
 from orchestration.rig.server.latch_file import LatchKeeper, make_latch_keeper
 from orchestration.rig.server.lockstep import LockstepRig
@@ -91,24 +92,29 @@ def serve(settings: ServerSettings) -> int:
         with (
             received_signals() as signals,
             locked(devices),
+            locked_archive(settings),
             opened(settings, log.tell) as sockets,
         ):
             keeper = make_latch_keeper(devices, settings.state, log.tell)
             rig = _opened_rig(settings, keeper, log)
-            try:
-                log.tell(_describe_rig(settings, sockets, rig))
-                if settings.no_keys:
-                    log.tell("WARNING: --no-keys: everybody on this machine may drive the rig")
-                for note in rig.signals.notes:
-                    log.tell(note)
-                hook = _hook(settings, log)
-                handler = RequestHandler(rig, settings.period, log, keeper, hook, sockets.admission)
-                EventLoop(sockets, handler, log, signals).run()
-            finally:
-                trouble = _close(rig, log, signals)
-                if not trouble:
-                    keeper.end()
-                    log.tell(f"ended, in the safe state: {signals.ending or 'the server failed'}")
+            hook = _hook(settings, log)
+            with archived(settings, rig, log) as archive:
+                try:
+                    log.tell(_describe_rig(settings, sockets, rig))
+                    if settings.no_keys:
+                        log.tell("WARNING: --no-keys: everybody on this machine may drive the rig")
+                    for note in rig.signals.notes:
+                        log.tell(note)
+                    handler = RequestHandler(
+                        rig, settings.period, log, keeper, hook, sockets.admission
+                    )
+                    EventLoop(sockets, handler, log, signals, archive).run()
+                finally:
+                    trouble = _close(rig, log, signals)
+                    if not trouble:
+                        keeper.end()
+                        ending = signals.ending or "the server failed"
+                        log.tell(f"ended, in the safe state: {ending}")
     finally:
         log.close()
     return 1 if trouble else 0
@@ -158,16 +164,24 @@ class EventLoop:
     handler : RequestHandler
     log : EventLog
     signals : ReceivedSignals
+    archive : callable
+        Called with the state of the rig in every turn.
     """
 
     def __init__(
-        self, sockets: Sockets, handler: RequestHandler, log: EventLog, signals: ReceivedSignals
+        self,
+        sockets: Sockets,
+        handler: RequestHandler,
+        log: EventLog,
+        signals: ReceivedSignals,
+        archive: Callable[[str], None] = lambda state: None,
     ) -> None:
         self._sockets = sockets
         self._handler = handler
         self._log = log
         self._signals = signals
         self._holders = sockets.admission.holders
+        self._archive = archive
         self._looked = 0.0
         self._published = 0.0
         self._number = -1
@@ -190,6 +204,7 @@ class EventLoop:
                 self._handler.stop(self._signals.stopping)
                 self._signals.stopping = ""
             self._handler.supervise()
+            self._archive(self._handler.state())
             self._publish(now)
             if now - self._looked > _LOOK:
                 self._looked = now

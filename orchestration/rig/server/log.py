@@ -45,6 +45,7 @@ class EventLog:
         self._clock = clock
         self._newest: dict[str, float] = {}
         self._withheld: dict[str, int] = {}
+        self._listeners: list[Callable[[str], None]] = []
         self._destinations = [_Destination(_Terminal())]
         if path is not None:
             try:
@@ -81,6 +82,12 @@ class EventLog:
         line = _dated(shown)
         for destination in self._destinations:
             destination.put(line)
+        for listener in self._listeners:
+            listener(line)
+
+    def listen(self, listener: Callable[[str], None]) -> None:
+        """Let a function be called with every line that is written from now on."""
+        self._listeners.append(listener)
 
     def close(self) -> None:
         """Write the lines that remain, within a bounded time."""

@@ -216,7 +216,7 @@ class RequestHandler:
             sequence=session.sequence,
             sent=message["sent"],
             clock=self._rig.clock(),
-            state=self._state(),
+            state=self.state(),
             reason=self._latch.reason,
             refused=refused,
             **self._sample(session),
@@ -386,7 +386,8 @@ class RequestHandler:
             "ages": [ages[k] for k in session.wanted],
         }
 
-    def _state(self) -> str:
+    def state(self) -> str:
+        """Return the state of the rig, as status and telemetry have it."""
         if self._latch.is_closed:
             return self._latch.state
         return IDLE if self._session is None else RUNNING
@@ -394,7 +395,7 @@ class RequestHandler:
     def _state_fields(self) -> dict[str, Any]:
         """Return the fields of status and telemetry on the state, the client and the latch."""
         return {
-            "state": self._state(),
+            "state": self.state(),
             "clock": self._rig.clock(),
             "client": "" if self._session is None else self._session.client,
             "operator": "" if self._session is None else self._session.owner.holder.name,

@@ -15,6 +15,7 @@ from orchestration.rig.server.scheduling import WATCHDOG
 
 RATES = (0.1, 1000.0)  # Hz
 WATCHDOGS = (0.02, 60.0)  # s
+SMALLEST_ARCHIVE = 1e6  # bytes
 # behind a reason that a machine gives that is busy with other work
 BUSY = "a busy machine needs a longer --watchdog"
 # of the watchdog time, that a driver call may take, or a process be silent: the remainder is for
@@ -57,6 +58,10 @@ class ServerSettings:
         Core that this process stays on.
     alarm_hook : str or None
         Program or address that is told of each alarm.
+    archive : Path or None
+        Folder of the archive; None for none.
+    archive_size : float
+        Its largest size in bytes.
     files : Mapping of str to bytes
         Contents of the backend's files as the server found them: its code and its calibration.
     stuck_after : int
@@ -84,6 +89,8 @@ class ServerSettings:
     cpu: int | None = None
     stuck_after: int = 100
     alarm_hook: str | None = None
+    archive: Path | None = None
+    archive_size: float = 1e9
     files: Mapping[str, bytes] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -101,6 +108,10 @@ class ServerSettings:
             raise UserError(f"--device-cpu {self.cpu}: cores count from 0")
         if self.keys is not None and self.no_keys:
             raise UserError(f"--keys {self.keys} and --no-keys exclude each other")
+        if self.archive is not None and self.lockstep:
+            raise UserError("--archive: is of a rig in real time, without --lockstep")
+        if not self.archive_size >= SMALLEST_ARCHIVE:
+            raise UserError(f"--archive-size: at least {SMALLEST_ARCHIVE / 1e6:g}MB are needed")
         if self.keys is None and not is_loopback(self.host):
             raise UserError(
                 f"--bind {self.host}: beyond this machine the rig is served with keys only; "
