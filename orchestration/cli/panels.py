@@ -38,7 +38,7 @@ _PANELS = {
         "band",
     ),
     "Operating point": ("at", "trim", "fix", "free", "drift"),
-    "Time": ("stop", "step", "tolerance", "rate", "max_age"),
+    "Time": ("stop", "step", "tolerance", "rate", "max_age", "duration", "since", "until"),
     "Signals": ("output", "inputs", "outputs", "cut", "of"),
     "Fit and search": (
         "fit",

@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from functools import partial
+from math import isfinite
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING
@@ -116,7 +117,7 @@ def _admit(
 def status(moment: Moment) -> str:
     """Return the progress and the delays of a run in one line."""
     parts = [
-        f"{moment.time:.1f} s of {moment.end:g} s",
+        f"{moment.time:.1f} s" + f" of {moment.end:g} s" * isfinite(moment.end),
         f"lag {1e3 * max(0.0, moment.lag):.1f} ms",
         f"missed {moment.missed}",
     ]
@@ -222,7 +223,8 @@ def keep(data: xarray.Dataset, out: Path, live: Live) -> None:
     from orchestration.experiment.reading import movable
 
     try:
-        results.write(movable(data, out.parent), out)
+        is_repeatable = "experiment" in data.attrs
+        results.write(movable(data, out.parent) if is_repeatable else data, out)
     except UserError as error:
         raise UserError(f"{error}; {_write_elsewhere(data, out, live)}") from error
     if live.journal is not None:

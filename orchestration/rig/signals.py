@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import inf
+from math import inf, isfinite
 from typing import Any
 
 from fmus.kit import registry
 from fmus.kit.errors import UserError, suggestion
+from fmus.rig_proxy import protocol
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,14 @@ class Limit:
     rate: float = inf
     warn_min: float = -inf
     warn_max: float = inf
+
+    def finite(self) -> dict[str, float | None]:
+        """Return the limits as messages have them: None for infinity, and no alarm that is none."""
+        return {
+            key: bound if isfinite(bound) else None
+            for key, bound in vars(self).items()
+            if isfinite(bound) or key in protocol.LIMIT_KEYS
+        }
 
 
 SIGNALS = registry.rigs()

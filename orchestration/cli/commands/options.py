@@ -767,6 +767,10 @@ class WatchCommand(ServerOptions, total=False):
         bool,
         Option("Open the page in a browser.", default=True, flag="--browser/--no-browser"),
     ]
+    archive: Annotated[
+        Path | None,
+        Option("Archive of the server, for a page with its history.", metavar="FOLDER"),
+    ]
 
 
 def _timeout(default: float) -> Option:
@@ -834,12 +838,20 @@ class RecordingOptions(TypedDict, total=False):
     """The experiment that drives a rig, and the record of it."""
 
     stimulus: Annotated[
-        str,
+        str | None,
         Option(
-            "Experiment whose inputs drive the rig, as for ppy run.",
-            default=REQUIRED,
+            "Experiment whose inputs drive the rig, as for ppy run; without one it is only heard.",
             metavar="FILE.toml|NAME",
             complete="experiment",
+        ),
+    ]
+    duration: Annotated[
+        float | None,
+        Option(
+            "How long the rig is heard, e.g. 10min; default until Ctrl-C.",
+            flag="--for",
+            metavar="TIME",
+            form=TIME,
         ),
     ]
     out: Annotated[Path, Option("Record: .nc, .parquet or .csv.", default=REQUIRED, metavar="FILE")]
@@ -874,6 +886,31 @@ class RecordRigCommand(RecordingOptions, ServerOptions, SamplingOptions, total=F
     take_over: Annotated[
         bool, Option("Go on from a client that hands the rig over.", default=False)
     ]
+
+
+class ArchiveOptions(TypedDict, total=False):
+    """The archive of a rig, and the part of it that is exported."""
+
+    folder: Annotated[
+        Path,
+        Option("Folder of the archive.", default=REQUIRED, metavar="FOLDER", argument=True),
+    ]
+    since: Annotated[
+        str | None,
+        Option(
+            "Begin of the part, such as '2026-11-29 18:30'; local time unless it says another.",
+            flag="--from",
+            metavar="DATE",
+        ),
+    ]
+    until: Annotated[str | None, Option("End of the part.", flag="--to", metavar="DATE")]
+    out: Annotated[
+        Path | None, Option("Record of the part: .nc, .parquet or .csv.", metavar="FILE")
+    ]
+
+
+class ArchiveCommand(ArchiveOptions, JsonOption, total=False):
+    """Options of ``ppy rig archive``."""
 
 
 class BridgeCommand(TypedDict, total=False):

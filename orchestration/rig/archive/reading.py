@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -123,10 +124,36 @@ class Archive:
         files = [file for file in self._files if file.kind == kind]
         return [each for each in files if each.about["begin"] <= end and begin <= each.about["end"]]
 
-    @property
-    def about(self) -> dict[str, Any]:
-        """Metadata of the newest samples."""
-        return self._of("samples")[-1].about
+    def about_at(self, begin: float = -inf, end: float = inf) -> dict[str, Any]:
+        """Return the metadata of the newest samples in a span of wall time."""
+        return (self._of("samples", begin, end) or self._of("samples"))[-1].about
+
+    def contents(self, begin: float = -inf, end: float = inf) -> dict[str, Any]:
+        """Return what the archive holds in a span of wall time, as JSON can hold it."""
+        spans = [span for span in self.spans() if span.begin < end and span.end > begin]
+        return {
+            "rig": self.about_at(begin, end),
+            "spans": [span._asdict() for span in spans],
+            "gaps": [gap._asdict() for gap in self.gaps(begin, end)],
+            "events": [
+                {"time": wall, "what": what, "text": text}
+                for wall, what, text in self.events(begin, end)
+            ],
+        }
+
+    def lines(self, begin: float = -inf, end: float = inf) -> Iterator[str]:
+        """Yield what the archive holds in a span of wall time for a reader, in local time."""
+        contents = self.contents(begin, end)
+        rig = contents["rig"]
+        names = ", ".join(f"{name} [{unit}]" for name, unit in _signals_of(rig).items())
+        yield f"{rig['backend']} on {rig['host']}, {rig['rate']:g} samples a second: {names}"
+        for span in contents["spans"]:
+            yield f"{_local(span['begin'])} to {_local(span['end'])}  {span['samples']} samples"
+        for gap in contents["gaps"]:
+            lost = f"{gap['lost']} samples " * bool(gap["lost"])
+            yield f"{_local(gap['begin'])} to {_local(gap['end'])}  gap: {lost}{gap['reason']}"
+        for event in contents["events"]:
+            yield f"{_local(event['time'])}  {event['what']}: {event['text']}"
 
     def spans(self) -> list[Span]:
         """Return what was archived of each run of a server, the oldest first."""
@@ -223,7 +250,9 @@ class Archive:
         time, low, high : ndarray, shape (n,)
             Middle of each part in s, and the least and the largest value in it.
         """
-        files = [file for file in self._of("samples", begin, end) if _has(file, name)]
+        files = [
+            file for file in self._of("samples", begin, end) if name in _signals_of(file.about)
+        ]
         is_coarse = sum(file.rows for file in files) > _MOST_ROWS
         read = _extremes_of_groups if is_coarse else _all_values
         parts = [read(file, name) for file in files]
@@ -239,8 +268,29 @@ class Archive:
         return middle, np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts)
 
 
-def _has(file: ArchiveFile, name: str) -> bool:
-    return name in file.about["inputs"] or name in file.about["outputs"]
+def read_date(text: str | None, option: str, default: float) -> float:
+    """Return the wall time of a date in s since 1970, in local time unless it says another.
+
+    Raises
+    ------
+    UserError
+        If it is no date.
+    """
+    if text is None:
+        return default
+    try:
+        return datetime.fromisoformat(text).timestamp()
+    except (ValueError, OverflowError, OSError) as error:
+        raise UserError(f"{option} {text!r}: write a date such as '2026-11-29 18:30:05'") from error
+
+
+def _local(wall: float) -> str:
+    return datetime.fromtimestamp(wall).isoformat(" ", "milliseconds")
+
+
+def _signals_of(about: Mapping[str, Any]) -> dict[str, str]:
+    """Return the units of all signals of a file, by name."""
+    return {**about["inputs"], **about["outputs"]}
 
 
 def _all_values(file: ArchiveFile, name: str) -> tuple[Array, Array, Array]:

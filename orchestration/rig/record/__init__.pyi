@@ -1,7 +1,10 @@
+from .data import archived_dataset as archived_dataset
 from .data import dataset as dataset
 from .data import empty_dataset as empty_dataset
+from .data import heard_dataset as heard_dataset
 from .data import units as units
 from .driving import RecordingObserver as RecordingObserver
 from .driving import drive as drive
+from .listening import listen as listen
 from .planning import RecordingPlan as RecordingPlan
 from .planning import plan_recording as plan_recording

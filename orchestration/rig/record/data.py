@@ -4,31 +4,35 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from datetime import UTC, datetime
 from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fmus.kit.arrays import Array
 from orchestration.experiment import results
 from orchestration.experiment.results import about_experiment, about_pace
 from orchestration.fmu import Signal
+from orchestration.rig.archive import Archive
 from orchestration.rig.record.driving import RecordedRun
+from orchestration.rig.record.listening import LONGEST_SILENCE
 from orchestration.rig.record.planning import RecordingPlan
 
 if TYPE_CHECKING:
     import xarray
 
 
-def units(planned: RecordingPlan) -> dict[str, str]:
+def units(inputs: Mapping[str, str], outputs: Mapping[str, str]) -> dict[str, str]:
     """Return the units of a record's signals in their order: inputs, outputs, ages of outputs."""
-    return {**planned.inputs, **planned.outputs, **{f"{name}_age": "s" for name in planned.outputs}}
+    return {**inputs, **outputs, **{f"{name}_age": "s" for name in outputs}}
 
 
 def empty_dataset(planned: RecordingPlan) -> xarray.Dataset:
     """Return a dataset of one point of zeros, to check that a file's format can hold the record."""
-    zeros = {name: np.zeros(1) for name in units(planned)}
-    sketch = results.dataset(planned.time[:1], zeros, _signals(planned), (), {})
-    return _described(sketch, planned)
+    zeros = {name: np.zeros(1) for name in units(planned.inputs, planned.outputs)}
+    signals = _signals(planned.inputs, planned.outputs)
+    return _described(results.dataset(planned.time[:1], zeros, signals, (), {}), planned)
 
 
 def dataset(
@@ -64,14 +68,20 @@ def dataset(
     about |= {
         "complete": int(count == planned.time.size and not recorded.failure and not gaps),
         "gaps": gaps,
-        "over": about["over"] if about["over"] in units(planned) else "time",
+        "over": about["over"]
+        if about["over"] in units(planned.inputs, planned.outputs)
+        else "time",
         "wall_time": float(planned.time[count - 1]),
     }
     if recorded.failure:
         about["failure"] = recorded.failure
-    values = dict(zip(units(planned), rows.T, strict=True))
+    values = dict(zip(units(planned.inputs, planned.outputs), rows.T, strict=True))
     data = results.dataset(
-        planned.time[:count], values, _signals(planned), set(planned.inputs), about
+        planned.time[:count],
+        values,
+        _signals(planned.inputs, planned.outputs),
+        set(planned.inputs),
+        about,
     )
     return _described(data, planned)
 
@@ -98,12 +108,96 @@ def _about_rig(planned: RecordingPlan, endpoint: str) -> dict[str, Any]:
     }
 
 
-def _signals(planned: RecordingPlan) -> dict[str, Signal]:
+def heard_dataset(
+    status: Mapping[str, Any], rows: Array, failure: str, endpoint: str
+) -> xarray.Dataset:
+    """Return what was heard of a rig, which others may have commanded, as a dataset.
+
+    Parameters
+    ----------
+    status : Mapping
+        The message ``status`` of its server.
+    rows : ndarray, shape (n, 1 + number of signals)
+        Clock in s, inputs, outputs and ages of these, as `listen` returns them.
+    failure : str
+        Reason for an early end; empty without one.
+    endpoint : str
+        Address of the rig's server.
+
+    Returns
+    -------
+    xarray.Dataset
+        As `archived_dataset`; incomplete with a failure, or a gap in which nothing was heard.
+    """
+    names = units(status["inputs"], status["outputs"])
+    values = dict(zip(names, rows.T[1:], strict=True))
+    about = _about_server(status, f"the rig at {endpoint}, heard")
+    gaps = int(np.sum(np.diff(rows[:, 0]) > LONGEST_SILENCE))
+    about |= {"gaps": gaps, "complete": int(not gaps and not failure), "failure": failure}
+    return _observed(status, rows[:, 0], values, about)
+
+
+def archived_dataset(archive: Archive, begin: float, end: float) -> xarray.Dataset:
+    """Return a part of an archive as a dataset.
+
+    Parameters
+    ----------
+    archive : Archive
+    begin, end : float
+        Wall times in s since 1970.
+
+    Returns
+    -------
+    xarray.Dataset
+        Inputs as applied, outputs and ages of these from time 0 on. The attribute ``rate`` is the
+        usual number of rows in a second, ``start`` the time of the first on the rig's clock in s,
+        ``gaps`` how many there are.
+
+    Raises
+    ------
+    UserError
+        If there is nothing in this span, or several runs of a server.
+    """
+    table = archive.rows("samples", begin, end)
+    about = archive.about_at(begin, end)
+    rig = {**about, "period": 1.0 / about["rate"]}
+    values = {name: table[name].to_numpy() for name in units(rig["inputs"], rig["outputs"])}
+    first, last = (table["wall"][k].as_py() for k in (0, -1))
+    gaps = len(archive.gaps(first.timestamp(), last.timestamp()))
+    described = _about_server(rig, f"the rig of {rig['host']}, archived")
+    described |= {"began": first.isoformat(), "gaps": gaps, "complete": int(not gaps)}
+    return _observed(rig, table["time"].to_numpy(), values, described)
+
+
+def _about_server(rig: Mapping[str, Any], subject: str) -> dict[str, Any]:
+    """Return the attributes of a record that was not driven."""
+    return {
+        "title": subject,
+        "subject": subject,
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "period": rig["period"],
+        "watchdog": rig["watchdog"],
+        "limits": json.dumps(rig["limits"]),
+    }
+
+
+def _observed(
+    rig: Mapping[str, Any], clock: Array, values: Mapping[str, Array], about: Mapping[str, Any]
+) -> xarray.Dataset:
+    """Return signals over the rig's clock as a dataset that begins at time 0."""
+    steps = np.diff(clock)
+    rate = float(1.0 / np.median(steps)) if steps.size else 0.0
+    signals = _signals(rig["inputs"], rig["outputs"])
+    more = {**about, "start": float(clock[0]), "rate": rate}
+    return results.dataset(clock - clock[0], values, signals, set(rig["inputs"]), more)
+
+
+def _signals(inputs: Mapping[str, str], outputs: Mapping[str, str]) -> dict[str, Signal]:
     """Return the descriptions of a record's signals by name."""
-    described = dict.fromkeys(planned.inputs, "As applied to the rig")
-    described |= dict.fromkeys(planned.outputs, "As measured at the rig")
-    described |= {f"{name}_age": f"Age of {name} when the rig sent it" for name in planned.outputs}
+    described = dict.fromkeys(inputs, "As applied to the rig")
+    described |= dict.fromkeys(outputs, "As measured at the rig")
+    described |= {f"{name}_age": f"Age of {name} when the rig sent it" for name in outputs}
     return {
         n: Signal(n, "real", unit, unit, 0.0, -inf, inf, described[n])
-        for n, unit in units(planned).items()
+        for n, unit in units(inputs, outputs).items()
     }

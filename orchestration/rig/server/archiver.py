@@ -129,16 +129,10 @@ def archived(settings: ServerSettings, rig: Rig, log: EventLog) -> Iterator[Call
     ------
     callable
         To be called with the rig's state in every turn of the front's loop.
-
-    Raises
-    ------
-    UserError
-        If the folder cannot be used, or another server writes to it.
     """
     if settings.archive is None or not isinstance(rig, RealTimeRig):
         yield lambda state: None
         return
-    columns_of(rig.signals.inputs, rig.signals.outputs)
     archiving = Archiving(settings, rig, log, _describe(settings, rig.signals))
     try:
         yield archiving.supervise
@@ -188,7 +182,7 @@ def _describe(settings: ServerSettings, signals: BackendSignals) -> dict[str, An
         "watchdog": settings.watchdog,
         "inputs": signals.inputs,
         "outputs": signals.outputs,
-        "limits": {name: vars(limit) for name, limit in signals.limits.items()},
+        "limits": {name: limit.finite() for name, limit in signals.limits.items()},
         "files": {name: sha256(content).hexdigest() for name, content in settings.files.items()},
     }
 

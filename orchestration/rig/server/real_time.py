@@ -10,6 +10,7 @@ from time import monotonic, sleep
 from typing import Any, TypeVar
 
 from fmus.rig_proxy import REAL_TIME
+from orchestration.rig.archive import columns_of
 from orchestration.rig.server import device, guard
 from orchestration.rig.server.calls import BackendSignals
 from orchestration.rig.server.processes import Output, undisturbed
@@ -62,7 +63,7 @@ class RealTimeRig:
     Raises
     ------
     UserError
-        If the backend cannot be opened; nothing goes on then.
+        If the backend cannot be opened, or its signals not be archived; nothing goes on then.
 
     Attributes
     ----------
@@ -98,6 +99,8 @@ class RealTimeRig:
             raise cannot_open(settings, trouble[0])
         try:
             self.signals = self._wait_until_open()
+            if settings.archive is not None:
+                columns_of(self.signals.inputs, self.signals.outputs)
         except BaseException:
             self.close()
             self.kill()

@@ -6,11 +6,10 @@ It gets and returns messages, and knows no socket.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from math import isfinite
 from time import monotonic
 from typing import Any
 
-from fmus.rig_proxy import IDLE, LOCKSTEP, RUNNING, ProtocolError, encode, protocol
+from fmus.rig_proxy import IDLE, LOCKSTEP, RUNNING, ProtocolError, encode
 from orchestration.rig.access import EVERYBODY, Admission, Peer
 from orchestration.rig.safety import CommandFilter, stale
 from orchestration.rig.server.alarms import MAJOR, Alarms, watch_limits
@@ -361,15 +360,8 @@ class RequestHandler:
     # ----------------------------------------------------------------------------------------------
 
     def _constants(self) -> dict[str, Any]:
-        """Return the fields of a message that do not change; an infinite limit becomes None."""
-        limits = {
-            name: {
-                key: bound if isfinite(bound) else None
-                for key, bound in vars(limit).items()
-                if isfinite(bound) or key in protocol.LIMIT_KEYS
-            }
-            for name, limit in self._rig.signals.limits.items()
-        }
+        """Return the fields of a message that do not change."""
+        limits = {name: limit.finite() for name, limit in self._rig.signals.limits.items()}
         return {
             "mode": self._rig.mode,
             "period": self._period,

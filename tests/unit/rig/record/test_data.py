@@ -37,9 +37,9 @@ def recorded(rows: int, failure: str = "") -> RecordedRun:
     return RecordedRun(cells[:, :2], cells[:, 2:4], cells[:, 4:], failure, pacing)
 
 
-def test_signals_stand_in_their_order_with_their_units(planned):
-    assert list(units(planned)) == NAMES
-    assert list(units(planned).values()) == ["A", "N", "V", "m", "s", "s"]
+def test_signals_stand_in_their_order_with_their_units(planned.inputs, planned.outputs):
+    assert list(units(planned.inputs, planned.outputs)) == NAMES
+    assert list(units(planned.inputs, planned.outputs).values()) == ["A", "N", "V", "m", "s", "s"]
     assert list(empty_dataset(planned)) == NAMES
 
 
@@ -55,7 +55,7 @@ def test_a_record_says_whether_it_came_to_its_end(planned, rows, failure, comple
     assert json.loads(data.attrs["limits"]) == LIMITS
     for column, name in enumerate(NAMES):
         assert data[name].values.tolist() == [6.0 * row + column for row in range(rows)]
-        assert data[name].attrs["units"] == units(planned)[name]
+        assert data[name].attrs["units"] == units(planned.inputs, planned.outputs)[name]
 
 
 @pytest.mark.parametrize("suffix", [".nc", ".parquet"])
