@@ -86,7 +86,7 @@ def columns_of(inputs: Mapping[str, str], outputs: Mapping[str, str]) -> dict[st
     """
     reported = {f"{name}_read_back": unit for name, unit in inputs.items()}
     ages = {f"{name}_age": "s" for name in outputs}
-    columns = {
+    columns: dict[str, dict[str, Any]] = {
         "samples": {"missed": "1", **inputs, **reported, **outputs, **ages},
         "commands": {"order": None, **inputs},
         "events": {"what": None, "text": None},

@@ -187,7 +187,7 @@ class Archive:
 
     def events(self, begin: float = -inf, end: float = inf) -> list[tuple[float, str, str]]:
         """Return wall time in s, kind (``log`` or ``state``) and text of the events in a span."""
-        events = []
+        events: list[tuple[float, str, str]] = []
         for file in self._of("events", begin, end):
             table = file.table()
             columns = (wall_seconds(table), table["what"].to_pylist(), table["text"].to_pylist())

@@ -205,8 +205,10 @@ class _GrowingFile:
         self.size = self._file.tell()
 
     def close(self) -> None:
-        """Close the file, as far as that is possible."""
-        with suppress(OSError):
-            self._writer.close()
+        """Close the file, without what was not written in full, which would fill a full disk."""
         with suppress(OSError):
             self._file.close()
+        with suppress(OSError):
+            os.truncate(self.path, self.size)
+            if not self.size:
+                self.path.unlink()

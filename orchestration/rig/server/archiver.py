@@ -34,6 +34,7 @@ from orchestration.rig.server.shared_memory import (
     Command,
     Entry,
     Event,
+    Ring,
     Sample,
     SharedMemory,
     read_text,
@@ -229,7 +230,7 @@ class Archiver:
         columns = columns_of(inputs, outputs)
         assert settings.archive is not None
         self._writer = ArchiveWriter(settings.archive, settings.archive_size, about, columns)
-        self._rings = {
+        self._rings: dict[str, Ring[Any]] = {
             "samples": shared.samples,
             "commands": shared.commands,
             "events": shared.events,

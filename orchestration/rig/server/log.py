@@ -83,10 +83,10 @@ class EventLog:
         for destination in self._destinations:
             destination.put(line)
         for listener in self._listeners:
-            listener(line)
+            listener(shown)
 
     def listen(self, listener: Callable[[str], None]) -> None:
-        """Let a function be called with every line that is written from now on."""
+        """Let a function be called with the text of every line that is written from now on."""
         self._listeners.append(listener)
 
     def close(self) -> None:

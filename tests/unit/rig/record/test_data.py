@@ -37,7 +37,7 @@ def recorded(rows: int, failure: str = "") -> RecordedRun:
     return RecordedRun(cells[:, :2], cells[:, 2:4], cells[:, 4:], failure, pacing)
 
 
-def test_signals_stand_in_their_order_with_their_units(planned.inputs, planned.outputs):
+def test_signals_stand_in_their_order_with_their_units(planned):
     assert list(units(planned.inputs, planned.outputs)) == NAMES
     assert list(units(planned.inputs, planned.outputs).values()) == ["A", "N", "V", "m", "s", "s"]
     assert list(empty_dataset(planned)) == NAMES

@@ -1,0 +1,213 @@
+"""An archive holds what was written to it, tells of its gaps, stays within its size, and loses no
+whole batch, wherever a file is cut off.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+
+from fmus.kit import UserError
+from orchestration.rig.archive import Archive, ArchiveWriter, columns_of, read_date
+from orchestration.rig.archive import reading as reading_module
+
+INPUTS, OUTPUTS = {"current": "A"}, {"voltage": "V"}
+COLUMNS = columns_of(INPUTS, OUTPUTS)
+AHEAD = 1.8e9  # s, of wall time over the rig's clock
+ABOUT = {
+    "run": "0a0a",
+    "host": "here",
+    "backend": "emulator",
+    "rate": 100.0,
+    "watchdog": 0.2,
+    "inputs": INPUTS,
+    "outputs": OUTPUTS,
+    "limits": {},
+}
+
+
+def voltage(number):
+    return math.sin(0.37 * number) + (3.0 if number == 777 else 0.0)
+
+
+def samples(numbers, pause=0.0):
+    """Rows a hundredth of a second apart; `pause` before the last."""
+    rows = []
+    for k in numbers:
+        late = pause if k == numbers[-1] else 0.0
+        measured = math.nan if k % 10 == 0 else voltage(k)
+        rows.append((k, 0.01 * k + late, 0.0, 0.5, math.nan, measured, 0.001))
+    return rows
+
+
+def writer(folder, size=1e9, **about):
+    return ArchiveWriter(folder, size, ABOUT | about, COLUMNS)
+
+
+def filled(folder, *batches, **about):
+    archive = writer(folder, **about)
+    for rows in batches:
+        archive.add("samples", rows, AHEAD)
+    return archive
+
+
+def test_rows_are_read_as_they_were_written_before_and_after_the_file_is_closed(tmp_path):
+    archive = filled(tmp_path, samples(range(1, 51)), samples(range(51, 101)))
+    archive.add("events", [(1, 0.5, "state", "running"), (2, 0.6, "log", "stopped")], AHEAD)
+    for _ in range(2):
+        read = Archive(tmp_path)
+        table = read.rows("samples", -math.inf, math.inf)
+        assert table["number"].to_pylist() == list(range(1, 101))
+        assert table["time"].to_pylist() == [0.01 * k for k in range(1, 101)]
+        expected = [None if k % 10 == 0 else voltage(k) for k in range(1, 101)]
+        assert table["voltage"].to_pylist() == expected
+        assert [event[1:] for event in read.events()] == [("state", "running"), ("log", "stopped")]
+        assert read.events()[0][0] == pytest.approx(AHEAD + 0.5, abs=1e-6)
+        assert read.gaps() == []
+        (span,) = read.spans()
+        assert (span.samples, span.run) == (100, "0a0a")
+        assert span.begin == pytest.approx(AHEAD + 0.01, abs=1e-6)
+        archive.close()
+    assert {path.suffix for path in tmp_path.iterdir()} == {".parquet"}
+
+
+def test_a_closed_file_says_in_its_metadata_and_columns_what_it_is(tmp_path):
+    filled(tmp_path, samples([1, 2, 3, 8, 9])).close()
+    (path,) = tmp_path.iterdir()
+    schema = pyarrow.parquet.read_schema(path)  # another library than the archive's own reader
+    about = json.loads(schema.metadata[b"ppy_rig_archive"])
+    assert about.items() >= ABOUT.items()
+    assert (about["first"], about["last"]) == (1, 9)
+    assert about["gaps"] == [[pytest.approx(AHEAD + 0.03), pytest.approx(AHEAD + 0.08), 4, "lost"]]
+    assert schema.field("voltage").metadata == {b"unit": b"V"}
+    assert schema.field("voltage_age").metadata == {b"unit": b"s"}
+
+
+def test_gaps_in_a_file_between_files_and_between_runs_are_told(tmp_path):
+    archive = filled(tmp_path, samples([1, 2, 5]), samples([6, 7], pause=3.0))
+    archive.close()
+    archive.add("samples", samples(range(20, 23)), AHEAD)
+    archive.close()
+    other = filled(tmp_path, samples([1, 2]), run="0b0b")
+    other.close()
+    told = [(gap.lost, gap.reason) for gap in Archive(tmp_path).gaps()]
+    assert told == [(2, "lost"), (0, "no sample taken"), (12, "lost"), (0, "not served")]
+    with pytest.raises(UserError, match="several runs"):
+        Archive(tmp_path).rows("samples", -math.inf, math.inf)
+
+
+def test_a_file_that_is_cut_off_anywhere_keeps_its_whole_batches(tmp_path):
+    """As after a kill or a full disk; the batch sizes are the oracle."""
+    grown = tmp_path / "grown"
+    grown.mkdir()
+    archive = writer(grown)
+    ends = []
+    (first, second, third) = (range(1, 31), range(31, 91), range(91, 101))
+    for rows in (first, second, third):
+        archive.add("samples", samples(rows), AHEAD)
+        ends.append(next(grown.iterdir()).stat().st_size)
+    (path,) = grown.iterdir()
+    content = path.read_bytes()
+    archive.close()
+    for size in (
+        0,
+        10,
+        *(end + more for end in ends for more in (-1, 0, 7) if end + more <= len(content)),
+    ):
+        cut = tmp_path / f"cut{size}"
+        cut.mkdir()
+        (cut / path.name).write_bytes(content[:size])
+        whole = [
+            rows[-1] for rows, end in zip((first, second, third), ends, strict=True) if end <= size
+        ]
+        last = max(whole, default=0)
+        assert writer(cut).last("samples") == last
+        assert {each.suffix for each in cut.iterdir()} == ({".parquet"} if last else set())
+        if last:
+            table = Archive(cut).rows("samples", -math.inf, math.inf)
+            assert table["number"].to_pylist() == list(range(1, last + 1))
+
+
+def test_rows_that_were_written_twice_are_read_once(tmp_path):
+    filled(tmp_path, samples(range(1, 11))).close()
+    filled(tmp_path, samples(range(6, 21))).close()
+    numbers = Archive(tmp_path).rows("samples", -math.inf, math.inf)["number"].to_pylist()
+    assert numbers == list(range(1, 21))
+    assert Archive(tmp_path).gaps() == []
+
+
+def test_the_oldest_files_are_removed_beyond_the_size_and_the_newest_row_is_there(tmp_path):
+    archive = writer(tmp_path, size=1e6)
+    last = 0
+    for _ in range(120):
+        archive.add("samples", samples(range(last + 1, last + 1001)), AHEAD)
+        last += 1000
+        assert sum(path.stat().st_size for path in tmp_path.iterdir()) <= 1e6
+    archive.close()
+    assert sum(path.stat().st_size for path in tmp_path.iterdir()) <= 1e6
+    numbers = Archive(tmp_path).rows("samples", -math.inf, math.inf)["number"].to_numpy()
+    assert numbers[0] > 1
+    np.testing.assert_array_equal(numbers, np.arange(numbers[0], last + 1))
+
+
+@pytest.mark.parametrize("is_coarse", [False, True])
+def test_extremes_are_those_of_the_values_also_by_the_metadata_alone(
+    is_coarse, tmp_path, monkeypatch
+):
+    filled(tmp_path, samples(range(1, 20_001))).close()
+    if is_coarse:
+        monkeypatch.setattr(reading_module, "_MOST_ROWS", 0)
+    begin, end = AHEAD, AHEAD + 200.0
+    time, low, high = Archive(tmp_path).extremes("voltage", begin, end, 10)
+    values = np.array([math.nan if k % 10 == 0 else voltage(k) for k in range(1, 20_001)])
+    parts = np.array_split(values, 10)
+    np.testing.assert_allclose(time, begin + 10.0 + 20.0 * np.arange(10), atol=1e-3)
+    np.testing.assert_array_equal(low, [np.nanmin(part) for part in parts])
+    np.testing.assert_array_equal(high, [np.nanmax(part) for part in parts])
+    assert high[0] > 2.0, "the one peak is seen"
+
+
+def test_a_damaged_file_is_named_and_the_others_are_read(tmp_path):
+    filled(tmp_path, samples([1, 2, 3])).close()
+    archive = filled(tmp_path, samples([4, 5, 6]))
+    archive.close()
+    first, _ = sorted(tmp_path.iterdir())
+    first.write_bytes(first.read_bytes()[:100])
+    read = Archive(tmp_path)
+    assert read.damaged == [first]
+    assert read.rows("samples", -math.inf, math.inf)["number"].to_pylist() == [4, 5, 6]
+
+
+@pytest.mark.parametrize("name", ["time", "wall", "number", "missed", "voltage_age"])
+def test_a_signal_that_is_called_as_a_column_is_refused(name):
+    with pytest.raises(UserError, match=name):
+        columns_of({name: "A"}, {"voltage": "V"})
+
+
+def test_a_folder_without_an_archive_is_refused(tmp_path):
+    for folder in (tmp_path, tmp_path / "missing"):
+        with pytest.raises(UserError, match=folder.name):
+            Archive(folder)
+
+
+def test_dates_are_local_unless_they_say_another_zone():
+    assert read_date("1970-01-01T00:00:10+00:00", "--from", 0.0) == 10.0
+    assert read_date(None, "--from", 3.0) == 3.0
+    with pytest.raises(UserError, match="--to 'soon': write a date"):
+        read_date("soon", "--to", 0.0)
+
+
+def test_a_run_that_goes_on_knows_its_last_row(tmp_path):
+    before = tmp_path / "before"
+    before.mkdir()
+    killed = filled(before, samples(range(1, 11)))
+    shutil.copytree(before, tmp_path / "after")
+    killed.close()
+    again = writer(tmp_path / "after")
+    assert (again.last("samples"), again.last("commands")) == (10, 0)
+    assert writer(tmp_path / "after", run="0c0c").last("samples") == 0
