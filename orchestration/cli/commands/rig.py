@@ -100,14 +100,20 @@ def watch(options: WatchCommand) -> None:
     It can command nothing but stop.
     """
     import webbrowser
+    from functools import partial
     from threading import Thread
 
     from orchestration.reporting.console import out, warn
     from orchestration.rig import ask, read_endpoint, until_interrupted
-    from orchestration.rig.watch import Feed, Listener, PageServer
+    from orchestration.rig.archive import Archive
+    from orchestration.rig.watch import Feed, Listener, PageServer, history
 
     remote = read_endpoint(options["endpoint"], options["credentials"], warn)
     feed = Feed()
+    folder = options["archive"]
+    if folder is not None:
+        require("pyarrow")
+        Archive(folder)
 
     def stop() -> dict[str, object]:
         return ask(remote, "stop", reason="stop button of ppy rig watch")
@@ -115,7 +121,9 @@ def watch(options: WatchCommand) -> None:
     with (
         until_interrupted(),
         Listener(remote, feed),
-        PageServer(options["port"], remote.requests, feed, stop) as page,
+        PageServer(
+            options["port"], remote.requests, feed, stop, folder and partial(history, folder)
+        ) as page,
     ):
         out.print(f"watching {remote.requests} at {page.address} (Ctrl-C ends it)")
         if options["browser"]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from functools import lru_cache
 from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -106,9 +107,7 @@ class Archive:
         closed = path.with_suffix(CLOSED)
         try:
             if path.suffix == CLOSED or closed.exists():
-                metadata = parquet.read_metadata(closed)
-                about = about_of(metadata.schema.to_arrow_schema())
-                return ArchiveFile(closed, kind_of(path), about, metadata.num_rows)
+                return _closed_file(closed)
             table = whole_rows(path)
         except FileNotFoundError:
             return self._opened(closed) if closed.exists() else None
@@ -266,6 +265,14 @@ class Archive:
         starts = np.flatnonzero(np.diff(place, prepend=-1))
         middle = begin + (place[starts] + 0.5) * width
         return middle, np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts)
+
+
+@lru_cache(maxsize=2**16)  # closed files never change, and an archive may have thousands
+def _closed_file(path: Path) -> ArchiveFile:
+    """Return a closed file."""
+    metadata = parquet.read_metadata(path)
+    about = about_of(metadata.schema.to_arrow_schema())
+    return ArchiveFile(path, kind_of(path), about, metadata.num_rows)
 
 
 def read_date(text: str | None, option: str, default: float) -> float:

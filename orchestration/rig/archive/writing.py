@@ -30,7 +30,7 @@ with optional():
     import pyarrow
     from pyarrow import parquet
 
-_LONGEST = 600.0  # s of a segment
+_LONGEST = 3600.0  # s of a segment
 _LARGEST = 2**24  # bytes of it while it grows
 _SHARE = 8  # of the archive's size, that it may have then at most
 _GROUP = 1000  # rows of a closed file, of which the extremes of each signal are stored

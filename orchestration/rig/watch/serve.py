@@ -28,6 +28,7 @@ _MOST = 100  # connections that are open at once, which leaves descriptors for a
 _WAITING = 128  # connections that wait to be taken, as when many tabs are opened at once
 _TYPES = {"css": "text/css", "js": "text/javascript"}
 _FILES = (
+    "history.js",
     "page.css",
     "page.js",
     "cards.js",
@@ -51,6 +52,7 @@ _HEADERS = {
     "X-Frame-Options": "DENY",
 }
 Stop = Callable[[], dict[str, Any]]
+History = Callable[[float | None, float | None], dict[str, Any]]
 
 
 class PageServer(ThreadingHTTPServer):
@@ -65,6 +67,8 @@ class PageServer(ThreadingHTTPServer):
     feed : Feed
     stop : callable
         Stops the rig and returns its status; raises UserError if it does not answer.
+    history : callable, optional
+        Returns what was archived in a span of time; raises UserError if there is nothing.
 
     Raises
     ------
@@ -77,7 +81,9 @@ class PageServer(ThreadingHTTPServer):
     request_queue_size = _WAITING
     allow_reuse_address = os.name != "nt"  # where it would let two programs have one port
 
-    def __init__(self, port: int, name: str, feed: Feed, stop: Stop):
+    def __init__(
+        self, port: int, name: str, feed: Feed, stop: Stop, history: History | None = None
+    ):
         try:
             super().__init__((LOOPBACK, port), _Handler)
         except OSError as error:
@@ -87,6 +93,7 @@ class PageServer(ThreadingHTTPServer):
         self.name = name
         self.feed = feed
         self.stop = stop
+        self.history = history
         self.port = int(self.server_address[1])
         self.hosts = {f"{LOOPBACK}:{self.port}", f"localhost:{self.port}"}
         self.token = secrets.token_urlsafe(32)
@@ -136,7 +143,11 @@ class _Handler(BaseHTTPRequestHandler):
         path, _, query = self.path.partition("?")
         name = path.removeprefix("/")
         if path == "/":
-            self._send(HTTPStatus.OK, "text/html", self._page())
+            self._send(HTTPStatus.OK, "text/html", self._page("page.html"))
+        elif path == "/history" and self.server.history is not None:
+            self._send(HTTPStatus.OK, "text/html", self._page("history.html"))
+        elif path == "/archive" and self.server.history is not None:
+            self._archive(self.server.history, query)
         elif path == "/stream":
             self._stream(query)
         elif name in _FILES:
@@ -157,8 +168,9 @@ class _Handler(BaseHTTPRequestHandler):
         else:
             self._stop()
 
-    def _page(self) -> str:
-        page = _file("page.html")
+    def _page(self, name: str) -> str:
+        page = _file(name)
+        page = page.replace("{hidden}", "hidden" if self.server.history is None else "")
         for name in ("token", "instance", "name"):
             page = page.replace(f"{{{name}}}", quoting.html(getattr(self.server, name)))
         return page
@@ -201,6 +213,21 @@ class _Handler(BaseHTTPRequestHandler):
         update = self.server.feed.since(int(after[1]))
         about = {"now": monotonic(), "instance": self.server.instance}
         self._send_json(HTTPStatus.OK, {**about, **update._asdict()})
+
+    def _archive(self, history: History, query: str) -> None:
+        """Send what was archived in a span of time, or in all."""
+        number = r"(\d{1,11}(?:\.\d{1,6})?)"
+        span = re.fullmatch(rf"(?:from={number}&to={number})?", query)
+        if span is None:
+            self._send(
+                HTTPStatus.BAD_REQUEST, "text/plain", "write /archive?from=SECONDS&to=SECONDS"
+            )
+            return
+        begin, end = (None if text is None else float(text) for text in span.groups())
+        try:
+            self._send_json(HTTPStatus.OK, history(begin, end))
+        except UserError as error:
+            self._send_json(HTTPStatus.NOT_FOUND, {"error": str(error)})
 
     def _send_json(self, status: HTTPStatus, data: dict[str, Any]) -> None:
         self._send(status, "application/json", json.dumps(data, allow_nan=False))

@@ -58,7 +58,7 @@ function ends(points, limit, held) {
   return [middle - half - margin, middle + half + margin];
 }
 
-function ticks(low, high, most) {
+export function ticks(low, high, most) {
   const rough = (high - low) / most;
   const power = 10 ** Math.floor(Math.log10(rough));
   const step = power * [1, 2, 5, 10].find(multiple => multiple * power >= rough);
@@ -89,7 +89,7 @@ export function draw(canvas, points, { now, limit, how, held, gap, colours }) {
   pen.restore();
 }
 
-function cleared(canvas) {
+export function cleared(canvas) {
   const scale = window.devicePixelRatio || 1;
   const width = Math.round(canvas.clientWidth * scale);
   const height = Math.round(canvas.clientHeight * scale);
@@ -150,7 +150,7 @@ function drawSignal(pen, { x, y }, points, { now, held, gap, colours }) {
   pen.fill();
 }
 
-function line(pen, x0, y0, x1, y1) {
+export function line(pen, x0, y0, x1, y1) {
   pen.beginPath();
   pen.moveTo(x0, Math.round(y0) + 0.5);
   pen.lineTo(x1, Math.round(y1) + 0.5);
