@@ -100,13 +100,12 @@ def watch(options: WatchCommand) -> None:
     It can command nothing but stop.
     """
     import webbrowser
-    from functools import partial
     from threading import Thread
 
     from orchestration.reporting.console import out, warn
     from orchestration.rig import ask, read_endpoint, until_interrupted
     from orchestration.rig.archive import Archive
-    from orchestration.rig.watch import Feed, Listener, PageServer, history
+    from orchestration.rig.watch import Feed, Listener, PageServer
 
     remote = read_endpoint(options["endpoint"], options["credentials"], warn)
     feed = Feed()
@@ -121,9 +120,7 @@ def watch(options: WatchCommand) -> None:
     with (
         until_interrupted(),
         Listener(remote, feed),
-        PageServer(
-            options["port"], remote.requests, feed, stop, folder and partial(history, folder)
-        ) as page,
+        PageServer(options["port"], remote.requests, feed, stop, folder) as page,
     ):
         out.print(f"watching {remote.requests} at {page.address} (Ctrl-C ends it)")
         if options["browser"]:

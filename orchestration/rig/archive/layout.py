@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmus.kit import UserError
 from fmus.kit.extras import optional
 
 with optional():
@@ -26,7 +25,6 @@ GROWING = ".arrows"
 CLOSED = ".parquet"
 ABOUT = b"ppy_rig_archive"
 _NAME = re.compile(rf"\d{{20}}-[0-9a-f]+-({'|'.join(KINDS)})({GROWING}|{CLOSED})")
-_HEAD = ("number", "time", "wall")
 MICROSECONDS = 1e6  # in a second
 _PAUSE = 1.0  # s without a sample that are a gap, and at least three periods
 _PERIODS = 3.0
@@ -64,38 +62,6 @@ def segment_of(path: Path) -> str:
 def kind_of(path: Path) -> str:
     """Return which of `KINDS` a file holds."""
     return path.stem.rpartition("-")[2]
-
-
-def columns_of(inputs: Mapping[str, str], outputs: Mapping[str, str]) -> dict[str, dict[str, Any]]:
-    """Return the columns of each kind of file after number, time and wall time.
-
-    Parameters
-    ----------
-    inputs, outputs : Mapping of str to str
-        Units.
-
-    Returns
-    -------
-    dict of str to dict of str to object
-        By kind: the unit of each column of numbers, None for one of texts.
-
-    Raises
-    ------
-    UserError
-        If two columns have one name.
-    """
-    reported = {f"{name}_read_back": unit for name, unit in inputs.items()}
-    ages = {f"{name}_age": "s" for name in outputs}
-    columns: dict[str, dict[str, Any]] = {
-        "samples": {"missed": "1", **inputs, **reported, **outputs, **ages},
-        "commands": {"order": None, **inputs},
-        "events": {"what": None, "text": None},
-    }
-    own = {*_HEAD, "missed", "order", *reported, *ages}
-    for name in (*inputs, *outputs):
-        if name in own:
-            raise UserError(f"--archive: the rig has a signal {name!r}, as a column of the archive")
-    return columns
 
 
 def schema_of(columns: Mapping[str, str | None], about: Mapping[str, Any]) -> Any:

@@ -14,13 +14,14 @@ from fmus.kit.arrays import Array
 from orchestration.experiment import results
 from orchestration.experiment.results import about_experiment, about_pace
 from orchestration.fmu import Signal
-from orchestration.rig.archive import Archive
 from orchestration.rig.record.driving import RecordedRun
 from orchestration.rig.record.listening import LONGEST_SILENCE
 from orchestration.rig.record.planning import RecordingPlan
 
 if TYPE_CHECKING:
     import xarray
+
+    from orchestration.rig.archive import Archive
 
 
 def units(inputs: Mapping[str, str], outputs: Mapping[str, str]) -> dict[str, str]:

@@ -22,7 +22,7 @@ from filelock import FileLock, Timeout
 
 from fmus.kit import UserError
 from fmus.kit.extras import require
-from orchestration.rig.archive import ArchiveWriter, columns_of
+from orchestration.rig.archive import columns_of
 from orchestration.rig.server.calls import BackendSignals, leave
 from orchestration.rig.server.log import EventLog
 from orchestration.rig.server.processes import Output, detach, undisturbed
@@ -225,6 +225,8 @@ class Archiver:
     def __init__(
         self, settings: ServerSettings, shared: SharedMemory, about: dict[str, Any]
     ) -> None:
+        from orchestration.rig.archive import ArchiveWriter  # which needs an optional package
+
         self._folder = settings.archive
         inputs, outputs = about["inputs"], about["outputs"]
         columns = columns_of(inputs, outputs)

@@ -15,6 +15,7 @@ from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
+from pathlib import Path
 from time import monotonic
 from typing import Any
 
@@ -52,7 +53,6 @@ _HEADERS = {
     "X-Frame-Options": "DENY",
 }
 Stop = Callable[[], dict[str, Any]]
-History = Callable[[float | None, float | None], dict[str, Any]]
 
 
 class PageServer(ThreadingHTTPServer):
@@ -67,8 +67,8 @@ class PageServer(ThreadingHTTPServer):
     feed : Feed
     stop : callable
         Stops the rig and returns its status; raises UserError if it does not answer.
-    history : callable, optional
-        Returns what was archived in a span of time; raises UserError if there is nothing.
+    archive : Path, optional
+        Folder of the archive of the rig's server, for its history.
 
     Raises
     ------
@@ -81,9 +81,7 @@ class PageServer(ThreadingHTTPServer):
     request_queue_size = _WAITING
     allow_reuse_address = os.name != "nt"  # where it would let two programs have one port
 
-    def __init__(
-        self, port: int, name: str, feed: Feed, stop: Stop, history: History | None = None
-    ):
+    def __init__(self, port: int, name: str, feed: Feed, stop: Stop, archive: Path | None = None):
         try:
             super().__init__((LOOPBACK, port), _Handler)
         except OSError as error:
@@ -93,7 +91,7 @@ class PageServer(ThreadingHTTPServer):
         self.name = name
         self.feed = feed
         self.stop = stop
-        self.history = history
+        self.archive = archive
         self.port = int(self.server_address[1])
         self.hosts = {f"{LOOPBACK}:{self.port}", f"localhost:{self.port}"}
         self.token = secrets.token_urlsafe(32)
@@ -144,10 +142,10 @@ class _Handler(BaseHTTPRequestHandler):
         name = path.removeprefix("/")
         if path == "/":
             self._send(HTTPStatus.OK, "text/html", self._page("page.html"))
-        elif path == "/history" and self.server.history is not None:
+        elif path == "/history" and self.server.archive is not None:
             self._send(HTTPStatus.OK, "text/html", self._page("history.html"))
-        elif path == "/archive" and self.server.history is not None:
-            self._archive(self.server.history, query)
+        elif path == "/archive" and self.server.archive is not None:
+            self._archive(self.server.archive, query)
         elif path == "/stream":
             self._stream(query)
         elif name in _FILES:
@@ -170,7 +168,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _page(self, name: str) -> str:
         page = _file(name)
-        page = page.replace("{hidden}", "hidden" if self.server.history is None else "")
+        page = page.replace("{hidden}", "hidden" if self.server.archive is None else "")
         for name in ("token", "instance", "name"):
             page = page.replace(f"{{{name}}}", quoting.html(getattr(self.server, name)))
         return page
@@ -214,8 +212,10 @@ class _Handler(BaseHTTPRequestHandler):
         about = {"now": monotonic(), "instance": self.server.instance}
         self._send_json(HTTPStatus.OK, {**about, **update._asdict()})
 
-    def _archive(self, history: History, query: str) -> None:
+    def _archive(self, folder: Path, query: str) -> None:
         """Send what was archived in a span of time, or in all."""
+        from orchestration.rig.watch.history import history  # which needs an optional package
+
         number = r"(\d{1,11}(?:\.\d{1,6})?)"
         span = re.fullmatch(rf"(?:from={number}&to={number})?", query)
         if span is None:
@@ -225,7 +225,7 @@ class _Handler(BaseHTTPRequestHandler):
             return
         begin, end = (None if text is None else float(text) for text in span.groups())
         try:
-            self._send_json(HTTPStatus.OK, history(begin, end))
+            self._send_json(HTTPStatus.OK, history(folder, begin, end))
         except UserError as error:
             self._send_json(HTTPStatus.NOT_FOUND, {"error": str(error)})
 
