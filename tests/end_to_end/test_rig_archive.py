@@ -5,22 +5,45 @@ archiver or its disk does nothing to the rig, and what was lost is told.
 from __future__ import annotations
 
 import math
+import re
 import signal
 import time
 
 import numpy as np
 import psutil
+import pyarrow.parquet
 import pytest
+import xarray
 
 from orchestration.rig.archive import Archive
 from orchestration.rig.endpoint import read_endpoint
 from orchestration.rig.operator import acknowledge, ask, stop
-from tests.support.command import posix
+from tests.support.browser import chromium
+from tests.support.command import posix, refused, running, works
+from tests.support.rig.archived import AHEAD, filled, samples
+from tests.support.rig.backends import GAIN
 from tests.support.rig.driver import Driver
-from tests.support.rig.process import Server
+from tests.support.rig.process import ROOT, Server
 from tests.support.small_disk import disk_of_64_kib
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(120)]
+
+PLACES = """(() => { const texts = list => [...document.querySelectorAll(`#${list} li`)]
+    .map(item => item.textContent);
+  return { span: document.getElementById("span").textContent, gaps: texts("gaps"),
+    entries: texts("entries"),
+    signals: [...document.querySelectorAll("canvas")].map(canvas => canvas.dataset.signal) } })()"""
+# red pixels of the curve of the voltage between two shares of its width
+RED = """((from, to) => { const canvas = document.querySelector("[data-signal=voltage]");
+  const left = 64 + from * (canvas.width - 72), width = (to - from) * (canvas.width - 72);
+  const { data } = canvas.getContext("2d").getImageData(left, 20, width, canvas.height - 42);
+  let count = 0;
+  for (let k = 0; k < data.length; k += 4)
+    if (data[k + 3] > 40 && data[k] > 150 && data[k + 1] < 100) count++;
+  return count })"""
+FRAME = """(() => { const canvas = document.querySelector("canvas");
+  const { left, top } = canvas.getBoundingClientRect();
+  return [left + 64, top, canvas.clientWidth - 72] })()"""
 
 CALM = ("--watchdog", 5.0)  # s: on a busy machine no watchdog is to trip here
 
@@ -38,6 +61,15 @@ def archiver(server):
                 return psutil.Process(number)
         time.sleep(0.1)
     raise AssertionError("nobody writes samples")
+
+
+def until(condition, within=45.0):
+    """Wait until something is so, and return it."""
+    end = time.monotonic() + within
+    while not (found := condition()):
+        assert time.monotonic() < end, f"not within {within} s"
+        time.sleep(0.05)
+    return found
 
 
 def numbers(folder):
@@ -176,3 +208,93 @@ def test_what_cannot_be_archived_is_refused_in_a_line(tmp_path):
         with Server(other, "Logged", "--archive", folder) as second:
             assert second.wait_end() == 2
             assert "another server writes to it" in second.errors()
+
+
+@posix
+def test_the_page_draws_the_history_and_zooms_by_dragging(browser, tmp_path):
+    grown = filled(tmp_path / "archive", samples([*range(1, 501), *range(1001, 2001)]))
+    grown.add("events", [(1, 7.0, "state", "safe"), (2, 7.1, "log", "<b>a spark")], AHEAD)
+    grown.close()
+    page = ("rig", "watch", "--no-browser", "--port", "0", "--endpoint", "tcp://127.0.0.1:1")
+    watch = running(*page, "--archive", str(tmp_path / "archive"), cwd=ROOT)
+    try:
+        address = re.search(r"at (http://\S+/)", watch.stdout.readline())[1]
+        with chromium(browser, tmp_path / "profile") as tab:
+            tab.open(f"{address}history", 1280)
+            until(lambda: tab.run(PLACES)["signals"])
+            shown = tab.run(PLACES)
+            assert shown["signals"] == ["current", "voltage"]
+            assert len(shown["gaps"]) == 1
+            assert shown["gaps"][0].endswith("500 samples lost")
+            assert shown["entries"][0].endswith("<b>a spark"), "the newest is first"
+            # of 20 s those from 5 s to 10 s are hatched: red there, and none beside it
+            assert tab.run(f"{RED}(0.3, 0.45)") > 50
+            assert tab.run(f"{RED}(0.55, 0.95)") == 0
+            before = shown["span"]
+            left, top, width = tab.run(FRAME)
+            for kind, share in (
+                ("Pressed", 0.6),
+                ("Moved", 0.7),
+                ("Moved", 0.8),
+                ("Released", 0.8),
+            ):
+                place = {"x": left + share * width, "y": top + 60}
+                mouse = {"button": "left", "buttons": 1, "clickCount": 1}
+                tab.call("Input.dispatchMouseEvent", type=f"mouse{kind}", **place, **mouse)
+            until(lambda: tab.run(PLACES)["span"] != before)
+            asked = re.search(r"from=([\d.]+)&to=([\d.]+)", tab.requests[-1]).groups()
+            # to two pixels of some 1100
+            expected = [AHEAD + 0.01 + share * 19.99 for share in (0.6, 0.8)]
+            assert [float(text) for text in asked] == pytest.approx(expected, rel=0.0, abs=0.04)
+            assert tab.complaints == []
+    finally:
+        watch.kill()
+        watch.communicate()
+
+
+@posix
+def test_a_rig_is_recorded_by_listening_alone_while_another_commands_it(tmp_path):
+    out = tmp_path / "heard.nc"
+    with Server(tmp_path, "Logged", "--rate", 200, *CALM) as server:
+        server.wait_ready()
+        before = time.monotonic()
+        driver = Driver(server.endpoint).start()
+        listen = ("rig", "record", "--endpoint", server.endpoint, "--out", out)
+        assert "the rig samples 200 times a second" in works(*listen, "--for", "2s", cwd=tmp_path)
+        driver.stop()
+        after = time.monotonic()
+        assert "--rate: is about an experiment" in refused(tmp_path, *listen, "--rate", "10")
+    data = xarray.load_dataset(out, engine="scipy", decode_times=False)
+    assert (data.attrs["complete"], data.attrs["gaps"]) == (1, 0)
+    assert before < data.attrs["start"] < after - 1.5
+    assert 1.5 < data.time[-1] <= 2.1
+    assert 10.0 < data.attrs["rate"] <= 31.0, "telemetry has 30 samples a second at most"
+    written = {float(call.what.split()[1]) for call in server.calls() if call.what[0] == "w"}
+    assert set(data.current.values) <= {0.0, *written}  # by the backend's own log
+    np.testing.assert_allclose(data.voltage, GAIN["voltage"] * data.current, atol=1e-12)
+    assert (data.voltage_age >= 0.0).all()
+    assert float(data.voltage_age.max()) < 1.0
+
+
+@posix
+def test_listening_ends_in_order_at_ctrl_c_and_a_rig_that_is_away_is_a_gap(tmp_path):
+    out = tmp_path / "heard.parquet"
+    with Server(tmp_path, "Logged", *CALM) as server:
+        server.wait_ready()
+        listener = running(
+            "rig", "record", "--endpoint", server.endpoint, "--out", out, cwd=tmp_path
+        )
+        journal = out.with_name(f"{out.name}.part.csv")
+        until(lambda: journal.exists() and journal.stat().st_size > 200)
+        server.process.send_signal(signal.SIGSTOP)
+        time.sleep(1.0)
+        server.process.send_signal(signal.SIGCONT)
+        time.sleep(1.0)
+        listener.send_signal(signal.SIGINT)
+        _, errors = listener.communicate(timeout=30)
+    assert listener.returncode == 1, "it is incomplete"
+    assert "ALARM: nothing was heard of the rig for 0." in errors
+    assert "the rig was not heard 1 times" in errors
+    table = pyarrow.parquet.read_table(out)
+    assert max(np.diff(table["time [s]"].to_numpy())) > 0.9
+    assert not journal.exists()
