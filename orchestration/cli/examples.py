@@ -87,12 +87,18 @@ EXAMPLES = {
     ),
     "rig serve": (
         "ppy rig serve --rate 1000",
+        "ppy rig serve --archive archive --archive-size 10GB",
         "ppy rig serve --bind 127.0.0.1 --keys keys/rig-server.toml --log rig.log",
     ),
     "rig watch": ("ppy rig watch", "ppy rig watch --no-browser --port 0"),
     "rig record": (
         "ppy rig record --stimulus fig_3_4 --set duration=5s --out rig.csv",
         "ppy rig record --stimulus fig_3_4 --set duration=5s --rate 10 --out slow.nc",
+        "ppy rig record --for 2s --out heard.nc",
+    ),
+    "rig archive": (
+        "ppy rig archive archive",
+        "ppy rig archive archive --from '2026-11-29 09:30' --out part.nc",
     ),
     "rig stop": ("ppy rig stop", 'ppy rig stop --reason "the clamp slips"'),
     "rig acknowledge": (

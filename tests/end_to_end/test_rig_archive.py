@@ -246,7 +246,8 @@ def test_the_page_draws_the_history_and_zooms_by_dragging(browser, tmp_path):
             # to two pixels of some 1100
             expected = [AHEAD + 0.01 + share * 19.99 for share in (0.6, 0.8)]
             assert [float(text) for text in asked] == pytest.approx(expected, rel=0.0, abs=0.04)
-            assert tab.complaints == []
+            # the browser notes that this test reads pixels
+            assert [said for said in tab.complaints if "readback" not in said] == []
     finally:
         watch.kill()
         watch.communicate()
