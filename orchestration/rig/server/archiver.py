@@ -254,6 +254,7 @@ class Archiver:
 
     def run(self) -> None:
         """Archive until the front orders the end, or for a while after it has ended."""
+        self._try(self._write)
         parent = parent_process()
         until = float("inf")
         while not self._ending and monotonic() < until:

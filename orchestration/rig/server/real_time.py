@@ -85,6 +85,7 @@ class RealTimeRig:
         self._shared = SharedMemory(self.memory)
         self._command = Command()
         self._shared.command.write(self._command)
+        self._shared.commands.write(self._command)  # the first one takes some milliseconds
         self._rests = 0  # number of the order to rest whose confirmation counts
         self._seen: dict[str, float] = {}
         self._guards: dict[int, Any] = {}  # processes by number
