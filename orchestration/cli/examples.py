@@ -86,14 +86,12 @@ EXAMPLES = {
         "ppy optimise foot_design --over r_pl=5..30mm --maximise toe_force,toe_stroke",
     ),
     "rig serve": (
-        "ppy rig serve --rate 1000",
-        "ppy rig serve --archive archive --archive-size 10GB",
+        "ppy rig serve --rate 1000 --archive archive",
         "ppy rig serve --bind 127.0.0.1 --keys keys/rig-server.toml --log rig.log",
     ),
     "rig watch": ("ppy rig watch", "ppy rig watch --no-browser --port 0"),
     "rig record": (
         "ppy rig record --stimulus fig_3_4 --set duration=5s --out rig.csv",
-        "ppy rig record --stimulus fig_3_4 --set duration=5s --rate 10 --out slow.nc",
         "ppy rig record --for 2s --out heard.nc",
     ),
     "rig archive": (

@@ -19,6 +19,7 @@ from orchestration.cli.examples import EXAMPLES
 from orchestration.rig.endpoint import read_endpoint
 from orchestration.rig.operator import acknowledge, ask
 from tests.support.command import measure, works
+from tests.support.rig.archived import filled, samples
 from tests.support.rig.process import Server
 from tests.support.rig.small_rig import free_port
 
@@ -128,6 +129,13 @@ def test_keys_are_made(tmp_path):
 
 
 @pytest.mark.slow
+def test_an_archive_is_listed_and_exported(tmp_path):
+    filled(tmp_path / "archive", samples(range(1, 101))).close()
+    run("rig archive", tmp_path)
+    assert (tmp_path / "part.nc").exists()
+
+
+@pytest.mark.slow
 def test_a_server_starts(tmp_path):
     run("rig keys", tmp_path)
     for example in EXAMPLES["rig serve"]:
@@ -169,4 +177,5 @@ def test_examples_of_a_rig_that_take_long(rig, tmp_path):
 @pytest.mark.slow
 def test_every_example_is_run_by_one_of_these():
     named = {"rig keys", "rig serve", "rig watch", "rig bridge", "rig opcua", "rig record"}
+    named = {"rig keys", "rig serve", "rig watch", "rig bridge", "rig record", "rig archive"}
     assert set(OF_A_RIG) == {*SERVED, *named, "rig demo"}

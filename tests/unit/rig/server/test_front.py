@@ -69,6 +69,9 @@ class Handler:
     def supervise(self):
         pass
 
+    def state(self):
+        return "idle"
+
     def beat(self):
         pass
 
