@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import lru_cache
@@ -66,7 +66,7 @@ class ArchiveFile:
     rows: int
     growing: Any = field(default=None, repr=False)
 
-    def table(self, columns: Sequence[str] | None = None) -> Any:
+    def table(self, columns: list[str] | None = None) -> Any:
         """Return the rows, of some columns or of all."""
         if self.growing is None:
             return parquet.read_table(self.path, columns=columns)
@@ -193,9 +193,7 @@ class Archive:
             events.extend(zip(columns[0].tolist(), *columns[1:], strict=True))
         return [event for event in events if begin <= event[0] <= end]
 
-    def rows(
-        self, kind: str, begin: float, end: float, columns: Sequence[str] | None = None
-    ) -> Any:
+    def rows(self, kind: str, begin: float, end: float) -> Any:
         """Return the rows of one run in a span of wall time, each once.
 
         Parameters
@@ -203,8 +201,6 @@ class Archive:
         kind : str
         begin, end : float
             Wall times in s.
-        columns : sequence of str, optional
-            Default all.
 
         Returns
         -------
@@ -219,7 +215,7 @@ class Archive:
         tables = []
         last = 0
         for file in files:
-            table = file.table(columns)
+            table = file.table()
             wall = wall_seconds(table)
             numbers = table["number"].to_numpy()
             tables.append(table.filter((begin <= wall) & (wall <= end) & (numbers > last)))
@@ -255,7 +251,7 @@ class Archive:
         is_coarse = sum(file.rows for file in files) > _MOST_ROWS
         read = _extremes_of_groups if is_coarse else _all_values
         parts = [read(file, name) for file in files]
-        time, low, high = (np.concatenate([part[k] for part in parts]) for k in range(3))
+        time, low, high = np.hstack([np.empty((3, 0)), *parts])
         inside = (begin <= time) & (time <= end) & np.isfinite(low)
         time, low, high = time[inside], low[inside], high[inside]
         if not time.size:
@@ -300,17 +296,17 @@ def _signals_of(about: Mapping[str, Any]) -> dict[str, str]:
     return {**about["inputs"], **about["outputs"]}
 
 
-def _all_values(file: ArchiveFile, name: str) -> tuple[Array, Array, Array]:
-    """Return the wall time and the value of every row, twice."""
+def _all_values(file: ArchiveFile, name: str) -> Array:
+    """Return the wall time of every row and twice its value, shape (3, n)."""
     table = file.table(["wall", name])
     values = table[name].to_numpy()
-    return wall_seconds(table), values, values
+    return np.array([wall_seconds(table), values, values])
 
 
-def _extremes_of_groups(file: ArchiveFile, name: str) -> tuple[Array, Array, Array]:
-    """Return the middle wall time and the extremes of each group of rows, by the file's metadata.
+def _extremes_of_groups(file: ArchiveFile, name: str) -> Array:
+    """Return the middle wall time and the extremes of each group of rows, shape (3, n).
 
-    Groups have a thousand rows.
+    A group has a thousand rows, and its extremes are in the metadata of the file.
     """
     if file.growing is not None:
         return _all_values(file, name)
@@ -324,4 +320,4 @@ def _extremes_of_groups(file: ArchiveFile, name: str) -> tuple[Array, Array, Arr
         if values is not None and values.has_min_max:
             middle = (wall.min.timestamp() + wall.max.timestamp()) / 2
             found.append((middle, values.min, values.max))
-    return tuple(np.array(found).reshape(-1, 3).T)  # type: ignore[return-value]
+    return np.array(found).reshape(-1, 3).T

@@ -226,7 +226,7 @@ class _Handler(BaseHTTPRequestHandler):
         begin, end = (None if text is None else float(text) for text in span.groups())
         try:
             self._send_json(HTTPStatus.OK, history(folder, begin, end))
-        except UserError as error:
+        except (UserError, OSError) as error:  # the server may have removed a file meanwhile
             self._send_json(HTTPStatus.NOT_FOUND, {"error": str(error)})
 
     def _send_json(self, status: HTTPStatus, data: dict[str, Any]) -> None:

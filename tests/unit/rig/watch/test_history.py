@@ -44,6 +44,7 @@ def test_the_archive_is_sent_as_numbers_over_wall_time(tmp_path):
         assert get(server, "/history.js")[0] == 200
         status, text = get(server, "/archive")
         zoomed = json.loads(get(server, f"/archive?from={AHEAD + 0.9:f}&to={AHEAD + 0.95:f}")[1])
+        empty = json.loads(get(server, f"/archive?from={AHEAD + 0.62:f}&to={AHEAD + 0.7:f}")[1])
     whole = json.loads(text)
     assert status == 200
     assert whole["span"] == whole["whole"] == pytest.approx([AHEAD + 0.01, AHEAD + 1.0], abs=1e-5)
@@ -55,6 +56,8 @@ def test_the_archive_is_sent_as_numbers_over_wall_time(tmp_path):
     assert [event["text"] for event in whole["events"]] == ["running"]
     assert zoomed["signals"][1]["low"] == [voltage(k) for k in range(91, 96)]
     assert zoomed["events"] == []
+    assert [signal["time"] for signal in empty["signals"]] == [[], []]
+    assert [gap["lost"] for gap in empty["gaps"]] == [20]
 
 
 def test_other_questions_are_refused_in_a_line(tmp_path):
