@@ -264,7 +264,7 @@ def test_a_rig_is_recorded_by_listening_alone_while_another_commands_it(tmp_path
         assert "the rig samples 200 times a second" in works(*listen, "--for", "2s", cwd=tmp_path)
         driver.stop()
         after = time.monotonic()
-        assert "--rate: is about an experiment" in refused(tmp_path, *listen, "--rate", "10")
+    assert "--rate: is about an experiment" in refused(tmp_path, *listen, "--rate", "10")
     data = xarray.load_dataset(out, engine="scipy", decode_times=False)
     assert (data.attrs["complete"], data.attrs["gaps"]) == (1, 0)
     assert before < data.attrs["start"] < after - 1.5

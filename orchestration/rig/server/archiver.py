@@ -43,6 +43,7 @@ from orchestration.rig.server.shared_memory import (
 )
 
 _EVERY = 1.0  # s between two batches, which is all that is lost with the machine
+_AGAIN = 3.0  # s until the next try after a trouble; the log has one such line a second at most
 _LOOK = 0.1  # s between two looks at the rings
 _AFTERWARDS = 3.0  # s that an archiver goes on without its front, for the way to the safe state
 _LONGEST_END = 5.0  # s that it has for the last rows
@@ -260,7 +261,7 @@ class Archiver:
         while not self._ending and monotonic() < until:
             if until == float("inf") and parent is not None and not parent.is_alive():
                 until = monotonic() + _AFTERWARDS
-            due = monotonic() + _EVERY
+            due = monotonic() + (_AGAIN if self._trouble else _EVERY)
             while not self._ending and monotonic() < due:
                 sleep(_LOOK)
                 self._take()
@@ -277,7 +278,7 @@ class Archiver:
         except OSError as error:
             trouble = str(error.strerror or error)
         if trouble and trouble != self._trouble:
-            print(f"--archive {self._folder}: {trouble}; it is tried again every second")
+            print(f"--archive {self._folder}: {trouble}; tried again every {_AGAIN:g} s")
         elif self._trouble and not trouble:
             print(f"--archive {self._folder}: is written again; ppy rig archive shows the gap")
         self._trouble = trouble
