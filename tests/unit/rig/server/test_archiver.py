@@ -59,15 +59,16 @@ def test_rows_have_the_values_and_ages_of_the_samples_and_the_orders(tmp_path, s
 
 def test_another_archiver_goes_on_after_the_last_row(tmp_path, shared):
     for k in range(1, 6):
-        shared.samples.write(sample(k, float(k)))
+        shared.samples.write(sample(k, 0.01 * k))
     first = archiver(tmp_path, shared)
     first.run()
-    shared.samples.write(sample(1, 6.0))  # of another device, whose numbers begin again
+    shared.samples.write(sample(1, 0.06))  # of another device, whose numbers begin again
     second = archiver(tmp_path, shared)
     second.run()
     archive = Archive(tmp_path)
     rows = archive.rows("samples", -math.inf, math.inf)
     assert rows["number"].to_pylist() == [1, 2, 3, 4, 5, 6]
+    assert archive.spans()[0].samples == 6, "none is written twice"
     assert archive.gaps() == []
 
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orchestration.rig.server.shared_memory import LENGTH, Alarm, Ring, write_text
+from orchestration.rig.server.shared_memory import LENGTH, Alarm, Ring, read_text, write_text
 
 
 def ring(memory=None):
@@ -61,13 +61,14 @@ def test_a_torn_record_is_not_read_and_the_next_writer_replaces_it(data):
     place, memory = written(3)
     part = range(Ring.size(Alarm) // LENGTH * 4, Ring.size(Alarm) // LENGTH * 5)
     before = bytes(memory)
-    place.write(Alarm(4.0, b"four"))
+    place.write(Alarm(4.0, 500 * b"4"))  # so that each byte that is torn would show
     for k in data.draw(st.lists(st.sampled_from(part), min_size=1, unique=True)):
         memory[k] = before[k]
     reader, _ = ring(memory)
-    assert [entry.record.time for entry in reader.after(0)] in (
-        [1.0, 2.0, 3.0],
-        [1.0, 2.0, 3.0, 4.0],
+    read = reader.after(0)
+    assert [entry.record.time for entry in read] in ([1.0, 2.0, 3.0], [1.0, 2.0, 3.0, 4.0])
+    assert all(
+        read_text(entry.record.reason) in (f"record {entry.number}", "4" * 500) for entry in read
     )
     if len(reader.after(0)) == 3:
         reader.write(Alarm(5.0, b""))
