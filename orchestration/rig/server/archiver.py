@@ -15,6 +15,7 @@ from contextlib import contextmanager, suppress
 from hashlib import sha256
 from math import nan
 from multiprocessing import get_context, parent_process
+from threading import Lock
 from time import monotonic, sleep, time
 from typing import Any
 
@@ -71,6 +72,7 @@ class Archiving:
         self._arguments = (settings, rig.memory, rig.output, about)
         self._events = SharedMemory(rig.memory).events
         self._log = log
+        self._lock = Lock()
         self._state = ""
         self._process: Any = None
         self._pause = 0.0
@@ -78,7 +80,8 @@ class Archiving:
         log.listen(lambda line: self._add("log", line))
 
     def _add(self, what: str, text: str) -> None:
-        self._events.write(Event(what.encode(), write_text(text)))
+        with self._lock:  # a thread of the log may tell of its own trouble
+            self._events.write(Event(what.encode(), write_text(text)))
 
     def supervise(self, state: str) -> None:
         """Start the process if it does not run, and archive a new state of the rig.

@@ -17,7 +17,7 @@ def ring(memory=None):
 def written(count, first=1):
     place, memory = ring()
     for k in range(first, first + count):
-        place.write(Alarm(float(k), write_text(f"record {k}")))
+        place.write(Alarm(float(k), b"", write_text(f"record {k}")))
     return place, memory
 
 
@@ -51,7 +51,7 @@ def test_a_reader_that_is_a_round_behind_goes_on_with_what_is_left(more):
 def test_another_writer_goes_on_with_the_numbers():
     _, memory = written(5)
     other, _ = ring(memory)
-    other.write(Alarm(77.0, b""))
+    other.write(Alarm(77.0, b"", b""))
     assert [(e.number, e.record.time) for e in other.after(4)] == [(5, 5.0), (6, 77.0)]
 
 
@@ -61,7 +61,7 @@ def test_a_torn_record_is_not_read_and_the_next_writer_replaces_it(data):
     place, memory = written(3)
     part = range(Ring.size(Alarm) // LENGTH * 4, Ring.size(Alarm) // LENGTH * 5)
     before = bytes(memory)
-    place.write(Alarm(4.0, 500 * b"4"))  # so that each byte that is torn would show
+    place.write(Alarm(4.0, b"", 500 * b"4"))  # so that each byte that is torn would show
     for k in data.draw(st.lists(st.sampled_from(part), min_size=1, unique=True)):
         memory[k] = before[k]
     reader, _ = ring(memory)
@@ -71,5 +71,5 @@ def test_a_torn_record_is_not_read_and_the_next_writer_replaces_it(data):
         read_text(entry.record.reason) in (f"record {entry.number}", "4" * 500) for entry in read
     )
     if len(reader.after(0)) == 3:
-        reader.write(Alarm(5.0, b""))
+        reader.write(Alarm(5.0, b"", b""))
         assert [entry.number for entry in reader.after(2)] == [3, 4]
