@@ -269,8 +269,10 @@ def test_a_rig_is_recorded_by_listening_alone_while_another_commands_it(tmp_path
     assert 1.5 < data.time[-1] <= 2.1
     assert 10.0 < data.attrs["rate"] <= 31.0, "telemetry has 30 samples a second at most"
     written = {float(call.what.split()[1]) for call in server.calls() if call.what[0] == "w"}
-    assert set(data.current.values) <= {0.0, *written}  # by the backend's own log
-    np.testing.assert_allclose(data.voltage, GAIN["voltage"] * data.current, atol=1e-12)
+    # where the server of a busy machine knows what is applied; by the backend's own log
+    known = data.isel(time=np.isfinite(data.current.values))
+    assert set(known.current.values) <= {0.0, *written}
+    np.testing.assert_allclose(known.voltage, GAIN["voltage"] * known.current, atol=1e-12)
     assert (data.voltage_age >= 0.0).all()
     assert float(data.voltage_age.max()) < 1.0
 
