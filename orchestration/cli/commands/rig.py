@@ -281,7 +281,7 @@ def _drive(
         if recorded.failure:
             raise UserError(f"{recorded.failure}; nothing was recorded")
         raise KeyboardInterrupt
-    return dataset(planned, recorded, options["stimulus"], remote.requests)
+    return dataset(planned, recorded, str(options["stimulus"]), remote.requests)
 
 
 class _Recording(NamedTuple):

@@ -107,7 +107,6 @@ def serve(settings: ServerSettings) -> int:
                         log.tell(note)
                     handler = RequestHandler(
                         rig, settings.period, log, keeper, hook, sockets.admission
-                        rig, settings.period, log, keeper, _hook(settings, log)
                     )
                     EventLoop(sockets, handler, log, signals, archive).run()
                 finally:
