@@ -262,21 +262,21 @@ def _drive(
     from fmus.rig_proxy import Link
     from orchestration.master import realtime_priority
     from orchestration.rig.record import dataset, drive, units
-    from orchestration.rig.server import CLIENT, prefer_to_others
+    from orchestration.rig.server import CLIENT, preferred
 
-    prefer_to_others(CLIENT)
-    link = Link(
-        remote.requests,
-        planned.inputs,
-        planned.outputs,
-        options["credentials"],
-        "ppy rig record",
-        take_over=options["take_over"],
-    )
     names = units(planned.inputs, planned.outputs)
     task = f"driving the rig at {remote.requests} for {planned.time[-1]:g} s"
-    with closing(link), _recording(live, names, task) as recording, realtime_priority():
-        recorded = drive(link, planned, *recording)
+    with preferred(CLIENT):
+        link = Link(
+            remote.requests,
+            planned.inputs,
+            planned.outputs,
+            options["credentials"],
+            "ppy rig record",
+            take_over=options["take_over"],
+        )
+        with closing(link), _recording(live, names, task) as recording, realtime_priority():
+            recorded = drive(link, planned, *recording)
     if not len(recorded.inputs):
         if recorded.failure:
             raise UserError(f"{recorded.failure}; nothing was recorded")

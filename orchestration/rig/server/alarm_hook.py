@@ -11,6 +11,8 @@ from threading import Thread
 from typing import Any
 from urllib.request import Request, urlopen
 
+from orchestration.rig.server.scheduling import go_without_priority
+
 _LONGEST = 10.0  # s that a program or an address may take
 _MOST = 100  # alarms that wait for those before them
 
@@ -38,6 +40,7 @@ class AlarmHook:
             self._alarms.put_nowait(json.dumps(fields))
 
     def _run(self) -> None:
+        go_without_priority()
         while True:
             alarm = self._alarms.get()
             try:

@@ -30,7 +30,7 @@ from orchestration.rig.server.scheduling import (
     FRONT,
     Collector,
     keep_libraries_to_one_thread,
-    prefer_to_others,
+    preferred,
 )
 from orchestration.rig.server.settings import ServerSettings
 from orchestration.rig.server.sockets import Sockets, opened
@@ -81,9 +81,14 @@ def serve(settings: ServerSettings) -> int:
     UserError
         If the server cannot start.
     """
-    if not settings.lockstep:
-        prefer_to_others(FRONT)  # before any thread is started, which has the same
-        keep_libraries_to_one_thread()
+    if settings.lockstep:
+        return _serve(settings)
+    keep_libraries_to_one_thread()
+    with preferred(FRONT):  # before any thread is started, which has the same
+        return _serve(settings)
+
+
+def _serve(settings: ServerSettings) -> int:
     log = EventLog(settings.log)
     try:
         with files.kept() as found:

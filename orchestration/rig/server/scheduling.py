@@ -12,8 +12,8 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from math import ceil, floor
 
 # real-time priorities of a client and of the processes of a server: who watches comes before who is
@@ -188,6 +188,35 @@ def prefer_to_others(priority: int) -> str:
     return ""
 
 
+@contextmanager
+def preferred(priority: int) -> Iterator[str]:
+    """Give this thread a real-time priority while the context lasts, where that is permitted.
+
+    Threads that it starts meanwhile have the same, and keep it.
+
+    Parameters
+    ----------
+    priority : int
+
+    Yields
+    ------
+    str
+        Why it has none; empty if it has.
+    """
+    refusal = prefer_to_others(priority)
+    try:
+        yield refusal
+    finally:
+        if not refusal:
+            go_without_priority()
+
+
+def go_without_priority() -> None:
+    """Take the real-time priority from this thread, and what it starts from now on."""
+    with suppress(AttributeError, OSError):
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
 def keep_libraries_to_one_thread() -> None:
     """Let libraries of linear algebra in processes that are started from now on have no threads.
 
@@ -205,9 +234,9 @@ def default_watchdog(tell: Callable[[str], None]) -> float:
     tell : callable
         Called with a line on how it was chosen, where other programs may delay the server.
     """
-    refusal = prefer_to_others(FRONT)
-    if not refusal:
-        return WATCHDOG
+    with preferred(FRONT) as refusal:
+        if not refusal:
+            return WATCHDOG
     withheld = _longest_withheld()
     needed = ceil(_STEPS * WAKE_UPS * withheld) / _STEPS
     watchdog = min(max(WATCHDOG, needed), _LONGEST_WATCHDOG)

@@ -165,3 +165,20 @@ def test_a_watchdog_time_is_that_of_a_busy_machine_where_no_priority_is_permitte
     monkeypatch.setattr(scheduling, "_set_priority", lambda priority: None)
     assert scheduling.default_watchdog(told.append) == 0.2
     assert len(told) == 1
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_getscheduler"), reason="this system has no priorities")
+def test_a_priority_ends_with_its_context_and_is_not_that_of_a_child():
+    code = (
+        "import os, subprocess, sys; from orchestration.rig.server.processes import undisturbed;"
+        " from orchestration.rig.server.scheduling import preferred; tell = [sys.executable, '-S',"
+        " '-c', 'import os; print(os.sched_getscheduler(0))']\n"
+        "with preferred(7) as refusal:\n"
+        "    mine = os.sched_getscheduler(0)\n"
+        "    with undisturbed(): child = subprocess.run(tell, capture_output=True, text=True).stdout\n"
+        "    assert os.sched_getscheduler(0) == mine\n"
+        "print(refusal or [mine == os.SCHED_FIFO, child, os.sched_getscheduler(0)])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout in ("[True, '0\\n', 0]\n", "Operation not permitted\n")
