@@ -99,6 +99,7 @@ class Emulator(Steppable):
         # tick of the clock to which the rig has been advanced; None while time is not real
         self._ticks: int | None = None
         self._stepped = False
+        self._commands = dict.fromkeys(self.inputs, 0.0)
 
     def tell(self) -> str:
         """Describe the hidden effect.
@@ -143,6 +144,17 @@ class Emulator(Steppable):
         elif not self._stepped:
             self._ticks = _now()
         self._rig.command(checked)
+        self._commands = dict(checked)
+
+    def read_back(self) -> Mapping[str, float]:
+        """Return the commands that the emulated rig has.
+
+        Returns
+        -------
+        Mapping of str to float
+            SI.
+        """
+        return self._commands
 
     def advance(self, step: float) -> None:
         """Advance the rig by a step with constant commands.
@@ -166,6 +178,7 @@ class Emulator(Steppable):
         if self._ticks is not None:
             self.read()
         self._rig.release()
+        self._commands = dict.fromkeys(self.inputs, 0.0)
 
     def close(self) -> None:
         """Do nothing: there is no device."""

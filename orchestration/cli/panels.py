@@ -85,6 +85,8 @@ _PANELS = {
         "uncertainty",
         "source",
         "by",
+        "level",
+        "yes",
     ),
     "Network": (
         "endpoint",

@@ -1,0 +1,13 @@
+from .procedure import CHECKS as CHECKS
+from .procedure import commission as commission
+from .protocol import FAILED as FAILED
+from .protocol import NOT_APPLICABLE as NOT_APPLICABLE
+from .protocol import NOT_CONFIRMED as NOT_CONFIRMED
+from .protocol import PASS as PASS
+from .protocol import Finding as Finding
+from .protocol import Line as Line
+from .protocol import Protocol as Protocol
+from .protocol import Row as Row
+from .served import Device as Device
+from .served import ServedRig as ServedRig
+from .served import read_device as read_device
