@@ -392,8 +392,9 @@ class RealTimeRig:
     def _inputs_of(self, sample: Sample) -> tuple[_Values, _Values]:
         """Return applied and reported values of the inputs; None where they are unknown.
 
-        They are unknown of a device that is silent or has been replaced since, and after an order
-        to rest that it has not carried out yet.
+        They are unknown of a device that is silent or has been replaced since, and while an order
+        to rest is the last one that it has not carried out yet. Of one that a command has overtaken
+        nobody hears any more.
         """
         inputs = len(self.signals.inputs)
         unknown = (None,) * inputs
@@ -402,11 +403,8 @@ class RealTimeRig:
             return self.signals.safe_values, unknown
         beat = self._shared.beat.read()
         is_present = beat is not None and beat.process == sample.process
-        if (
-            sample.rested < self._rests
-            or not is_present
-            or (since is None and not self._hears(beat))
-        ):
+        is_to_rest = self._command.order == REST and sample.rested < self._rests
+        if is_to_rest or not is_present or (since is None and not self._hears(beat)):
             return unknown, unknown
         reported = unpack(sample.read_back, inputs)
         applied: _Values = unpack(sample.applied, inputs)

@@ -234,6 +234,15 @@ def test_what_is_applied_belongs_to_the_last_order_and_to_the_present_device(
     assert rig.state().values == (1.5, None)
 
 
+def test_what_is_applied_is_known_although_a_command_overtook_an_order_to_rest(rig):
+    """As that of a session that begins, which a device may never see."""
+    rig.go_safe()
+    rig.apply((0.5, 2.0), 10.0)
+    beat(rig, safe=0.0, rested=0)
+    sample(rig, rested=0)
+    assert rig.state().applied == (0.5, 2.0)
+
+
 def test_whether_the_device_denies_its_safe_state_is_said_by_who_has_it(rig):
     rig._shared.trip.write(Trip(1.0, False, False, write_text("it has 1 A")))
     rig._shared.rescue.write(Trip(2.0, False, True, write_text("it has 2 A")))
