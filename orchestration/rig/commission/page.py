@@ -30,20 +30,15 @@ _SIGNATURE = "_" * 24
 @make_page.register(Protocol)
 def protocol_page(protocol: Protocol, command: str = "") -> Page:
     """Make the page of a protocol."""
-    verdict = FAILED if protocol.has_failed else protocol.summary
     page = Page(
-        f"Commissioning of {protocol.facts['backend']}: {verdict}",
+        f"Commissioning of {protocol.facts['backend']}: {protocol.conclusion}",
         f"{protocol.summary}.",
         f"{protocol.facts['date']}, ppy-rig {protocol.facts['ppy-rig']}",
     )
     page.table(
-        ("check", "what was done", "what must hold", "what was measured", "verdict"),
+        ("check", "verdict", "what was measured", "what was done", "what must hold"),
         [
-            (
-                line.title,
-                *map(_wrapped, _texts(line)),
-                elements.chip(_CHIPS[line.verdict], line.verdict),
-            )
+            (line.title, elements.chip(_CHIPS[line.verdict], line.verdict), *_texts(line))
             for line in protocol.lines
         ],
     )
@@ -64,8 +59,8 @@ def protocol_page(protocol: Protocol, command: str = "") -> Page:
     return page
 
 
-def _texts(line: Line) -> tuple[str, str, str]:
-    return line.action, line.requirement, line.finding.measured
+def _texts(line: Line) -> list[Markup]:
+    return [_wrapped(text) for text in (line.finding.measured, line.action, line.requirement)]
 
 
 def _wrapped(text: str) -> Markup:

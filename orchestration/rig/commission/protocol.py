@@ -106,6 +106,13 @@ class Protocol:
         return any(line.verdict == FAILED for line in self.lines)
 
     @property
+    def conclusion(self) -> str:
+        """The result of the whole, in a few words."""
+        if self.has_failed:
+            return "a protection FAILED"
+        return "not finished" if self.interrupted else "no protection failed"
+
+    @property
     def summary(self) -> str:
         """The number of lines of each verdict, in one sentence."""
         verdicts = [line.verdict for line in self.lines]

@@ -382,7 +382,7 @@ class ServedRig:
         decided = self._wait_for(is_decided, self.bound + _PATIENCE, drives)
         took = monotonic() - fault
         heard = len(self.rows)
-        self._wait_for(lambda: len(self.rows) > heard, _ANSWER)
+        self._wait_for(lambda: any(row.read_back for row in self.rows[heard:]), _ANSWER)
         marks = ((fault, "fault"), (fault + self.bound, "bound"))
         if not decided:
             trouble = f"{self.status['state']} after {took:.3g} s: no safe state"
@@ -421,7 +421,9 @@ class ServedRig:
         until = monotonic() + LONGEST_RELEASE
         while monotonic() < until:
             status = self.turn(drives=False)
-            if status["state"] == IDLE and self.processes():
+            row = self.rows[-1]
+            is_idle = status["state"] == row.state == IDLE and row.applied == self.rest
+            if is_idle and self.processes():
                 return
             if status["latch"] and status["state"] != NOT_REACHED:
                 with suppress(UserError):  # another latch was closed meanwhile
