@@ -236,6 +236,7 @@ def test_what_is_applied_belongs_to_the_last_order_and_to_the_present_device(
 
 def test_what_is_applied_is_known_although_a_command_overtook_an_order_to_rest(rig):
     """As that of a session that begins, which a device may never see."""
+    beat(rig, safe=50.0, rested=0)
     rig.go_safe()
     rig.apply((0.5, 2.0), 10.0)
     beat(rig, safe=0.0, rested=0)
