@@ -38,6 +38,7 @@ HEAVY = {
     "systems",
     "own-record",
     "hardware-in-the-loop",
+    "commission",
     "thesis",
     "laws",
     "identify",

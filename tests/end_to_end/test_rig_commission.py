@@ -8,13 +8,17 @@ from __future__ import annotations
 
 import json
 import struct
+import time
+from threading import Timer
 
 import pytest
 
+from orchestration.rig.commission import ServedRig, checks_of, read_device
+from orchestration.rig.commission import commission as work
 from tests.support.command import posix, ppy
-from tests.support.rig.process import ROOT
+from tests.support.rig.process import BACKENDS, ROOT
 
-pytestmark = [posix, pytest.mark.timeout(240), pytest.mark.real_time]
+pytestmark = [posix, pytest.mark.timeout(240)]
 
 # a busy machine has a long period to be punctual in
 SERVED = ("--port", "0", "--rate", "10", "--watchdog", "1")
@@ -65,6 +69,7 @@ def verdicts(told):
 
 
 @pytest.mark.slow
+@pytest.mark.real_time
 def test_the_emulator_passes_what_applies_to_it(tmp_path):
     done, told = commission(tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -78,6 +83,7 @@ def test_the_emulator_passes_what_applies_to_it(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.real_time
 def test_a_device_that_holds_its_values_is_left_at_rest(tmp_path):
     done, told = commission(tmp_path, *own(tmp_path, "Rated"), "--yes")
     assert done.returncode == 0, done.stdout + done.stderr
@@ -92,6 +98,7 @@ def test_a_device_that_holds_its_values_is_left_at_rest(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.real_time
 def test_a_safe_state_that_does_nothing_fails(tmp_path):
     done, told = commission(tmp_path, *own(tmp_path, "Deaf"), "--yes")
     assert done.returncode == 1
@@ -102,6 +109,36 @@ def test_a_safe_state_that_does_nothing_fails(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.real_time
+def test_an_operator_opens_an_interlock_and_sees_the_relay(tmp_path):
+    trigger = tmp_path / "trigger"
+    device = read_device(
+        f"{BACKENDS}:Beating", {"log": str(tmp_path / "calls.log"), "trigger": str(trigger)}
+    )
+    options = [f"--option={name}={value}" for name, value in device.options.items()]
+    words = ["--backend", device.backend, *options, *SERVED, "--state", str(tmp_path / "state")]
+    asked = []
+
+    def ask(question):
+        asked.append(question)
+        if "open door" in question:
+            Timer(0.5, trigger.touch).start()
+        if "close door" in question:
+            trigger.unlink()
+            time.sleep(0.5)  # a sample with the door closed
+        return True
+
+    rig = ServedRig(device, words, 0.1, ask)
+    checks = [one for one in checks_of(rig) if one.title in ("Heartbeat", "Interlock door")]
+    protocol = work(rig, print, checks)
+    assert [line.verdict for line in protocol.lines] == ["pass", "pass"], protocol.lines
+    assert "not released while it was open" in protocol.lines[1].finding.measured
+    assert ["relay" in asked[0], "open door" in asked[1], "close door" in asked[2]] == [True] * 3
+    assert not protocol.interrupted
+
+
+@pytest.mark.slow
+@pytest.mark.real_time
 def test_a_real_device_is_not_moved_without_a_yes(tmp_path):
     done, told = commission(tmp_path, *own(tmp_path, "Rated"))
     assert done.returncode == 2
@@ -113,7 +150,7 @@ def test_a_real_device_is_not_moved_without_a_yes(tmp_path):
 def test_options_that_make_no_sense_are_refused(tmp_path):
     for words, part in (
         (["--lockstep"], "--lockstep"),
-        (["--level", "2"], "2"),
+        (["--level", "0"], "--level"),
         (["--out", "protocol.pdf"], ".html"),
         (["--backend", "nobody"], "nobody"),
     ):

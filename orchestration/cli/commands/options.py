@@ -1093,7 +1093,7 @@ class CommissionOptions(TypedDict, total=False):
     ]
     level: Annotated[
         float,
-        Option("Share of each input's range that is commanded.", default=0.1, least=0.0, most=1.0),
+        Option("Share of each input's range that is commanded.", default=0.1, least=0.01, most=1.0),
     ]
     yes: Annotated[bool, Option("Move a real device without a question.", default=False)]
     credentials: Annotated[Path | None, Option(_KEY_FILE, metavar="FILE")]

@@ -113,7 +113,7 @@ def commission(options: CommissionCommand) -> None:
     from orchestration.reporting import write_page
     from orchestration.reporting.console import alarm, out, wrote
     from orchestration.rig import on_termination
-    from orchestration.rig.commission import ServedRig, read_device
+    from orchestration.rig.commission import INTERRUPTED, ServedRig, read_device
     from orchestration.rig.commission import commission as work
     from orchestration.rig.server import read_options
 
@@ -142,6 +142,8 @@ def commission(options: CommissionCommand) -> None:
         write_page(protocol, path, typed_command())
         wrote(path, protocol.summary)
     write_json(options["json"], protocol.to_json())
+    if protocol.interrupted == INTERRUPTED:
+        raise KeyboardInterrupt
     if protocol.interrupted:
         alarm(protocol.interrupted)
     if protocol.interrupted or protocol.has_failed:

@@ -1,6 +1,7 @@
-from .procedure import CHECKS as CHECKS
+from .procedure import checks_of as checks_of
 from .procedure import commission as commission
 from .protocol import FAILED as FAILED
+from .protocol import INTERRUPTED as INTERRUPTED
 from .protocol import NOT_APPLICABLE as NOT_APPLICABLE
 from .protocol import NOT_CONFIRMED as NOT_CONFIRMED
 from .protocol import PASS as PASS

@@ -19,6 +19,7 @@ from fmus.rig_proxy import NOT_REACHED, RUNNING, Link, LinkError
 from orchestration.rig import operator
 from orchestration.rig.commission.protocol import (
     FAILED,
+    INTERRUPTED,
     NOT_APPLICABLE,
     NOT_CONFIRMED,
     PASS,
@@ -188,18 +189,19 @@ def _interlock(rig: ServedRig, name: str) -> Finding:
     rig.begin()
     if not rig.drive_until(lambda: bool(rig.status["latch"]), _OPENS):
         return Finding(FAILED, f"no latch within {_OPENS:g} s")
-    opened = monotonic()
     reason = rig.status["reason"]
-    finding = rig.wait_safe(opened)
+    finding = rig.wait_safe(monotonic())  # when it opened, nobody knows
     if name not in reason or finding.verdict == FAILED:
         return finding._replace(verdict=FAILED, measured=f"{reason}; {finding.measured}")
+    reached = rig.status["reached"] or 0.0
     with suppress(UserError):  # it is latched anew
         operator.acknowledge(rig.remote, rig.status["latch"], _HELD)
     if not rig.turn(drives=False)["latch"]:
         return finding._replace(verdict=FAILED, measured="it was released while it was open")
     if not rig.ask(f"Now close {name} again. Is it closed?"):
         return finding._replace(verdict=NOT_CONFIRMED, measured="nobody closed it")
-    return finding._replace(measured=f"{finding.measured}; not released while it was open")
+    reached = f"safe {1e3 * reached:.0f} ms after the latch"
+    return finding._replace(measured=f"{reached}; not released while it was open")
 
 
 def _heartbeat(rig: ServedRig) -> Finding:
@@ -342,7 +344,7 @@ def commission(
         else:
             rig.release()
     except KeyboardInterrupt:
-        interrupted = "interrupted"
+        interrupted = INTERRUPTED
     except UserError as error:
         interrupted = str(error)
     status = rig.close()
@@ -355,8 +357,8 @@ def _tried(rig: ServedRig, check: Check) -> Line:
     """Return the line of a check; one that cannot be carried out has failed."""
     rig.release()
     begun = len(rig.rows)
+    rig.begin()
     try:
-        rig.begin()
         finding = check.run(rig)
     except UserError as error:
         finding = Finding(FAILED, str(error))

@@ -10,6 +10,7 @@ PASS = "pass"
 FAILED = "FAILED"
 NOT_CONFIRMED = "not confirmed"
 NOT_APPLICABLE = "not applicable"
+INTERRUPTED = "interrupted by the operator"
 
 
 class Row(NamedTuple):

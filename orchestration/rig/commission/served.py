@@ -281,8 +281,8 @@ class ServedRig:
         )
         if not arrived:
             raise UserError(
-                f"the rig does not follow its commands: {self.describe(self.targets)} was"
-                f" commanded, it is {self.rows[-1].state} with {dict(self.rows[-1].applied)}"
+                f"the rig does not follow {self.describe(self.targets)} (--level):"
+                f" {self.status['reason'] or dict(self.rows[-1].applied)}"
             )
 
     def _rate(self, name: str) -> float:

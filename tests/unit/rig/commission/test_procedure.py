@@ -55,6 +55,7 @@ class FakeRig:
             "state": "idle",
             "latch": "",
             "reason": "",
+            "reached": 0.012,
             "period": 0.01,
             "watchdog": 0.2,
             "limits": limits,
@@ -277,17 +278,18 @@ def test_an_interrupt_keeps_what_was_done_and_ends_the_server():
 
     protocol = procedure.commission(rig, interrupt)
     assert [line.title for line in protocol.lines] == ["Limits"]
-    assert protocol.interrupted == "interrupted"
+    assert protocol.interrupted == "interrupted by the operator"
     assert rig.acts == [("close", "")]
 
 
-def test_a_rig_that_cannot_be_used_ends_the_procedure_with_the_reason():
+@pytest.mark.parametrize("step", ["release", "begin"])
+def test_a_rig_that_cannot_be_used_ends_the_procedure_with_the_reason(step):
     rig = FakeRig()
 
     def latched():
         raise UserError("the rig cannot be used: smoke")
 
-    rig.release = latched
+    setattr(rig, step, latched)
     protocol = procedure.commission(rig, print)
     assert not protocol.lines
     assert protocol.interrupted == "the rig cannot be used: smoke"
