@@ -38,14 +38,14 @@ lines, a larger picture for each, what was served with digests of its files, and
 
 In the pictures each input is drawn as a share of the value that it was driven to: commanded (wide,
 pale), applied (blue) and read back (green). A red line marks the fault, a dashed one the end of the
-bound. Applied values are missing where nobody knows them: while a process is replaced.
+bound. A value is drawn from when it was heard on, up to 0.2 s later than it was applied while a
+process is replaced: the times of the table are those of the answers.
 """
 _DEVICE = """\
 A device of the tests, which stands for hardware: it holds its last value, whichever process ends,
 and has a heartbeat and a door. A script is the operator: it opens and closes the door, and says
 that the relay dropped.
 """
-_LEVEL = 0.03  # of the emulated rig: at a tenth of its length the tension is beyond its limit
 _SERVED = ("--port", "0")
 _BEFORE, _AFTER = 0.3, 0.7  # s that are drawn before a fault and after its bound
 _WIDTH, _HEIGHT = 3.9, 0.78  # in, of the picture and of a row; 390 pixels of a phone
@@ -57,18 +57,15 @@ _STYLES = {
 
 
 def emulated() -> Protocol:
-    """Commission the emulated rig, whose length has a limit of its rate."""
-    options = {"signals": "length-driven"}
-    words = ["--option", "signals=length-driven", *_SERVED]
-    return commission(
-        ServedRig(read_device("emulator", options), words, _LEVEL, lambda question: None), told
-    )
+    """Commission the emulated rig, beside which nobody stands."""
+    device = read_device("emulator", {})
+    return commission(ServedRig(device, _SERVED, 0.1, lambda question: None), told)
 
 
 def held(folder: Path) -> Protocol:
     """Commission a device that holds its values, with an operator who does what is asked."""
     trigger = folder / "trigger"
-    options = {"log": str(folder / "calls.log"), "trigger": str(trigger)}
+    options = {"log": str(folder / "calls.log"), "trigger": str(trigger), "rate": "0.5"}
     device = read_device(f"{BACKENDS}:Beating", options)
     words = ["--backend", device.backend, *_SERVED, "--state", str(folder / "state")]
     words += [f"--option={name}={value}" for name, value in options.items()]

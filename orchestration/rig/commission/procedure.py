@@ -84,21 +84,29 @@ def _rates(rig: ServedRig) -> Finding:
     rates = rig.rates()
     if not rates:
         return Finding(NOT_APPLICABLE, "no input has a limit of its rate")
-    texts, faults = [], []
+    texts, verdicts = [], []
     for name, rate in rates.items():
         change = abs(rig.targets[name] - rig.rest[name])
-        jumps = change > rate * rig.status["watchdog"]
-        sample = rig.exchange({**rig.targets, name: rig.rest[name]}) if jumps else None
         took = rig.ramp(name)
-        jump = "the jump refused" if jumps else "a jump of this level is allowed"
+        sample = rig.exchange({**rig.targets, name: rig.rest[name]})
+        is_refused = sample is not None and bool(sample["refused"])
         unit = f"{rig.status['inputs'][name]}/s"
-        texts.append(f"{name} {change / took:.4g} {unit} of {rate:.4g} {unit}, {jump}")
+        jump = "refused" if is_refused else "not refused"
+        texts.append(f"{name} {change / took:.4g} {unit} of {rate:.4g} {unit}; the jump is {jump}")
         # both ends of the ramp are known to a sample
-        if change > rate * (took + 2.0 * rig.status["period"]):
-            faults.append(f"{name} is faster")
-        if jumps and (sample is None or not sample["refused"]):
-            faults.append(f"a jump of {name} is not refused")
-    return Finding(FAILED if faults else PASS, "; ".join([*texts, *faults]))
+        is_faster = change > rate * (took + 2.0 * rig.status["period"])
+        is_taken = not is_refused and change > rate * rig.status["watchdog"]
+        if is_faster or is_taken:
+            verdicts.append(FAILED)
+        elif not is_refused:
+            texts.append("it is as small as one that is allowed; try a larger --level")
+            verdicts.append(NOT_CONFIRMED)
+    return Finding(_worst(verdicts), "; ".join(texts))
+
+
+def _worst(verdicts: Sequence[str]) -> str:
+    """Return the first of FAILED, not confirmed and pass that is among verdicts, or pass."""
+    return next((one for one in (FAILED, NOT_CONFIRMED) if one in verdicts), PASS)
 
 
 def _stop(rig: ServedRig) -> Finding:

@@ -137,8 +137,8 @@ class Beating(Logged):
 
     outputs = {**Logged.outputs, "door": "1"}
 
-    def __init__(self, log: str, trigger: str) -> None:
-        super().__init__(log)
+    def __init__(self, log: str, trigger: str, rate: str = "inf") -> None:
+        super().__init__(log, rate)
         self.limits["door"] = Limit(0.5, 1.5)
         self._trigger = Path(trigger)
 

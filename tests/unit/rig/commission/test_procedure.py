@@ -232,6 +232,14 @@ def test_a_protection_that_does_not_work_fails_and_no_other(monkeypatch, broken,
     assert protocol.has_failed
 
 
+def test_a_rate_that_the_level_cannot_show_is_not_confirmed():
+    rig = FakeRig(rate=2.0)
+    rig.exchange = lambda values: {"refused": []}
+    assert procedure._rates(rig).verdict == NOT_CONFIRMED
+    rig.status["limits"]["current"]["rate"] = 0.5  # the jump is beyond what 0.2 s allow
+    assert procedure._rates(rig).verdict == FAILED
+
+
 def test_nothing_is_driven_any_more_when_the_safe_state_was_not_reached():
     found, protocol = verdicts(FakeRig("safe"))
     assert list(found) == ["Limits", "Rates", "Stop"]
