@@ -1,7 +1,7 @@
 """Make the page with protocols of rigs that were commissioned, and its pictures.
 
-``python docs/make_commissioning.py`` commissions the emulated rig and a device of the tests anew,
-each with real processes, and takes three minutes.
+``python docs/make_commissioning.py`` commissions the emulated rig and two devices of the tests
+anew, each with real processes, and takes two minutes.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Timer
 
+import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -28,9 +29,10 @@ from orchestration.rig.commission import (  # noqa: E402
     read_device,
 )
 from tests.support.rig.process import BACKENDS  # noqa: E402
+from tests.support.rig.wires import CALIBRATION, Instrument  # noqa: E402
 
 _INTRODUCTION = """\
-# Protections of two rigs, tried
+# Protections of three rigs, tried
 
 Written by `python docs/make_commissioning.py`, which runs the procedure of `ppy rig commission`
 ([how](how-to/commission.md)) with real processes. The page that the command itself writes has these
@@ -40,6 +42,10 @@ In the pictures each input is drawn as a share of the value that it was driven t
 pale), applied (blue) and read back (green). A red line marks the fault, a dashed one the end of the
 bound. A value is drawn from when it was heard on, up to 0.2 s later than it was applied while a
 process is replaced: the times of the table are those of the answers.
+"""
+_SERIAL = """\
+An instrument of the tests at the other end of a pseudo-terminal, by the backend `serial`: a current
+whose safe value is 0.1 A.
 """
 _DEVICE = """\
 A device of the tests, which stands for hardware: it holds its last value, whichever process ends,
@@ -60,6 +66,20 @@ def emulated() -> Protocol:
     """Commission the emulated rig, beside which nobody stands."""
     device = read_device("emulator", {})
     return commission(ServedRig(device, _SERVED, 0.1, lambda question: None), told)
+
+
+def serial(folder: Path) -> Protocol:
+    """Commission an instrument on a serial port."""
+    with Instrument() as instrument:
+        calibration = folder / "rig.toml"
+        # its setup would change an output when the port is opened
+        calibration.write_text(
+            CALIBRATION.format(port=instrument.port).replace('setup = ["CURR 0"]', "")
+        )
+        device = read_device("serial", {"calibration": str(calibration)})
+        words = ["--backend", "serial", f"--option=calibration={calibration}", *_SERVED]
+        words += ["--state", str(folder / "state")]
+        return commission(ServedRig(device, words, 0.1, lambda question: None), told)
 
 
 def held(folder: Path) -> Protocol:
@@ -110,13 +130,15 @@ def draw(protocol: Protocol, path: Path) -> None:
         axes.tick_params(labelsize=8)
         axes.spines[["top", "right"]].set_visible(False)
     rows[-1].set_xlabel("time (s)", fontsize=9)
-    figure.savefig(path, metadata={"Date": None})
+    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": path.name}):
+        figure.savefig(path, metadata={"Date": None})
 
 
 def section(title: str, text: str, protocol: Protocol, picture: str) -> Iterator[str]:
     """Yield the lines of a section."""
     yield f"\n## {title}\n"
-    yield text
+    if text:
+        yield text
     facts = protocol.facts
     yield (
         f"{facts['date'][:10]}, driven to {facts['driven to']}; period {facts['period']}, watchdog"
@@ -132,14 +154,16 @@ def section(title: str, text: str, protocol: Protocol, picture: str) -> Iterator
 
 def main() -> None:
     """Write the page and its pictures."""
-    with TemporaryDirectory() as folder:
+    with TemporaryDirectory() as name:
+        folder = Path(name)
         protocols = {
             "The emulated rig": ("", emulated(), "commissioning_emulator.svg"),
-            "A device that holds its values": (
-                _DEVICE,
-                held(Path(folder)),
-                "commissioning_device.svg",
+            "An instrument on a serial port": (
+                _SERIAL,
+                serial(folder),
+                "commissioning_serial.svg",
             ),
+            "A device that holds its values": (_DEVICE, held(folder), "commissioning_device.svg"),
         }
     lines = [_INTRODUCTION.rstrip()]
     for title, (text, protocol, picture) in protocols.items():
