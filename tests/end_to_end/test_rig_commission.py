@@ -21,7 +21,7 @@ from tests.support.rig.process import BACKENDS, ROOT
 pytestmark = [posix, pytest.mark.timeout(240)]
 
 # a busy machine has a long period to be punctual in
-SERVED = ("--port", "0", "--rate", "10", "--watchdog", "1")
+SERVED = ("--port", "0", "--rate", "10", "--watchdog", "2")
 OWN = '''
 from pathlib import Path
 

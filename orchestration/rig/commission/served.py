@@ -315,7 +315,15 @@ class ServedRig:
         return sample
 
     def turn(self, drives: bool = True) -> Mapping[str, Any]:
-        """Command the next values if the rig is driven; return its newest status."""
+        """Command the next values if the rig is driven; return its newest status.
+
+        Raises
+        ------
+        UserError
+            If the server has ended.
+        """
+        if self._server.poll() is not None:
+            raise UserError(f"the server has ended: {self.log[-1]}")
         sleep(max(0.0, self._turned + PERIOD - monotonic()))
         self._turned = monotonic()
         if drives and self._client is not None:

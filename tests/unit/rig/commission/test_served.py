@@ -85,3 +85,11 @@ def test_commands_are_within_the_limits_of_their_rates(monkeypatch):
     assert -0.1 <= ramped(1.0, 0.1, monkeypatch) < -0.09
     assert ramped(None, 0.1, monkeypatch) == -1.0
     assert ramped(100.0, 0.1, monkeypatch) == -1.0
+
+
+def test_a_server_that_has_ended_is_waited_for_no_longer():
+    rig = ServedRig.__new__(ServedRig)
+    rig._server, rig.log = Process(10, 1), ["ended: smoke"]
+    rig._server.poll = lambda: 1
+    with pytest.raises(UserError, match="the server has ended: ended: smoke"):
+        rig.turn()
