@@ -150,6 +150,7 @@ def test_a_real_device_is_not_moved_without_a_yes(tmp_path):
 def test_options_that_make_no_sense_are_refused(tmp_path):
     for words, part in (
         (["--lockstep"], "--lockstep"),
+        (["--archive", "a"], "--archive"),
         (["--level", "0"], "--level"),
         (["--out", "protocol.pdf"], ".html"),
         (["--backend", "nobody"], "nobody"),

@@ -119,6 +119,8 @@ def commission(options: CommissionCommand) -> None:
 
     if options["lockstep"]:
         raise UserError("--lockstep: protections are tried in real time only; leave it out")
+    if options["archive"] is not None:
+        raise UserError("--archive: a commissioning keeps a protocol in its place; leave it out")
     path = options["out"]
     Outputs({}, {"--out": path, "--json": options["json"]}, {"--out": PAGE}).check()
     device = read_device(options["backend"], read_options([*options["backend_options"]]))
