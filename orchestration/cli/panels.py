@@ -74,6 +74,7 @@ _PANELS = {
     "Device": ("backend", "backend_options", "watchdog", "stuck_after", "lockstep", "lease"),
     "Rig": (
         "stimulus",
+        "take_over",
         "latch",
         "alarm",
         "shelve",

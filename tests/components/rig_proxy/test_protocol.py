@@ -57,6 +57,8 @@ def test_every_message_of_the_page_is_one():
         "sample",
         "disconnect",
         "disconnected",
+        "hand_over",
+        "offered",
         "status",
         "telemetry",
     }

@@ -175,7 +175,8 @@ def test_a_priority_ends_with_its_context_and_is_not_that_of_a_child():
         " '-c', 'import os; print(os.sched_getscheduler(0))']\n"
         "with preferred(7) as refusal:\n"
         "    mine = os.sched_getscheduler(0)\n"
-        "    with undisturbed(): child = subprocess.run(tell, capture_output=True, text=True).stdout\n"
+        "    with undisturbed():\n"
+        "        child = subprocess.run(tell, capture_output=True, text=True).stdout\n"
         "    assert os.sched_getscheduler(0) == mine\n"
         "print(refusal or [mine == os.SCHED_FIFO, child, os.sched_getscheduler(0)])"
     )
