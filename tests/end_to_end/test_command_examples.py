@@ -130,7 +130,7 @@ def test_keys_are_made(tmp_path):
 
 @pytest.mark.slow
 def test_an_archive_is_listed_and_exported(tmp_path):
-    filled(tmp_path / "archive", samples(range(1, 101))).close()
+    filled(tmp_path / "archive", samples(range(1, 101)))
     run("rig archive", tmp_path)
     assert (tmp_path / "part.nc").exists()
 

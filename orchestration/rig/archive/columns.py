@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
-from typing import Any
 
 from fmus.kit import UserError
 
-_HEAD = ("number", "time", "wall")
+Columns = Mapping[str, Mapping[str, str | None]]
 
 
-def columns_of(inputs: Mapping[str, str], outputs: Mapping[str, str]) -> dict[str, dict[str, Any]]:
+def columns_of(inputs: Mapping[str, str], outputs: Mapping[str, str]) -> Columns:
     """Return the columns of each kind of file after number, time and wall time.
 
     Parameters
@@ -20,7 +20,7 @@ def columns_of(inputs: Mapping[str, str], outputs: Mapping[str, str]) -> dict[st
 
     Returns
     -------
-    dict of str to dict of str to object
+    Mapping of str to Mapping of str to str or None
         By kind: the unit of each column of numbers, None for one of texts.
 
     Raises
@@ -30,13 +30,12 @@ def columns_of(inputs: Mapping[str, str], outputs: Mapping[str, str]) -> dict[st
     """
     reported = {f"{name}_read_back": unit for name, unit in inputs.items()}
     ages = {f"{name}_age": "s" for name in outputs}
-    columns: dict[str, dict[str, Any]] = {
+    others = ("number", "time", "wall", "missed", "order")
+    for name, count in Counter([*others, *inputs, *reported, *outputs, *ages]).items():
+        if count > 1:
+            raise UserError(f"--archive: the rig has a signal {name!r}, as a column of the archive")
+    return {
         "samples": {"missed": "1", **inputs, **reported, **outputs, **ages},
         "commands": {"order": None, **inputs},
         "events": {"what": None, "text": None},
     }
-    own = {*_HEAD, "missed", "order", *reported, *ages}
-    for name in (*inputs, *outputs):
-        if name in own:
-            raise UserError(f"--archive: the rig has a signal {name!r}, as a column of the archive")
-    return columns

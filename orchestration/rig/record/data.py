@@ -130,12 +130,9 @@ def heard_dataset(
     xarray.Dataset
         As `archived_dataset`; incomplete with a failure, or a gap in which nothing was heard.
     """
-    names = units(status["inputs"], status["outputs"])
-    values = dict(zip(names, rows.T[1:], strict=True))
-    about = _about_server(status, f"the rig at {endpoint}, heard")
     gaps = int(np.sum(np.diff(rows[:, 0]) > LONGEST_SILENCE))
-    about |= {"gaps": gaps, "complete": int(not gaps and not failure), "failure": failure}
-    return _observed(status, rows[:, 0], values, about)
+    about = {"subject": f"the rig at {endpoint}, heard", "gaps": gaps, "failure": failure}
+    return _observed(status, status["period"], rows, about)
 
 
 def archived_dataset(archive: Archive, begin: float, end: float) -> xarray.Dataset:
@@ -152,7 +149,7 @@ def archived_dataset(archive: Archive, begin: float, end: float) -> xarray.Datas
     xarray.Dataset
         Inputs as applied, outputs and ages of these from time 0 on. The attribute ``rate`` is the
         usual number of rows in a second, ``start`` the time of the first on the rig's clock in s,
-        ``gaps`` how many there are.
+        ``began`` that in UTC, ``gaps`` how many there are.
 
     Raises
     ------
@@ -160,37 +157,36 @@ def archived_dataset(archive: Archive, begin: float, end: float) -> xarray.Datas
         If there is nothing in this span, or several runs of a server.
     """
     table = archive.rows("samples", begin, end)
-    about = archive.about_at(begin, end)
-    rig = {**about, "period": 1.0 / about["rate"]}
-    values = {name: table[name].to_numpy() for name in units(rig["inputs"], rig["outputs"])}
+    rig = archive.rig(begin, end)
+    names = ["time", *units(rig["inputs"], rig["outputs"])]
+    rows = np.array([table[name].to_numpy() for name in names]).T
     first, last = (table["wall"][k].as_py() for k in (0, -1))
     gaps = len(archive.gaps(first.timestamp(), last.timestamp()))
-    described = _about_server(rig, f"the rig of {rig['host']}, archived")
-    described |= {"began": first.isoformat(), "gaps": gaps, "complete": int(not gaps)}
-    return _observed(rig, table["time"].to_numpy(), values, described)
-
-
-def _about_server(rig: Mapping[str, Any], subject: str) -> dict[str, Any]:
-    """Return the attributes of a record that was not driven."""
-    return {
-        "title": subject,
-        "subject": subject,
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "period": rig["period"],
-        "watchdog": rig["watchdog"],
-        "limits": json.dumps(rig["limits"]),
-    }
+    subject = f"the rig of {rig['host']}, archived"
+    about = {"subject": subject, "began": first.isoformat(), "gaps": gaps, "failure": ""}
+    return _observed(rig, 1.0 / rig["rate"], rows, about)
 
 
 def _observed(
-    rig: Mapping[str, Any], clock: Array, values: Mapping[str, Array], about: Mapping[str, Any]
+    rig: Mapping[str, Any], period: float, rows: Array, about: Mapping[str, Any]
 ) -> xarray.Dataset:
-    """Return signals over the rig's clock as a dataset that begins at time 0."""
+    """Return rows of a rig that was not driven as a dataset that begins at time 0."""
+    clock, *values = rows.T
+    named = dict(zip(units(rig["inputs"], rig["outputs"]), values, strict=True))
     steps = np.diff(clock)
-    rate = float(1.0 / np.median(steps)) if steps.size else 0.0
+    more = {
+        **about,
+        "title": about["subject"],
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "period": period,
+        "watchdog": rig["watchdog"],
+        "limits": json.dumps(rig["limits"]),
+        "complete": int(not about["gaps"] and not about["failure"]),
+        "start": float(clock[0]),
+        "rate": float(1.0 / np.median(steps)) if steps.size else 0.0,
+    }
     signals = _signals(rig["inputs"], rig["outputs"])
-    more = {**about, "start": float(clock[0]), "rate": rate}
-    return results.dataset(clock - clock[0], values, signals, set(rig["inputs"]), more)
+    return results.dataset(clock - clock[0], named, signals, set(rig["inputs"]), more)
 
 
 def _signals(inputs: Mapping[str, str], outputs: Mapping[str, str]) -> dict[str, Signal]:

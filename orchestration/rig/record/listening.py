@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
-from math import inf, nan
 from time import monotonic
 from typing import Any
 
@@ -13,7 +11,7 @@ import zmq
 
 from fmus.kit.arrays import Array
 from fmus.kit.interrupt import Interrupt
-from fmus.rig_proxy import ProtocolError, decode, protocol
+from fmus.rig_proxy import decode, protocol
 from orchestration.experiment.live import Moment
 from orchestration.rig.endpoint import Endpoint
 from orchestration.rig.record.driving import RecordingObserver
@@ -21,6 +19,7 @@ from orchestration.rig.record.driving import RecordingObserver
 # s between two rows that are a gap: the server publishes at least every 0.2 s
 LONGEST_SILENCE = 0.5
 _LOOK = 100  # ms
+_TELEMETRY = {"telemetry": protocol.REPLIES["telemetry"]}
 
 
 def listen(
@@ -73,45 +72,39 @@ def _receive(
 ) -> str:
     """Append rows until the end; return the reason for an early one."""
     began = heard = monotonic()
+    silences = 0
     is_told = False  # of the present silence
-    gaps = 0
     while not interrupt.pressed and monotonic() - began < duration:
-        message = _next(socket)
-        silent = monotonic() - heard
-        if silent > LONGEST_SILENCE and not is_told:
-            is_told = True
-            gaps += 1
-            observer.alarm(f"nothing was heard of the rig for {silent:.1f} s; the record waits")
-        if message is None:
+        if not socket.poll(_LOOK):
+            silent = monotonic() - heard
+            if silent > LONGEST_SILENCE and not is_told:
+                is_told = True
+                silences += 1
+                observer.alarm(f"nothing was heard of the rig for {silent:.1f} s; the record waits")
             continue
         heard = monotonic()
         is_told = False
-        if [*message["inputs"]] != [*rig["inputs"]] or [*message["outputs"]] != [*rig["outputs"]]:
+        try:
+            message = decode(socket.recv(), _TELEMETRY)
+            row = _row(message)
+        except (ValueError, TypeError, OverflowError):  # of somebody else, or of another version
+            continue
+        if [*message["inputs"], *message["outputs"]] != [*rig["inputs"], *rig["outputs"]]:
             return "the rig's server has other signals now"
-        row = [message["clock"], *_cells(message)]
-        if rows and row[0] < rows[-1][0] - LONGEST_SILENCE:
+        last = rows[-1][0] if rows else row[0] - 1.0
+        if row[0] < last - LONGEST_SILENCE:
             return "the rig's server is another one now, with another clock"
-        if not rows or row[0] > rows[-1][0]:
+        if row[0] > last:
             rows.append(row)
             time = row[0] - rows[0][0]
             observer.add(time, row[1:])
-            observer.look(Moment(time, duration, 0.0, gaps, {}, observer.trouble()))
+            observer.look(Moment(time, duration, 0.0, silences, {}, observer.trouble()))
     return ""
 
 
-def _next(socket: zmq.Socket[bytes]) -> dict[str, Any] | None:
-    """Return the next message of telemetry; None if there is none for a moment."""
-    if socket.poll(_LOOK):
-        with suppress(ProtocolError):
-            return decode(socket.recv(), {"telemetry": protocol.REPLIES["telemetry"]})
-    return None
-
-
-def _cells(message: Mapping[str, Any]) -> list[float]:
-    """Return inputs, outputs and ages of a message."""
-    cells = []
-    for key in ("inputs", "outputs", "ages"):
-        for value in message[key].values():
-            is_number = isinstance(value, int | float) and abs(value) < inf
-            cells.append(float(value) if is_number else nan)
-    return cells
+def _row(message: Mapping[str, Any]) -> list[float]:
+    """Return clock, inputs, outputs and ages of a message, NaN where it has no value."""
+    signals = [*message["inputs"].values(), *message["outputs"].values()]
+    cells = [message["clock"], *signals, *message["ages"].values()]
+    row: list[float] = np.array(cells, dtype=float).tolist()
+    return row

@@ -18,7 +18,7 @@ from fmus.rig_proxy import OPERATOR, REQUESTS, TELEMETRY, ProtocolError, decode
 from orchestration.rig.access import Peer, received
 from orchestration.rig.backends import device_names
 from orchestration.rig.server.alarm_hook import AlarmHook
-from orchestration.rig.server.archiver import archived, locked_archive
+from orchestration.rig.server.archiver import archive_lock, archived
 from orchestration.rig.server.device_lock import locked
 from orchestration.rig.server.latch_file import LatchKeeper, make_latch_keeper
 from orchestration.rig.server.lockstep import LockstepRig
@@ -96,8 +96,7 @@ def _serve(settings: ServerSettings) -> int:
             settings = replace(settings, files=found)
         with (
             received_signals() as signals,
-            locked(devices),
-            locked_archive(settings),
+            locked([*devices, *archive_lock(settings.archive)]),
             opened(settings, log.tell) as sockets,
         ):
             keeper = make_latch_keeper(devices, settings.state, log.tell)

@@ -3,8 +3,7 @@
 There is no queue that could fill up. A slot has one writer. It holds two copies, written in turns,
 each with a count and a checksum: a reader takes the newest whose checksum is right. A writer that
 is killed in the middle of writing thus leaves the record before, nobody waits for anybody, and
-there is no lock that a killed process could keep. A ring has the last records of one writer, for
-the archive: it is written over, and a reader that was too slow knows by the numbers how many.
+there is no lock that a killed process could keep.
 """
 
 from __future__ import annotations
@@ -12,9 +11,10 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from multiprocessing import get_context
-from time import monotonic
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple
 from zlib import crc32
+
+from orchestration.rig.server.ring import Record, Ring
 
 SIGNALS = 32  # of each kind, at most
 _NUMBERS = f"{8 * SIGNALS}s"
@@ -23,9 +23,6 @@ _NAME = 100  # bytes
 LONGEST_DESCRIPTION = 32768  # bytes
 _HEAD = struct.Struct("<QI")  # count, checksum of the count and the record
 _COUNT = struct.Struct("<Q")
-_STAMP = struct.Struct("<Qd")  # number in a ring, time
-_CHECKSUM = struct.Struct("<I")
-LENGTH = 4096  # records of a ring: four seconds of samples at the highest rate
 _ALIGNMENT = 64  # bytes, a cache line, of which no two slots have parts
 _ATTEMPTS = 100  # a writer would have to lap a reader as often
 
@@ -153,7 +150,6 @@ class Event(NamedTuple):
     text: bytes
 
 
-Record = TypeVar("Record", bound=tuple[Any, ...])
 _LAYOUTS: dict[type, str] = {
     Command: "<BQd" + _NUMBERS + "Q",
     SignOfLife: "<dQ",
@@ -247,85 +243,6 @@ class Slot(Generic[Record]):
         return copies
 
 
-class Entry(NamedTuple):
-    """A record of a ring, with its number from 1 on and the monotonic time of its writing in s."""
-
-    number: int
-    time: float
-    record: Any
-
-
-class Ring(Generic[Record]):
-    """Room for the last `LENGTH` records of one writer, which waits for nobody.
-
-    Parameters
-    ----------
-    memory : memoryview
-        Bytes of all slots and rings.
-    start : int
-        Index of the first byte of this ring.
-    kind : type
-        Type of the records.
-    """
-
-    def __init__(self, memory: memoryview, start: int, kind: type[Record]) -> None:
-        self._kind = kind
-        self._layout = struct.Struct(_LAYOUTS[kind])
-        self._size = _STAMP.size + _CHECKSUM.size + self._layout.size
-        self._memory = memory[start : start + LENGTH * self._size]
-        self._number = 0  # 0: to be seen from the memory; only a writer keeps count
-
-    @staticmethod
-    def size(kind: type) -> int:
-        """Return the size in bytes of a ring for a type of record."""
-        return LENGTH * (_STAMP.size + _CHECKSUM.size + struct.calcsize(_LAYOUTS[kind]))
-
-    def write(self, record: Record) -> None:
-        """Write a record over the oldest one."""
-        if self._number == 0:
-            self._number = self.newest()
-        self._number += 1
-        data = _STAMP.pack(self._number, monotonic()) + self._layout.pack(*record)
-        start = self._number % LENGTH * self._size
-        self._memory[start : start + self._size] = data + _CHECKSUM.pack(crc32(data))
-
-    def newest(self) -> int:
-        """Return the number of the newest whole record; 0 if there is none."""
-        entries = map(self._at, range(LENGTH))
-        return max((entry.number for entry in entries if entry is not None), default=0)
-
-    def after(self, number: int) -> list[Entry]:
-        """Return the whole records after one, in order, without those that were written over.
-
-        Parameters
-        ----------
-        number : int
-            Of the last record that was read; 0 for none.
-        """
-        entries: list[Entry] = []
-        number += 1
-        while len(entries) < LENGTH:
-            entry = self._at(number)
-            if entry is None or entry.number < number:  # being written, or of the round before
-                break
-            if entry.number == number:
-                entries.append(entry)
-                number += 1
-            else:  # the writer is a round ahead; what it writes over next would be missed, too
-                number = self.newest() - LENGTH + LENGTH // 16
-        return entries
-
-    def _at(self, number: int) -> Entry | None:
-        """Return the entry in the place of a number, which may be another; None if it is torn."""
-        start = number % LENGTH * self._size
-        data = bytes(self._memory[start : start + self._size])
-        body = data[: -_CHECKSUM.size]
-        held, time = _STAMP.unpack_from(body)
-        if not held or crc32(body) != _CHECKSUM.unpack(data[-_CHECKSUM.size :])[0]:
-            return None
-        return Entry(held, time, self._kind(*self._layout.unpack_from(body, _STAMP.size)))
-
-
 class SharedMemory:
     """All slots and rings, in memory that a process hands to those it starts.
 
@@ -361,9 +278,9 @@ class SharedMemory:
         self.trip = Slot(view, next(starts), Trip)
         self.alarm = Slot(view, next(starts), Alarm)
         self.description = Slot(view, next(starts), Description)
-        self.samples = Ring(view, next(starts), Sample)
-        self.commands = Ring(view, next(starts), Command)
-        self.events = Ring(view, next(starts), Event)
+        self.samples = Ring(view, next(starts), Sample, _LAYOUTS[Sample])
+        self.commands = Ring(view, next(starts), Command, _LAYOUTS[Command])
+        self.events = Ring(view, next(starts), Event, _LAYOUTS[Event])
 
 
 # in the order of the slots, and of the rings after them
@@ -374,7 +291,8 @@ _RINGS = (Sample, Command, Event)
 def _starts() -> list[int]:
     """Return the index of the first byte of each slot and ring, and the end of the last."""
     starts = [0]
-    for size in (*map(Slot.size, _KINDS), *map(Ring.size, _RINGS)):
+    rings = [Ring.size(_LAYOUTS[kind]) for kind in _RINGS]
+    for size in (*map(Slot.size, _KINDS), *rings):
         starts.append(starts[-1] + size + -size % _ALIGNMENT)
     return starts
 

@@ -35,15 +35,14 @@ def history(folder: Path, begin: float | None = None, end: float | None = None) 
     whole = [spans[0].begin, spans[-1].end]
     begin = whole[0] if begin is None else begin
     end = whole[1] if end is None else end
-    rig = archive.about_at(begin, end)
+    contents = archive.contents(begin, end)
     signals = []
     for role in ("inputs", "outputs"):
-        for name, unit in rig[role].items():
+        for name, unit in contents["rig"][role].items():
             curves = archive.extremes(name, begin, max(end, begin + 1e-3), PARTS)
             time, low, high = (curve.tolist() for curve in curves)
             about = {"name": name, "unit": unit, "role": role}
             signals.append({**about, "time": time, "low": low, "high": high})
-    contents = archive.contents(begin, end)
     return {
         "span": [begin, end],
         "whole": whole,

@@ -13,60 +13,56 @@ from orchestration.rig.archive import reading as reading_module
 from tests.support.rig.archived import AHEAD, filled, samples, voltage
 
 
-def test_rows_are_read_as_they_were_written_before_and_after_the_file_is_closed(tmp_path):
+def test_rows_are_read_as_they_were_written(tmp_path):
     archive = filled(tmp_path, samples(range(1, 51)), samples(range(51, 101)))
     archive.add("events", [(1, 0.5, "state", "running"), (2, 0.6, "log", "stopped")], AHEAD)
-    for _ in range(2):
-        read = Archive(tmp_path)
-        table = read.rows("samples", -math.inf, math.inf)
-        assert table["number"].to_pylist() == list(range(1, 101))
-        assert table["time"].to_pylist() == [0.01 * k for k in range(1, 101)]
-        expected = [None if k % 10 == 0 else voltage(k) for k in range(1, 101)]
-        assert table["voltage"].to_pylist() == expected
-        assert [event[1:] for event in read.events()] == [("state", "running"), ("log", "stopped")]
-        assert read.events()[0][0] == pytest.approx(AHEAD + 0.5, abs=1e-6)
-        assert read.gaps() == []
-        (span,) = read.spans()
-        assert (span.samples, span.run) == (100, "0a0a")
-        assert span.begin == pytest.approx(AHEAD + 0.01, abs=1e-6)
-        archive.close()
+    read = Archive(tmp_path)
+    table = read.rows("samples", -math.inf, math.inf)
+    assert table["number"].to_pylist() == list(range(1, 101))
+    assert table["time"].to_pylist() == [0.01 * k for k in range(1, 101)]
+    expected = [None if k % 10 == 0 else voltage(k) for k in range(1, 101)]
+    assert table["voltage"].to_pylist() == expected
+    assert [event[1:] for event in read.events()] == [("state", "running"), ("log", "stopped")]
+    assert read.events()[0].time == pytest.approx(AHEAD + 0.5, abs=1e-6)
+    assert read.gaps() == []
+    (span,) = read.spans()
+    assert (span.samples, span.run) == (100, "0a0a")
+    assert span.begin == pytest.approx(AHEAD + 0.01, abs=1e-6)
     assert {path.suffix for path in tmp_path.iterdir()} == {".parquet"}
 
 
 def test_gaps_in_a_file_between_files_and_between_runs_are_told(tmp_path):
-    archive = filled(tmp_path, samples([1, 2, 5]), samples([6, 7], pause=3.0))
-    archive.close()
-    archive.add("samples", samples(range(20, 23)), AHEAD)
-    archive.close()
-    other = filled(tmp_path, samples([1, 2]), run="0b0b")
-    other.close()
+    filled(tmp_path, samples([1, 2, 5]), samples([6, 7], pause=3.0))
+    filled(tmp_path, samples(range(20, 23)))
+    filled(tmp_path, samples([1, 2]), run="0b0b")
     told = [(gap.lost, gap.reason) for gap in Archive(tmp_path).gaps()]
     assert told == [(2, "lost"), (0, "no sample taken"), (12, "lost"), (0, "not served")]
     with pytest.raises(UserError, match="several runs"):
         Archive(tmp_path).rows("samples", -math.inf, math.inf)
 
 
-@pytest.mark.parametrize("is_coarse", [False, True])
+@pytest.mark.parametrize("is_long", [False, True])
 def test_extremes_are_those_of_the_values_also_by_the_metadata_alone(
-    is_coarse, tmp_path, monkeypatch
+    is_long, tmp_path, monkeypatch
 ):
-    filled(tmp_path, samples(range(1, 20_001))).close()
-    if is_coarse:
+    archive = filled(tmp_path)
+    for first in range(1, 100_001, 5_000):  # of which two fill a file
+        archive.add("samples", samples(range(first, first + 5_000)), AHEAD)
+    if is_long:
         monkeypatch.setattr(reading_module, "_MOST_ROWS", 0)
-    begin, end = AHEAD, AHEAD + 200.0
+    begin, end = AHEAD, AHEAD + 1000.0
     time, low, high = Archive(tmp_path).extremes("voltage", begin, end, 10)
-    values = np.array([math.nan if k % 10 == 0 else voltage(k) for k in range(1, 20_001)])
+    values = np.array([math.nan if k % 10 == 0 else voltage(k) for k in range(1, 100_001)])
     parts = np.array_split(values, 10)
-    np.testing.assert_allclose(time, begin + 10.0 + 20.0 * np.arange(10), atol=1e-3)
+    np.testing.assert_allclose(time, begin + 50.0 + 100.0 * np.arange(10), atol=1e-3)
     np.testing.assert_array_equal(low, [np.nanmin(part) for part in parts])
     np.testing.assert_array_equal(high, [np.nanmax(part) for part in parts])
     assert high[0] > 2.0, "the one peak is seen"
 
 
 def test_a_damaged_file_is_named_and_the_others_are_read(tmp_path):
-    filled(tmp_path, samples([1, 2, 3])).close()
-    archive = filled(tmp_path, samples([4, 5, 6]))
-    archive.close()
+    filled(tmp_path, samples([1, 2, 3]))
+    filled(tmp_path, samples([4, 5, 6]))
     first, _ = sorted(tmp_path.iterdir())
     first.write_bytes(first.read_bytes()[:100])
     read = Archive(tmp_path)

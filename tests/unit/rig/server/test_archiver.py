@@ -33,9 +33,7 @@ def sample(number, clock, taken=None):
 
 
 def archiver(folder, shared):
-    made = Archiver(ServerSettings("emulator", archive=folder), shared, ABOUT)
-    made.end()  # so that it takes and writes once
-    return made
+    return Archiver(ServerSettings("emulator", archive=folder), shared, ABOUT)
 
 
 def test_rows_have_the_values_and_ages_of_the_samples_and_the_orders(tmp_path, shared):
@@ -43,8 +41,7 @@ def test_rows_have_the_values_and_ages_of_the_samples_and_the_orders(tmp_path, s
     shared.samples.write(sample(2, 11.0, taken=0.0))
     shared.commands.write(Command(RUN, 0, 9.0, pack([0.75]), 1))
     shared.events.write(Event(b"state", b"running"))
-    first = archiver(tmp_path, shared)
-    first.run()
+    archiver(tmp_path, shared).write()
     archive = Archive(tmp_path)
     rows = archive.rows("samples", -math.inf, math.inf).to_pylist()
     assert [(row["number"], row["time"], row["missed"]) for row in rows] == [(1, 10, 7), (2, 11, 7)]
@@ -60,11 +57,9 @@ def test_rows_have_the_values_and_ages_of_the_samples_and_the_orders(tmp_path, s
 def test_another_archiver_goes_on_after_the_last_row(tmp_path, shared):
     for k in range(1, 6):
         shared.samples.write(sample(k, 0.01 * k))
-    first = archiver(tmp_path, shared)
-    first.run()
+    archiver(tmp_path, shared).write()
     shared.samples.write(sample(1, 0.06))  # of another device, whose numbers begin again
-    second = archiver(tmp_path, shared)
-    second.run()
+    archiver(tmp_path, shared).write()
     archive = Archive(tmp_path)
     rows = archive.rows("samples", -math.inf, math.inf)
     assert rows["number"].to_pylist() == [1, 2, 3, 4, 5, 6]
@@ -74,19 +69,17 @@ def test_another_archiver_goes_on_after_the_last_row(tmp_path, shared):
 
 def test_a_full_disk_is_told_once_and_so_is_its_end(tmp_path, shared, monkeypatch, capsys):
     made = archiver(tmp_path, shared)
-    made._try(made._write)
     shared.samples.write(sample(1, 1.0))
-    made._take()
 
     def fail(self, kind, rows, ahead):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patched:
         patched.setattr(ArchiveWriter, "add", fail)
-        made._try(made._write)
-        made._try(made._write)
-    made._try(made._write)
-    made.run()
+        made.write()
+        made.write()
+    made.write()
+    made.write()
     told = capsys.readouterr().out.splitlines()
     assert [line.split(": ")[1].split(";")[0] for line in told] == [
         "No space left on device",

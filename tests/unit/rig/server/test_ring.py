@@ -6,12 +6,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orchestration.rig.server.shared_memory import LENGTH, Alarm, Ring, read_text, write_text
+from orchestration.rig.server.ring import LENGTH, Ring
+from orchestration.rig.server.shared_memory import Alarm, read_text, write_text
+
+LAYOUT = "<d100s500s"  # of an alarm
 
 
 def ring(memory=None):
-    memory = bytearray(Ring.size(Alarm)) if memory is None else memory
-    return Ring(memoryview(memory), 0, Alarm), memory
+    memory = bytearray(Ring.size(LAYOUT)) if memory is None else memory
+    return Ring(memoryview(memory), 0, Alarm, LAYOUT), memory
 
 
 def written(count, first=1):
@@ -59,7 +62,7 @@ def test_another_writer_goes_on_with_the_numbers():
 @given(st.data())
 def test_a_torn_record_is_not_read_and_the_next_writer_replaces_it(data):
     place, memory = written(3)
-    part = range(Ring.size(Alarm) // LENGTH * 4, Ring.size(Alarm) // LENGTH * 5)
+    part = range(Ring.size(LAYOUT) // LENGTH * 4, Ring.size(LAYOUT) // LENGTH * 5)
     before = bytes(memory)
     place.write(Alarm(4.0, b"", 500 * b"4"))  # so that each byte that is torn would show
     for k in data.draw(st.lists(st.sampled_from(part), min_size=1, unique=True)):

@@ -38,7 +38,6 @@ def get(server, path):
 def test_the_archive_is_sent_as_numbers_over_wall_time(tmp_path):
     archive = filled(tmp_path, samples([*range(1, 60), *range(80, 101)]))
     archive.add("events", [(1, 0.5, "state", "running")], AHEAD)
-    archive.close()
     with served(tmp_path) as server:
         assert 'src="/history.js"' in get(server, "/history")[1]
         assert get(server, "/history.js")[0] == 200
