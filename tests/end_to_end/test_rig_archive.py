@@ -8,7 +8,6 @@ import math
 import re
 import signal
 import time
-from contextlib import suppress
 
 import numpy as np
 import psutil

@@ -1,12 +1,11 @@
-"""``ppy rig``: the server of a rig, its live page, recordings and emergency stop."""
+"""``ppy rig``: the server of a rig, its live page, calibration and emergency stop."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -15,40 +14,30 @@ from fmus.kit.extras import require
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import (
     AcknowledgeCommand,
-    ArchiveCommand,
     BridgeCommand,
     CalibrateCommand,
     CommissionCommand,
     KeysCommand,
     LogCommand,
-    RecordRigCommand,
     ServeCommand,
     ServerOptions,
     StatusCommand,
     StopCommand,
     WatchCommand,
 )
+from orchestration.cli.commands.rig_record import archive, record
 from orchestration.cli.outputs import (
     PAGE,
-    SIGNALS,
     STANDARD_OUTPUT,
     Outputs,
     standard_output_for,
     typed_command,
     write_json,
 )
-from orchestration.cli.real_time import JOURNAL, IncompleteRecord, keep, status_line
 
 if TYPE_CHECKING:
-    import xarray
-
-    from fmus.kit.arrays import Array
-    from fmus.kit.interrupt import Interrupt
-    from orchestration.experiment.live import Live
-    from orchestration.records import Journal
     from orchestration.rig import Endpoint
     from orchestration.rig.calibration import Channel, Point
-    from orchestration.rig.record import RecordingObserver, RecordingPlan
 
 _POINTS = 2  # of a calibration
 
@@ -218,201 +207,8 @@ def watch(options: WatchCommand) -> None:
         page.serve_forever(poll_interval=0.1)
 
 
-@rig.command("record")
-@command(RecordRigCommand)
-def record(options: RecordRigCommand) -> None:
-    """Drive the rig with an experiment, without any model, and record what it does.
-
-    Without --stimulus it only listens, at the rate of the telemetry, 30 rows a second at most.
-    """
-    if options["stimulus"] is None:
-        _record_passively(options)
-        return
-    if options["duration"] is not None:
-        raise UserError("--for: an experiment has its own duration (--set duration=20s)")
-    from orchestration.experiment import read, results
-    from orchestration.experiment.live import Live
-    from orchestration.experiment.reading import files
-    from orchestration.reporting.console import note, warn, wrote
-    from orchestration.reporting.console import out as terminal
-    from orchestration.rig import ask, read_endpoint
-    from orchestration.rig.record import empty_dataset, plan_recording
-
-    rate = options["rate"]
-    max_age = options["max_age"]
-    for name, value in (("--rate", rate), ("--max-age", max_age)):
-        if value is not None and not 0.0 < value < float("inf"):
-            raise UserError(f"{name} {value:g}: must be above 0")
-    stimulus = options["stimulus"]
-    credentials = options["credentials"]
-    out = options["out"]
-    experiment = read(stimulus, options["settings"])
-    reads = {"the experiment": Path(stimulus), "the key file": credentials, **files(experiment)}
-    live = Live(journal=out.with_name(out.name + JOURNAL))
-    Outputs(reads, {"--out": out}, {"--out": SIGNALS}).check()
-    remote = read_endpoint(options["endpoint"], credentials, warn)
-    planned = plan_recording(experiment, ask(remote, "status"), stimulus, rate, max_age, note)
-    results.check(empty_dataset(planned), out)
-    data = _drive(planned, remote, options, live)
-    keep(data, out, live)
-    extent = f"{data.time.size} rows, {float(data.time[-1]):g} s of {planned.time[-1]:g} s"
-    terminal.print(f"{data.attrs['subject']}: {extent}")
-    wrote(out, "" if data.attrs["complete"] else "incomplete")
-    _raise_if_incomplete(data, planned, out, extent)
-
-
-def _record_passively(options: RecordRigCommand) -> None:
-    """Record what the rig's server publishes, for a time or until Ctrl-C."""
-    from math import inf
-
-    from orchestration.experiment.live import Live
-    from orchestration.reporting.console import out as terminal
-    from orchestration.reporting.console import warn, wrote
-    from orchestration.rig import ask, read_endpoint
-    from orchestration.rig.record import heard_dataset
-
-    stimulated = {"--rate": "rate", "--max-age": "max_age", "--set": "settings"}
-    for flag, name in stimulated.items():
-        if options[name]:  # type: ignore[literal-required]
-            raise UserError(f"{flag}: is about an experiment; give one with --stimulus")
-    duration = inf if options["duration"] is None else options["duration"]
-    if not duration > 0.0:
-        raise UserError(f"--for {duration:g}: must be above 0 s")
-    out = options["out"]
-    live = Live(journal=out.with_name(out.name + JOURNAL))
-    Outputs({"the key file": options["credentials"]}, {"--out": out}, {"--out": SIGNALS}).check()
-    remote = read_endpoint(options["endpoint"], options["credentials"], warn)
-    status = ask(remote, "status")
-    rows, failure = _listen(status, remote, duration, live)
-    data = heard_dataset(status, rows, failure, remote.requests)
-    keep(data, out, live)
-    terminal.print(
-        f"{data.attrs['subject']}: {len(rows)} rows, {float(data.time[-1]):g} s,"
-        f" {data.attrs['rate']:.3g} rows a second; the rig samples {1.0 / status['period']:.4g}"
-        " times a second"
-    )
-    wrote(out, "" if data.attrs["complete"] else "incomplete")
-    if not data.attrs["complete"]:
-        raise IncompleteRecord(failure or f"the rig was not heard {data.attrs['gaps']} times")
-
-
-def _listen(
-    status: Mapping[str, Any], remote: Endpoint, duration: float, live: Live
-) -> tuple[Array, str]:
-    """Return the rows that the rig's server publishes, and why they end early."""
-    from orchestration.rig.record import listen, units
-
-    names = units(status["inputs"], status["outputs"])
-    with _recording(live, names, f"listening to the rig at {remote.requests}") as recording:
-        rows, failure = listen(remote, status, duration, *recording)
-    if not len(rows):
-        raise UserError(f"{failure or f'nothing was heard of {remote.telemetry}'}; no record")
-    if recording.interrupt.pressed and duration < float("inf"):
-        failure = "interrupted"
-    return rows, failure
-
-
-def _raise_if_incomplete(
-    data: xarray.Dataset, planned: RecordingPlan, out: Path, extent: str
-) -> None:
-    """Raise the error of an incomplete record, which is already written.
-
-    Raises
-    ------
-    UserError
-        If it holds no measured value.
-    IncompleteRecord
-        If the run failed, or rows lack a value.
-    KeyboardInterrupt
-        If the run was interrupted.
-    """
-    import numpy as np
-
-    if not any(np.isfinite(data[name]).any() for name in planned.outputs):
-        raise UserError(
-            f"{out} holds no measured value: none was younger than {planned.max_age:g} s"
-            " (--max-age)"
-        )
-    if "failure" in data.attrs:
-        raise IncompleteRecord(f"{data.attrs['failure']}; {out} holds {extent}")
-    if data.time.size < planned.time.size:
-        raise KeyboardInterrupt
-    if gaps := data.attrs["gaps"]:
-        raise IncompleteRecord(
-            f"{gaps} of {data.time.size} rows lack a value; {out} holds {extent}"
-        )
-
-
-def _drive(
-    planned: RecordingPlan, remote: Endpoint, options: RecordRigCommand, live: Live
-) -> xarray.Dataset:
-    """Drive the rig and return the record, with a journal on the disk and a status line."""
-    from contextlib import closing
-
-    from fmus.rig_proxy import Link
-    from orchestration.master import realtime_priority
-    from orchestration.rig.record import dataset, drive, units
-    from orchestration.rig.server import CLIENT, preferred
-
-    names = units(planned.inputs, planned.outputs)
-    task = f"driving the rig at {remote.requests} for {planned.time[-1]:g} s"
-    with preferred(CLIENT):
-        link = Link(
-            remote.requests,
-            planned.inputs,
-            planned.outputs,
-            options["credentials"],
-            "ppy rig record",
-            take_over=options["take_over"],
-        )
-        with closing(link), _recording(live, names, task) as recording, realtime_priority():
-            recorded = drive(link, planned, *recording)
-    if not len(recorded.inputs):
-        if recorded.failure:
-            raise UserError(f"{recorded.failure}; nothing was recorded")
-        raise KeyboardInterrupt
-    return dataset(planned, recorded, str(options["stimulus"]), remote.requests)
-
-
-class _Recording(NamedTuple):
-    """What a recording is done with: the interrupt that ends it, and its observer."""
-
-    interrupt: Interrupt
-    observer: RecordingObserver
-
-
-@contextmanager
-def _recording(live: Live, names: Mapping[str, str], task: str) -> Iterator[_Recording]:
-    """Keep a journal on the disk and a status line; Ctrl-C and SIGTERM end the recording."""
-    from fmus.kit.interrupt import deferred
-    from orchestration.reporting.console import alarm, err, note
-    from orchestration.rig import on_termination
-    from orchestration.rig.record import RecordingObserver
-
-    with ExitStack() as opened:
-        journal = _journal(live, names)
-        opened.callback(journal.close)
-        err.print(task, soft_wrap=True)
-        note(f"until the record is written, it goes to {live.journal}")
-        telling = opened.enter_context(status_line(live))
-        interrupt = opened.enter_context(deferred())
-        opened.enter_context(on_termination(lambda: setattr(interrupt, "pressed", True)))
-        yield _Recording(
-            interrupt, RecordingObserver(journal.add, telling.look, lambda: journal.error, alarm)
-        )
-
-
-def _journal(live: Live, names: Mapping[str, str]) -> Journal:
-    """Open the journal that keeps the record until it is written."""
-    from orchestration.records import Journal
-
-    assert live.journal is not None
-    try:
-        return Journal(live.journal, names)
-    except UserError:
-        raise
-    except ValueError as error:
-        raise UserError(f"the rig has a name that cannot be recorded: {error}") from error
+rig.command("record")(record)
+rig.command("archive")(archive)
 
 
 @rig.command("calibrate")
@@ -478,33 +274,6 @@ def _measured(point: Point, remote: Endpoint, channel: Channel, duration: float)
         f" {point.deviation:.3g} of {point.size:g} readings"
     )
     return point
-
-
-@rig.command("archive")
-@command(ArchiveCommand)
-def archive(options: ArchiveCommand) -> None:
-    """List what an archive of ppy rig serve holds: spans, gaps and events; or export a part."""
-    from orchestration.experiment import results
-    from orchestration.reporting.console import out as terminal
-    from orchestration.reporting.console import warn, wrote
-    from orchestration.rig.archive import Archive, read_date
-    from orchestration.rig.record import archived_dataset
-
-    require("pyarrow")
-    out = options["out"]
-    Outputs({}, {"--out": out}, {"--out": SIGNALS}).check()
-    begin = read_date(options["since"], "--from", float("-inf"))
-    end = read_date(options["until"], "--to", float("inf"))
-    kept = Archive(options["folder"])
-    for path in kept.damaged:
-        warn(f"{path} is damaged: what it held is not shown")
-    if options["json"] != STANDARD_OUTPUT:
-        for line in kept.lines(begin, end):
-            terminal.print(line, soft_wrap=True)
-    write_json(options["json"], kept.contents(begin, end))
-    if out is not None:
-        results.write(archived_dataset(kept, begin, end), out)
-        wrote(out)
 
 
 @rig.command("stop")
