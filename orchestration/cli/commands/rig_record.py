@@ -106,7 +106,7 @@ def _listen(options: RecordRigCommand) -> None:
         raise IncompleteRecord(failure or f"the rig was not heard {data.attrs['gaps']} times")
 
 
-def _prepared(options: RecordRigCommand, reads: Mapping[str, Path]) -> tuple[Live, Endpoint]:
+def _prepared(options: RecordRigCommand, reads: Mapping[str, Path | None]) -> tuple[Live, Endpoint]:
     """Return where the record goes until it is written, and the server, if it can be written."""
     from orchestration.experiment.live import Live
     from orchestration.reporting.console import warn

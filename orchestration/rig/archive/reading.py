@@ -79,9 +79,12 @@ class Archive:
     def contents(self, begin: float = -inf, end: float = inf) -> dict[str, Any]:
         """Return what the archive holds in a span of wall time, as JSON can hold it."""
         spans = [span for span in self.spans() if span.begin < end and span.end > begin]
-        parts = {"spans": spans, "gaps": self.gaps(begin, end), "events": self.events(begin, end)}
-        dicts = {name: [each._asdict() for each in part] for name, part in parts.items()}
-        return {"rig": self.rig(begin, end), **dicts}
+        return {
+            "rig": self.rig(begin, end),
+            "spans": [span._asdict() for span in spans],
+            "gaps": [gap._asdict() for gap in self.gaps(begin, end)],
+            "events": [event._asdict() for event in self.events(begin, end)],
+        }
 
     def rig(self, begin: float = -inf, end: float = inf) -> dict[str, Any]:
         """Return the metadata of the newest samples in a span of wall time, or of all."""
@@ -90,7 +93,7 @@ class Archive:
     def spans(self) -> list[Span]:
         """Return what was archived of each run of a server, the oldest first."""
         spans = []
-        for run, group in groupby(self._of("samples"), lambda file: str(file.rig["run"])):
+        for run, group in groupby(self._of("samples"), _run):
             files = list(group)
             rows = sum(file.rows for file in files)
             spans.append(Span(files[0].pieces[0].begin, files[-1].pieces[-1].end, run, rows))
@@ -142,7 +145,7 @@ class Archive:
             If there is none, or they are of several runs, whose clocks differ.
         """
         files = self._of(kind, begin, end)
-        if len({file.rig["run"] for file in files}) > 1:
+        if len({*map(_run, files)}) > 1:
             raise UserError(
                 f"{self.folder}: the span holds several runs of the server, whose signals may"
                 " differ; choose one with --from and --to, as ppy rig archive lists them"
@@ -185,6 +188,10 @@ class Archive:
             return time, low, high
         middle = begin + (place + 0.5) * width
         return middle, np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts)
+
+
+def _run(file: ArchiveFile) -> str:
+    return str(file.rig["run"])
 
 
 def _values(file: ArchiveFile, name: str) -> Array:

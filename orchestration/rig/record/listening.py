@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import inf
 from time import monotonic
 from typing import Any
 
@@ -45,61 +46,47 @@ def listen(
     -------
     rows : ndarray, shape (m, 1 + number of inputs + 2 * number of outputs)
         Clock of the rig in s, inputs as applied, outputs as measured and their ages in s; NaN where
-        the rig has no value.
+        the rig has no value. Empty without any.
     failure : str
         Reason for an early end; empty without one, or after an interrupt.
     """
     rows: list[list[float]] = []
-    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-    try:
-        socket = context.socket(zmq.SUB)
-        remote.connect(socket, remote.telemetry)
-        socket.subscribe(b"")
-        failure = _receive(socket, rig, duration, interrupt, observer, rows)
-    finally:
-        context.destroy(linger=0)
-    width = 1 + len(rig["inputs"]) + 2 * len(rig["outputs"])
-    return np.array(rows).reshape(-1, width), failure
-
-
-def _receive(
-    socket: zmq.Socket[bytes],
-    rig: Mapping[str, Any],
-    duration: float,
-    interrupt: Interrupt,
-    observer: RecordingObserver,
-    rows: list[list[float]],
-) -> str:
-    """Append rows until the end; return the reason for an early one."""
     began = heard = monotonic()
     silences = 0
     is_told = False  # of the present silence
-    while not interrupt.pressed and monotonic() - began < duration:
-        if not socket.poll(_LOOK):
-            silent = monotonic() - heard
-            if silent > LONGEST_SILENCE and not is_told:
-                is_told = True
-                silences += 1
-                observer.alarm(f"nothing was heard of the rig for {silent:.1f} s; the record waits")
-            continue
-        heard = monotonic()
-        is_told = False
-        try:
-            message = decode(socket.recv(), _TELEMETRY)
-            row = _row(message)
-        except (ValueError, TypeError, OverflowError):  # of somebody else, or of another version
-            continue
-        if [*message["inputs"], *message["outputs"]] != [*rig["inputs"], *rig["outputs"]]:
-            return "the rig's server has other signals now"
-        last = rows[-1][0] if rows else row[0] - 1.0
-        if row[0] < last - LONGEST_SILENCE:
-            return "the rig's server is another one now, with another clock"
-        if row[0] > last:
-            rows.append(row)
-            time = row[0] - rows[0][0]
-            observer.add(time, row[1:])
-            observer.look(Moment(time, duration, 0.0, silences, {}, observer.trouble()))
-    return ""
+    failure = ""
+    with zmq.Context() as context, context.socket(zmq.SUB) as socket:
+        socket.linger = 0
+        remote.connect(socket, remote.telemetry)
+        socket.subscribe(b"")
+        while not failure and not interrupt.pressed and monotonic() - began < duration:
+            if not socket.poll(_LOOK):
+                silent = monotonic() - heard
+                if silent > LONGEST_SILENCE and not is_told:
+                    is_told = True
+                    silences += 1
+                    observer.alarm(
+                        f"nothing was heard of the rig for {silent:.1f} s; the record waits"
+                    )
+                continue
+            heard = monotonic()
+            is_told = False
+            try:
+                message = decode(socket.recv(), _TELEMETRY)
+                row = _row(message)
+            except (ValueError, TypeError, OverflowError):  # of somebody else, or another version
+                continue
+            last = rows[-1][0] if rows else -inf
+            if [*message["inputs"], *message["outputs"]] != [*rig["inputs"], *rig["outputs"]]:
+                failure = "the rig's server has other signals now"
+            elif row[0] < last - LONGEST_SILENCE:
+                failure = "the rig's server is another one now, with another clock"
+            elif row[0] > last:
+                rows.append(row)
+                time = row[0] - rows[0][0]
+                observer.add(time, row[1:])
+                observer.look(Moment(time, duration, 0.0, silences, {}, observer.trouble()))
+    return np.array(rows), failure
 
 
 def _row(message: Mapping[str, Any]) -> list[float]:

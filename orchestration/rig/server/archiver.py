@@ -14,13 +14,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from hashlib import sha256
-from math import nan
 from multiprocessing import Pipe, get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
 from threading import Lock
 from time import monotonic, sleep, time
 from typing import Any
+
+import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.extras import require
@@ -49,7 +50,6 @@ _LONGEST_END = 5.0  # s that it has for the last rows
 _PAUSE = 1.0  # s between two starts
 _NICENESS = 10  # of the archiver, so that device, guards and front come first
 _ORDERS = ("rest", "run", "end")
-_Row = tuple[Any, ...]
 
 
 @contextmanager
@@ -202,17 +202,12 @@ class Archiver:
     ) -> None:
         from orchestration.rig.archive import ArchiveWriter  # which needs an optional package
 
-        inputs, outputs = about["inputs"], about["outputs"]
         assert settings.archive is not None
         self._folder = settings.archive
-        self._writer = ArchiveWriter(
-            self._folder, settings.archive_size, about, columns_of(inputs, outputs)
-        )
-        self._sources = {
-            "samples": (shared.samples, partial(_row_of_sample, len(inputs), len(outputs))),
-            "commands": (shared.commands, partial(_row_of_command, len(inputs))),
-            "events": (shared.events, _row_of_event),
-        }
+        self._shared = shared
+        self._counts = (len(about["inputs"]), len(about["outputs"]))
+        columns = columns_of(about["inputs"], about["outputs"])
+        self._writer = ArchiveWriter(self._folder, settings.archive_size, about, columns)
         self._trouble = ""
 
     def run(self, end: Connection) -> None:
@@ -229,9 +224,10 @@ class Archiver:
         """Write the new records of the rings, and tell of a new trouble and of its end."""
         trouble = ""
         try:
-            for kind, (ring, row_of) in self._sources.items():
-                rows = [row_of(entry) for entry in ring.after(self._writer.last[kind])]
-                if rows:
+            for kind, last in self._writer.last.items():
+                entries = getattr(self._shared, kind).after(last)
+                if entries:
+                    rows = [_row(entry, *self._counts) for entry in entries]
                     self._writer.add(kind, rows, time() - monotonic())
         except OSError as error:
             trouble = str(error.strerror or error)
@@ -242,22 +238,16 @@ class Archiver:
         self._trouble = trouble
 
 
-def _row_of_sample(inputs: int, outputs: int, entry: Entry) -> _Row:
-    sample: Sample = entry.record
-    taken = unpack(sample.taken, outputs)
-    values = unpack(sample.values, outputs)
-    measured = [value if then else nan for value, then in zip(values, taken, strict=True)]
-    ages = [sample.clock - then if then else nan for then in taken]
-    applied = (*unpack(sample.applied, inputs), *unpack(sample.read_back, inputs))
-    return (entry.number, sample.clock, float(sample.missed), *applied, *measured, *ages)
-
-
-def _row_of_command(inputs: int, entry: Entry) -> _Row:
-    command: Command = entry.record
-    values = unpack(command.values, inputs)
-    return (entry.number, entry.time, _ORDERS[command.order], *values)
-
-
-def _row_of_event(entry: Entry) -> _Row:
-    event: Event = entry.record
-    return (entry.number, entry.time, read_text(event.what), read_text(event.text))
+def _row(entry: Entry, inputs: int, outputs: int) -> tuple[Any, ...]:
+    """Return the row of an entry, with the columns of its kind (see `columns_of`)."""
+    record: Event | Command | Sample = entry.record
+    if isinstance(record, Event):
+        return (entry.number, entry.time, read_text(record.what), read_text(record.text))
+    if isinstance(record, Command):
+        values = unpack(record.values, inputs)
+        return (entry.number, entry.time, _ORDERS[record.order], *values)
+    applied = (*unpack(record.applied, inputs), *unpack(record.read_back, inputs))
+    taken = np.array(unpack(record.taken, outputs))
+    ages = np.where(taken, record.clock - taken, np.nan)
+    measured = np.where(taken, unpack(record.values, outputs), np.nan)
+    return (entry.number, record.clock, float(record.missed), *applied, *measured, *ages)

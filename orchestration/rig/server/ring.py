@@ -55,15 +55,11 @@ class Ring(Generic[Record]):
     def write(self, record: Record) -> None:
         """Write a record over the oldest one."""
         if self._number == 0:
-            self._number = self.newest()
+            self._number = max(self._at(place).number for place in range(LENGTH))
         self._number += 1
         data = self._layout.pack(self._number, monotonic(), *record)
         start = self._number % LENGTH * self._size
         self._memory[start : start + self._size] = data + _CHECKSUM.pack(crc32(data))
-
-    def newest(self) -> int:
-        """Return the number of the newest whole record; 0 if there is none."""
-        return max(self._at(place).number for place in range(LENGTH))
 
     def after(self, number: int) -> list[Entry]:
         """Return the whole records after one, in order, without those that were written over.
@@ -73,18 +69,13 @@ class Ring(Generic[Record]):
         number : int
             Of the last record that was read; 0 for none.
         """
-        entries: list[Entry] = []
-        number += 1
-        while len(entries) < LENGTH:
-            entry = self._at(number)
-            if entry.number < number:  # torn, or of the round before
+        entries = []
+        for place in range(number + 1, number + 1 + LENGTH):
+            entry = self._at(place)
+            if entry.number < place:  # being written, or of the round before
                 break
-            if entry.number == number:
-                entries.append(entry)
-                number += 1
-            else:  # the writer is a round ahead; what it writes over next would be missed, too
-                number = self.newest() - LENGTH + LENGTH // 16
-        return entries
+            entries.append(entry)  # of a later round, if the writer is that far ahead
+        return sorted(entries)
 
     def _at(self, place: int) -> Entry:
         """Return the entry in the place of some number, which has its own; 0 if it is torn."""
