@@ -55,7 +55,7 @@ class ArchiveFile:
     pieces : list of Piece
         One more than there are gaps.
     extremes : dict of str to list
-        The least and the largest value of each signal, None without any.
+        The least and the largest value of each signal, NaN without any.
     """
 
     path: Path
@@ -63,7 +63,7 @@ class ArchiveFile:
     rows: int
     rig: dict[str, Any]
     pieces: list[Piece]
-    extremes: dict[str, list[float | None]]
+    extremes: dict[str, list[float]]
 
     def overlaps(self, begin: float, end: float) -> bool:
         """Return True if rows may be in a span of wall time."""

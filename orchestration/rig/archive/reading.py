@@ -108,13 +108,17 @@ class Archive:
         gaps = []
         pieces = [(file.rig, piece) for file in self._of("samples") for piece in file.pieces]
         for (rig, before), (next_rig, after) in pairwise(pieces):
-            lost = after.first - before.last - 1
+            lost = 0
             if rig["run"] != next_rig["run"]:
-                gaps.append(Gap(before.end, after.begin, 0, "not served"))
-            elif lost:
-                gaps.append(Gap(before.end, after.begin, lost, "lost"))
+                reason = "not served"
+            elif after.first > before.last + 1:
+                reason = "lost"
+                lost = after.first - before.last - 1
             elif after.begin - before.end > longest_pause(rig):
-                gaps.append(Gap(before.end, after.begin, 0, "no sample taken"))
+                reason = "no sample taken"
+            else:
+                continue
+            gaps.append(Gap(before.end, after.begin, lost, reason))
         return [gap for gap in gaps if gap.begin < end and gap.end > begin]
 
     def events(self, begin: float = -inf, end: float = inf) -> list[Event]:
@@ -177,13 +181,20 @@ class Archive:
         """
         files = [file for file in self._of("samples", begin, end) if name in file.extremes]
         is_long = sum(file.rows for file in files) > _MOST_ROWS
-        points = [_extremes(file, name) if is_long else _values(file, name) for file in files]
-        time, low, high = np.hstack([np.empty((3, 0)), *points])
+        points = [np.empty((3, 0))]
+        for file in files:
+            if is_long:
+                amid = (file.pieces[0].begin + file.pieces[-1].end) / 2
+                points.append(np.array([[amid, *file.extremes[name]]]).T)
+            else:
+                table = parquet.read_table(file.path, columns=["wall", name])
+                values = table[name].to_numpy()
+                points.append(np.array([wall_seconds(table), values, values]))
+        time, low, high = np.hstack(points)
         inside = (begin <= time) & (time <= end) & np.isfinite(low)
         time, low, high = time[inside], low[inside], high[inside]
         width = (end - begin) / most
-        place = np.floor((time - begin) / width)
-        place, starts = np.unique(place, return_index=True)
+        place, starts = np.unique(np.floor((time - begin) / width), return_index=True)
         if not starts.size:
             return time, low, high
         middle = begin + (place + 0.5) * width
@@ -192,19 +203,6 @@ class Archive:
 
 def _run(file: ArchiveFile) -> str:
     return str(file.rig["run"])
-
-
-def _values(file: ArchiveFile, name: str) -> Array:
-    """Return the wall time of every row and twice its value, shape (3, n)."""
-    table = parquet.read_table(file.path, columns=["wall", name])
-    values = table[name].to_numpy()
-    return np.array([wall_seconds(table), values, values])
-
-
-def _extremes(file: ArchiveFile, name: str) -> Array:
-    """Return the wall time amid a file and the extremes of its values, shape (3, 1)."""
-    middle = (file.pieces[0].begin + file.pieces[-1].end) / 2
-    return np.array([[middle, *file.extremes[name]]], dtype=float).T
 
 
 def read_date(text: str | None, option: str, default: float) -> float:

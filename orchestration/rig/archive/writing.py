@@ -77,10 +77,7 @@ class ArchiveWriter:
         number, times, *others = zip(*rows, strict=True)
         wall = [round(MICROSECONDS * (moment + ahead)) for moment in times]
         schema = self._schemas[kind]
-        columns = [
-            pyarrow.array(cells, field.type, from_pandas=True)
-            for cells, field in zip((number, times, wall, *others), schema, strict=True)
-        ]
+        columns = dict(zip(schema.names, (number, times, wall, *others), strict=True))
         path, before = self._growing.get(kind) or self._new(kind)
         table = pyarrow.concat_tables([before, pyarrow.table(columns, schema=schema)])
         longest = longest_pause(self._rig) if kind == "samples" else inf

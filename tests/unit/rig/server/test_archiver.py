@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import math
 
+import numpy as np
 import pytest
 
 from orchestration.rig.archive import Archive, ArchiveWriter
@@ -46,9 +47,11 @@ def test_rows_have_the_values_and_ages_of_the_samples_and_the_orders(tmp_path, s
     rows = archive.rows("samples", -math.inf, math.inf).to_pylist()
     assert [(row["number"], row["time"], row["missed"]) for row in rows] == [(1, 10, 7), (2, 11, 7)]
     assert [row["current"] for row in rows] == [0.5, 0.5]
-    assert [row["current_read_back"] for row in rows] == [None, None]
-    assert [row["voltage"] for row in rows] == [2.5, None]  # of the second nothing was measured yet
-    assert [row["voltage_age"] for row in rows] == [0.25, None]
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    np.testing.assert_array_equal(columns["current_read_back"], [math.nan, math.nan])
+    # of the second nothing was measured yet
+    np.testing.assert_array_equal(columns["voltage"], [2.5, math.nan])
+    np.testing.assert_array_equal(columns["voltage_age"], [0.25, math.nan])
     (order,) = archive.rows("commands", -math.inf, math.inf).to_pylist()
     assert (order["order"], order["current"]) == ("run", 0.75)
     assert [event[1:] for event in archive.events()] == [("state", "running")]
