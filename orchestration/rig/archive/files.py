@@ -134,7 +134,7 @@ def write_file(path: Path, table: Any, rig: Mapping[str, Any], longest: float) -
         for name in signals.keys() & table.column_names
     }
     about = {"rig": rig, "pieces": _pieces(table, longest), "extremes": extremes}
-    part = path.with_suffix(".part")
+    part = path.with_name(f"{rig['run']}.part")  # which the next writer of a run replaces
     try:
         with part.open("wb") as file:
             described = table.replace_schema_metadata({_ABOUT: json.dumps(about)})

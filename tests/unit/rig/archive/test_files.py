@@ -47,6 +47,7 @@ def test_a_writer_that_ends_amid_a_batch_leaves_the_rows_before(step, tmp_path, 
     assert again.last["samples"] == 30
     again.add("samples", samples(range(31, 41)), AHEAD)
     for folder, last in (("archive", 90), ("left", 40)):
+        assert {path.suffix for path in (tmp_path / folder).iterdir()} == {".parquet"}
         read = Archive(tmp_path / folder)
         assert read.damaged == read.gaps() == []
         table = read.rows("samples", -math.inf, math.inf)
