@@ -54,14 +54,6 @@ def test_a_bridge_to_itself_is_refused(tmp_path):
     refused(tmp_path, "rig", "bridge", "--endpoint", endpoint, "--credentials", client, parts=said)
 
 
-@pytest.mark.parametrize(
-    ("option", "value"), [("--rate", "0"), ("--rate", "inf"), ("--max-age", "-1s")]
-)
-def test_a_record_without_rows_is_refused(tmp_path, option, value):
-    call = ["rig", "record", "--stimulus", "fig_3_4", "--out", "run.nc", option, value]
-    assert "must be above 0" in refused(tmp_path, *call, parts=[option])
-
-
 def test_keys_are_written_for_server_and_client_and_for_one_more(tmp_path):
     said = works("rig", "keys", "keys", cwd=tmp_path).splitlines()
     assert [line.partition("(")[2] for line in said] == [
