@@ -14,6 +14,7 @@ from zlib import crc32
 
 LENGTH = 4096  # records: four seconds of samples at the highest rate
 _CHECKSUM = struct.Struct("<I")
+_INTACT = crc32(_CHECKSUM.pack(crc32(b"")))  # of any bytes with their own checksum behind them
 _STAMP = "<Qd"  # number, time
 Record = TypeVar("Record", bound=tuple[Any, ...])
 
@@ -82,6 +83,6 @@ class Ring(Generic[Record]):
         start = place % LENGTH * self._size
         data = bytes(self._memory[start : start + self._size])
         number, time, *fields = self._layout.unpack_from(data)
-        if _CHECKSUM.pack(crc32(data[: -_CHECKSUM.size])) != data[-_CHECKSUM.size :]:
+        if number and crc32(data) != _INTACT:
             number = 0
         return Entry(number, time, self._kind(*fields))
