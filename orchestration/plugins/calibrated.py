@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from orchestration.rig.backends import Backend
-from orchestration.rig.calibration import read_calibration
+from orchestration.plugins.calibration import read_calibration
 from orchestration.rig.signals import commands
 
 

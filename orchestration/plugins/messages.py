@@ -10,7 +10,7 @@ from typing import Protocol
 
 from fmus.kit import UserError
 from orchestration.plugins.calibrated import Calibrated
-from orchestration.rig.calibration import Channel, Instrument
+from orchestration.plugins.calibration import Channel, Instrument
 
 _MOST_ERRORS = 20  # that an instrument keeps
 

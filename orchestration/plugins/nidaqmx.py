@@ -31,7 +31,7 @@ from nidaqmx.system.watchdog import AOExpirationState, WatchdogTask
 
 from fmus.kit import UserError
 from orchestration.plugins.calibrated import Calibrated
-from orchestration.rig.calibration import Channel, read_calibration
+from orchestration.plugins.calibration import Channel, read_calibration
 from orchestration.rig.signals import one_of, seconds
 
 _TERMINALS = {

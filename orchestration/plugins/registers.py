@@ -15,7 +15,7 @@ from typing import Any
 from pymodbus.client import ModbusTcpClient
 
 from fmus.kit import UserError
-from orchestration.rig.calibration import Channel
+from orchestration.plugins.calibration import Channel
 
 # of a table, the requests that read it, and that write one place of it
 _TABLES = {

@@ -9,7 +9,7 @@ import serial
 from fmus.kit import UserError
 from orchestration.plugins.messages import Instruments
 from orchestration.rig.backends import place
-from orchestration.rig.calibration import Instrument, read_calibration
+from orchestration.plugins.calibration import Instrument, read_calibration
 
 
 class Serial(Instruments):

@@ -12,7 +12,7 @@ from pyvisa.resources import MessageBasedResource
 
 from fmus.kit import UserError
 from orchestration.plugins.messages import Instruments, Session, one_line
-from orchestration.rig.calibration import Instrument, read_calibration
+from orchestration.plugins.calibration import Instrument, read_calibration
 
 _CALIBRATION = "thesis_generator"
 

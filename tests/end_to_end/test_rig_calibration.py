@@ -15,7 +15,7 @@ from contextlib import contextmanager
 import pytest
 
 from orchestration.experiment import results
-from orchestration.rig.calibration import read_calibration
+from orchestration.plugins.calibration import read_calibration
 from tests.support.command import posix, ppy, recording
 from tests.support.rig.backends import Calibrated
 from tests.support.rig.process import Server

@@ -37,7 +37,7 @@ from orchestration.cli.outputs import (
 
 if TYPE_CHECKING:
     from orchestration.rig import Endpoint
-    from orchestration.rig.calibration import Channel, Point
+    from orchestration.plugins.calibration import Channel, Point
 
 _POINTS = 2  # of a calibration
 
@@ -221,7 +221,7 @@ def calibrate(options: CalibrateCommand) -> None:
     """
     from orchestration.reporting.console import note, out, wrote
     from orchestration.rig import ask
-    from orchestration.rig.calibration import Point, adjust, served_channel, write_adjustment
+    from orchestration.plugins.calibration import Point, adjust, served_channel, write_adjustment
 
     path = options["file"]
     remote = _server(options)
@@ -265,7 +265,7 @@ def _typed(question: str) -> str:
 def _measured(point: Point, remote: Endpoint, channel: Channel, duration: float) -> Point:
     """Return a point with its readings, which are taken now unless it has some, and print it."""
     from orchestration.reporting.console import out
-    from orchestration.rig.calibration import measure
+    from orchestration.plugins.calibration import measure
 
     if not point.size:
         point = measure(remote, channel, point.known, duration)

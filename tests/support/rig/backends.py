@@ -21,7 +21,7 @@ from pathlib import Path
 
 from fmus.kit.errors import UserError
 from orchestration.rig.backends.backend import Backend, Limit, Steppable
-from orchestration.rig.calibration import read_calibration
+from orchestration.plugins.calibration import read_calibration
 
 GAIN = {"voltage": 2.0, "displacement": 0.5}  # of the commands, see `Logged.read`
 

@@ -10,7 +10,7 @@ import pytest
 
 from fmus.kit.errors import UserError
 from orchestration.plugins.registers import Place
-from orchestration.rig.calibration import Channel
+from orchestration.plugins.calibration import Channel
 
 
 def channel(place: str, low: float = -100.0, high: float = 100.0) -> Channel:

@@ -16,7 +16,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from orchestration.rig.calibration.values import Interval, Number, Positive, TomlTable, one_of
+from orchestration.plugins.calibration.values import Interval, Number, Positive, TomlTable, one_of
 
 _KELVIN = 273.15  # of 0 degC
 _NARROW = 1e-12  # of an interval, to which a root is found

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from fmus.kit.errors import UserError
-from orchestration.rig.calibration.conversions import Conversion, Divider, inverse
-from orchestration.rig.calibration.values import (
+from orchestration.plugins.calibration.conversions import Conversion, Divider, inverse
+from orchestration.plugins.calibration.values import (
     Baudrate,
     Ending,
     Framing,

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fmus.kit.errors import UserError
-from orchestration.rig.calibration import Channel
-from orchestration.rig.calibration.conversions import Divider, Polynomial
+from orchestration.plugins.calibration import Channel
+from orchestration.plugins.calibration.conversions import Divider, Polynomial
 
 
 @st.composite

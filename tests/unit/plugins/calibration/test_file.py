@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from fmus import PROXIES, component
 from fmus.kit.errors import UserError
 from fmus.kit.registry import presets
-from orchestration.rig.calibration import Calibration, Channel, read_calibration
+from orchestration.plugins.calibration import Calibration, Channel, read_calibration
 from tests.support import source
 
 GOOD = """

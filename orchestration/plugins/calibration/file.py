@@ -18,15 +18,15 @@ from fmus.kit import registry, units
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.files import is_file
 from orchestration.experiment.values import read_toml
-from orchestration.rig.calibration.channels import ROUNDING, Calibration, Channel, Instrument
-from orchestration.rig.calibration.conversions import (
+from orchestration.plugins.calibration.channels import ROUNDING, Calibration, Channel, Instrument
+from orchestration.plugins.calibration.conversions import (
     CIRCUITS,
     CONVERSIONS,
     Conversion,
     Divider,
     is_monotonic,
 )
-from orchestration.rig.calibration.values import (
+from orchestration.plugins.calibration.values import (
     Date,
     Interval,
     NotNegative,

@@ -7,7 +7,7 @@ from typing import Annotated
 import pytest
 
 from fmus.kit.errors import UserError
-from orchestration.rig.calibration.values import (
+from orchestration.plugins.calibration.values import (
     Interval,
     NotZero,
     Positive,

@@ -18,8 +18,8 @@ import zmq
 from fmus.kit import files
 from fmus.kit.errors import UserError, suggestion
 from fmus.rig_proxy import protocol
-from orchestration.rig.calibration.channels import Channel
-from orchestration.rig.calibration.file import parse_calibration, read_calibration
+from orchestration.plugins.calibration.channels import Channel
+from orchestration.plugins.calibration.file import parse_calibration, read_calibration
 from orchestration.rig.endpoint import Endpoint
 
 _FEWEST = 3  # values of a point, for a standard deviation that says something

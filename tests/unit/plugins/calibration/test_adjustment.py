@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from fmus.kit.errors import UserError
-from orchestration.rig.calibration import Channel, Point, read_calibration
-from orchestration.rig.calibration.adjustment import (
+from orchestration.plugins.calibration import Channel, Point, read_calibration
+from orchestration.plugins.calibration.adjustment import (
     adjust,
     served_channel,
     write_adjustment,

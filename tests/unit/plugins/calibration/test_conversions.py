@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from orchestration.rig.calibration.conversions import (
+from orchestration.plugins.calibration.conversions import (
     Beta,
     Divider,
     Polynomial,
