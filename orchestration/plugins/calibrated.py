@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from orchestration.rig.backends import Backend
+from fmus.kit import UserError
 from orchestration.plugins.calibration import read_calibration
+from orchestration.rig.backends import Backend
 from orchestration.rig.signals import commands
 
 
@@ -29,8 +30,13 @@ class Calibrated(Backend):
         self._measured_channels = self._calibration.outputs
         self.inputs, self.outputs = self._calibration.units
         self.limits = self._calibration.limits
+        line = self._calibration.heartbeat
+        if line and type(self).heartbeat is Backend.heartbeat:
+            raise UserError(
+                f"{self._calibration.file}: [rig] heartbeat = {line!r}: there is no such line here"
+            )
         self.attributes = self._calibration.attributes
-        self.safe_values = {name: one.safe for name, one in self._command_channels.items()}
+        self.safe_values = {name: one.safe_value for name, one in self._command_channels.items()}
 
     def _volts(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return the volts of every command.

@@ -48,7 +48,7 @@ class Instruments(Calibrated):
     def __init__(self, calibration: str) -> None:
         super().__init__(calibration)
         for channel in (*self._command_channels.values(), *self._measured_channels.values()):
-            if not channel.command:
+            if not channel.instrument:
                 raise UserError(
                     f"{calibration}: {channel.name} is a channel of a device, not of an instrument"
                 )
@@ -95,7 +95,7 @@ class Instruments(Calibrated):
             If an instrument does not answer in time, or with something that is no number.
         """
         return {
-            name: self._query(channel, channel.command)
+            name: self._query(channel, channel.message)
             for name, channel in self._measured_channels.items()
         }
 
@@ -161,7 +161,8 @@ class Instruments(Calibrated):
         errors: list[UserError] = []
         for name, channel in self._command_channels.items():
             try:
-                self._insist(channel.place, _message(channel, channel.volts(channel.safe)))
+                volts = channel.volts(self.safe_values[name])
+                self._insist(channel.place, _message(channel, volts))
                 self._sent.pop(name, None)
             except UserError as error:
                 errors.append(error)
@@ -240,7 +241,7 @@ class Instruments(Calibrated):
 
 def _message(channel: Channel, volts: float) -> str:
     """Return the message that commands an instrument."""
-    return channel.command.format(volts=volts + 0.0)  # no -0
+    return channel.message.format(volts=volts + 0.0)  # no -0
 
 
 def one_line(error: Exception) -> str:

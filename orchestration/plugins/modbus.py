@@ -93,7 +93,7 @@ class Modbus(Calibrated):
         errors: list[UserError] = []
         for place in self._commanded.values() if self._is_open else ():
             try:
-                self._insist(place, place.channel.volts(place.channel.safe))
+                self._insist(place, place.channel.volts(self.safe_values[place.channel.name]))
             except UserError as error:
                 errors.append(error)
         if errors:

@@ -1,15 +1,16 @@
-"""Backend of the analog inputs and outputs of a National Instruments device, through NI-DAQmx.
+"""Backend of a National Instruments device, through NI-DAQmx: analog channels and digital lines.
 
 Inputs are sampled by the device's own clock where it has one for them, and a read takes the newest
-sample; otherwise a read converts at once. Outputs are written at once: a buffer in front of them
-would delay commands. Where the device has a watchdog timer it takes the outputs to their safe volts
-if this computer stops; where it has none, `watchdog` says so, and the outputs stay as they are
-when the computer has stopped.
+sample; otherwise a read converts at once, as digital lines are always read. Outputs are written at
+once: a buffer in front of them would delay commands. Where the device has a watchdog timer it takes
+the outputs to their safe volts if this computer stops; where it has none, `watchdog` says so, and
+the outputs stay as they are when the computer has stopped.
 """
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 
@@ -17,6 +18,7 @@ import nidaqmx
 import numpy as np
 from nidaqmx.constants import (
     AcquisitionType,
+    LineGrouping,
     OverwriteMode,
     ReadRelativeTo,
     TaskMode,
@@ -24,14 +26,15 @@ from nidaqmx.constants import (
     WatchdogAOExpirState,
 )
 from nidaqmx.errors import DaqError, Error
-from nidaqmx.stream_readers import AnalogMultiChannelReader
-from nidaqmx.stream_writers import AnalogMultiChannelWriter
+from nidaqmx.stream_readers import AnalogMultiChannelReader, DigitalMultiChannelReader
+from nidaqmx.stream_writers import AnalogMultiChannelWriter, DigitalSingleChannelWriter
 from nidaqmx.system import Device
 from nidaqmx.system.watchdog import AOExpirationState, WatchdogTask
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Array
 from orchestration.plugins.calibrated import Calibrated
-from orchestration.plugins.calibration import Channel, read_calibration
+from orchestration.plugins.calibration import MeasuredChannel, read_calibration
 from orchestration.rig.signals import one_of, seconds
 
 _TERMINALS = {
@@ -40,6 +43,8 @@ _TERMINALS = {
     "referenced": TerminalConfiguration.RSE,
     "non-referenced": TerminalConfiguration.NRSE,
 }
+# with or without the device; a line is of a port: Dev1/ai0, ai0, Dev1/port0/line1, port0/line1
+_PLACE = re.compile(r"(?:(?!port\d+/)([^/]+)/)?(?:[^/]+|(port\d+/line\d+))")
 # times the rig's watchdog, after which the device's acts: the rig's has to have failed first
 _LATER = 2.0
 _BUFFER = 10  # s of samples that the driver keeps
@@ -92,7 +97,13 @@ class NiDaqmx(Calibrated):
         self._armed = False
         self._reader: AnalogMultiChannelReader | None = None
         self._writer: AnalogMultiChannelWriter | None = None
-        self._samples = np.full(len(self._measured_channels), math.nan)
+        self._line_reader: DigitalMultiChannelReader | None = None
+        self._beat_writer: DigitalSingleChannelWriter | None = None
+        measured = self._measured_channels.values()
+        self._analog = [one for one in measured if not _is_line(one.channel)]
+        self._lines = [one for one in measured if _is_line(one.channel)]
+        self._samples = np.full(len(self._analog), math.nan)
+        self._levels = np.zeros(len(self._lines), bool)
         try:
             with _errors_in_one_line(f"{device} cannot be opened"):
                 self._device = Device(device)
@@ -100,6 +111,7 @@ class NiDaqmx(Calibrated):
                 self.watchdog = self._open_watchdog()
                 self._open_outputs()
                 self.timing = self._open_inputs(timing)
+                self._open_lines()
         except BaseException:
             self.close()
             raise
@@ -110,26 +122,40 @@ class NiDaqmx(Calibrated):
     ) -> list[str]:
         """Return the device, and those of channels that have a device of their own."""
         channels = read_calibration(calibration)
-        places = [one.place for one in (*channels.inputs.values(), *channels.outputs.values())]
-        named = {place.rpartition("/")[0] for place in places} - {""}
+        places = [one.channel for one in (*channels.inputs.values(), *channels.outputs.values())]
+        found = [_PLACE.fullmatch(place) for place in (*places, channels.heartbeat)]
+        named = {match[1] for match in found if match} - {None}
         return sorted({f"NI device {name.lower()}" for name in (device, *named)})
 
     def _check(self, calibration: str, device: str) -> None:
-        """Refuse signals of instruments, and a name that is not that of a device."""
+        """Refuse signals of instruments, wrong lines, and a name that is not that of a device."""
         for channel in (*self._command_channels.values(), *self._measured_channels.values()):
-            if channel.command:
+            where = f"{calibration}: {channel.name}"
+            if channel.instrument:
+                raise UserError(f"{where} is a signal of an instrument, not of this device")
+            if not _is_line(channel.channel):
+                continue
+            if channel.name in self.inputs:
                 raise UserError(
-                    f"{calibration}: {channel.name} is a signal of an instrument, not of this"
-                    " device"
+                    f"{where}: channel = {channel.channel!r}: a digital line can be measured only"
                 )
+            if channel.si != "1":
+                raise UserError(f"{where}: unit = {channel.unit!r}: a digital line has the unit 1")
+        line = self._calibration.heartbeat
+        if line and not _is_line(line):
+            raise UserError(
+                f"{calibration}: [rig] heartbeat = {line!r}: a digital line is wanted, such as"
+                " port0/line7"
+            )
         if not device or "/" in device:
             raise UserError(
                 f"option device = {device!r}: the name of a device is wanted, such as Dev1"
             )
 
-    def _physical_channel(self, channel: Channel) -> str:
-        """Return a channel's name in NI-DAQmx, such as ``Dev1/ai0``."""
-        return channel.place if "/" in channel.place else f"{self._name}/{channel.place}"
+    def _physical_channel(self, channel: str) -> str:
+        """Return a channel's name in NI-DAQmx, such as ``Dev1/ai0`` or ``Dev1/port0/line1``."""
+        found = _PLACE.fullmatch(channel)
+        return f"{self._name}/{channel}" if found and not found[1] else channel
 
     def _open_watchdog(self) -> str:
         """Set up the device's own timer, which takes the outputs to their safe volts.
@@ -141,11 +167,11 @@ class NiDaqmx(Calibrated):
         after = _LATER * self._calibration.watchdog
         states = [
             AOExpirationState(
-                self._physical_channel(channel),
-                channel.volts(channel.safe),
+                self._physical_channel(channel.channel),
+                channel.volts(self.safe_values[name]),
                 WatchdogAOExpirState.VOLTAGE,
             )
-            for channel in self._command_channels.values()
+            for name, channel in self._command_channels.items()
         ]
         try:
             self._watchdog_task = WatchdogTask(self._name, timeout=after)
@@ -169,22 +195,22 @@ class NiDaqmx(Calibrated):
             return
         task = self._new_task()
         for channel in self._command_channels.values():
-            task.ao_channels.add_ao_voltage_chan(
-                self._physical_channel(channel), min_val=channel.low, max_val=channel.high
-            )
+            low, high = channel.range
+            name = self._physical_channel(channel.channel)
+            task.ao_channels.add_ao_voltage_chan(name, min_val=low, max_val=high)
         self._writer = AnalogMultiChannelWriter(task.out_stream, auto_start=True)
 
     def _open_inputs(self, timing: str) -> str:
         """Set up and start the analog inputs; return their timing, ``hardware`` or ``software``."""
-        if not self._measured_channels:
+        if not self._analog:
             return "software"
         task = self._new_task()
-        for channel in self._measured_channels.values():
+        for channel in self._analog:
             task.ai_channels.add_ai_voltage_chan(
-                self._physical_channel(channel),
+                self._physical_channel(channel.channel),
                 terminal_config=_TERMINALS[channel.terminal],
-                min_val=channel.low,
-                max_val=channel.high,
+                min_val=channel.range[0],
+                max_val=channel.range[1],
             )
         self._reader = AnalogMultiChannelReader(task.in_stream)
         chosen = timing
@@ -205,6 +231,22 @@ class NiDaqmx(Calibrated):
         task.start()
         return chosen
 
+    def _open_lines(self) -> None:
+        """Set up the digital lines that are read, and that of the heartbeat without changing it."""
+        if self._lines:
+            task = self._new_task()
+            for channel in self._lines:
+                task.di_channels.add_di_chan(
+                    self._physical_channel(channel.channel),
+                    line_grouping=LineGrouping.CHAN_PER_LINE,
+                )
+            self._line_reader = DigitalMultiChannelReader(task.in_stream)
+            task.start()
+        if self._calibration.heartbeat:
+            task = self._new_task()
+            task.do_channels.add_do_chan(self._physical_channel(self._calibration.heartbeat))
+            self._beat_writer = DigitalSingleChannelWriter(task.out_stream, auto_start=True)
+
     def _new_task(self) -> nidaqmx.Task:
         task = nidaqmx.Task()
         self._tasks.append(task)
@@ -212,6 +254,8 @@ class NiDaqmx(Calibrated):
 
     def read(self) -> Mapping[str, float]:
         """Return the newest sample of every measured channel, SI; NaN for volts beyond the range.
+
+        The volts of a digital line are 0 and 1.
 
         Returns
         -------
@@ -222,16 +266,15 @@ class NiDaqmx(Calibrated):
         UserError
             If the driver reports an error, or no sample within the timeout.
         """
-        if self._reader is None:  # it is closed, or nothing is measured
-            return dict.fromkeys(self.outputs, math.nan)
+        values = dict.fromkeys(self.outputs, math.nan)  # it is closed, or nothing is measured
         with _errors_in_one_line(f"{self._name} cannot be read"):
-            self._reader.read_one_sample(self._samples, self._timeout)
-        return {
-            name: channel.measured(volts)
-            for (name, channel), volts in zip(
-                self._measured_channels.items(), self._samples.tolist(), strict=True
-            )
-        }
+            if self._reader is not None:
+                self._reader.read_one_sample(self._samples, self._timeout)
+                values |= _measured(self._analog, self._samples)
+            if self._line_reader is not None:
+                self._line_reader.read_one_sample_one_line(self._levels, self._timeout)
+                values |= _measured(self._lines, self._levels)
+        return values
 
     def write(self, values: Mapping[str, float]) -> None:
         """Put out every command, and reset the device's watchdog timer.
@@ -259,6 +302,18 @@ class NiDaqmx(Calibrated):
                     self._armed = True
             self._writer.write_one_sample(np.array(volts), self._timeout)
 
+    def heartbeat(self, level: bool) -> None:
+        """Set the line of the heartbeat, if the calibration names one and the device is open.
+
+        Raises
+        ------
+        UserError
+            If the driver reports an error.
+        """
+        if self._beat_writer is not None:
+            with _errors_in_one_line(f"{self._name} cannot set its heartbeat"):
+                self._beat_writer.write_one_sample_one_line(level, self._timeout)
+
     def safe(self) -> None:
         """Put out the safe value of every command, or reset a device that does not take it.
 
@@ -269,9 +324,7 @@ class NiDaqmx(Calibrated):
         """
         if self._writer is None:
             return
-        volts = np.array(
-            [channel.volts(channel.safe) for channel in self._command_channels.values()]
-        )
+        volts = np.array(list(self._volts(self.safe_values).values()))
         try:
             with suppress(Error):
                 self._disarm_watchdog()  # for an expired one refuses values
@@ -297,6 +350,8 @@ class NiDaqmx(Calibrated):
         """Release the device; its outputs stay as they are."""
         self._reader = None
         self._writer = None
+        self._line_reader = None
+        self._beat_writer = None
         tasks = self._tasks
         self._tasks = []
         for task in tasks:
@@ -315,6 +370,18 @@ class NiDaqmx(Calibrated):
         self._armed = False
         with suppress(Error):
             watchdog.close()
+
+
+def _is_line(channel: str) -> bool:
+    """Return whether a channel is a digital line."""
+    found = _PLACE.fullmatch(channel)
+    return found is not None and found[2] is not None
+
+
+def _measured(channels: list[MeasuredChannel], samples: Array) -> dict[str, float]:
+    """Return the values, SI, of samples of channels in V, or 0 and 1."""
+    pairs = zip(channels, samples.tolist(), strict=True)
+    return {channel.name: channel.measured(volts) for channel, volts in pairs}
 
 
 @contextmanager

@@ -67,7 +67,7 @@ class Place:
         self.count: int = 1 if is_bit else _TYPES[found[3]].value[1]
         self._type: Any = _TYPES.get(found[3])
         self._order: Any = found[4] or "big"
-        for end in (channel.low, channel.high) if written else ():
+        for end in channel.range if written else ():
             self.encode(end)
 
     def encode(self, number: float) -> list[Any]:

@@ -7,9 +7,9 @@ import os
 import serial
 
 from fmus.kit import UserError
+from orchestration.plugins.calibration import Instrument, read_calibration
 from orchestration.plugins.messages import Instruments
 from orchestration.rig.backends import place
-from orchestration.plugins.calibration import Instrument, read_calibration
 
 
 class Serial(Instruments):

@@ -11,8 +11,8 @@ import pyvisa
 from pyvisa.resources import MessageBasedResource
 
 from fmus.kit import UserError
-from orchestration.plugins.messages import Instruments, Session, one_line
 from orchestration.plugins.calibration import Instrument, read_calibration
+from orchestration.plugins.messages import Instruments, Session, one_line
 
 _CALIBRATION = "thesis_generator"
 

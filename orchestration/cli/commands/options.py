@@ -930,45 +930,6 @@ class BridgeCommand(TypedDict, total=False):
     ]
 
 
-class CalibrateCommand(ServerOptions, total=False):
-    """Options of ``ppy rig calibrate``."""
-
-    file: Annotated[
-        Path,
-        Option(
-            "Calibration that the server has.",
-            default=REQUIRED,
-            metavar="FILE.toml",
-            argument=True,
-        ),
-    ]
-    signal: Annotated[
-        str, Option("Measured signal.", default=REQUIRED, metavar="SIGNAL", argument=True)
-    ]
-    points: Annotated[
-        Sequence[str],
-        Option(
-            "Known value in the file's unit, to be read now, or a point as printed before.",
-            default=(),
-            flag="--point",
-            metavar="KNOWN[=READING]",
-            form=TEXTS,
-        ),
-    ]
-    duration: Annotated[
-        float,
-        Option("How long to read at each of them, in s.", default=3.0, least=0.1, most=600.0),
-    ]
-    uncertainty: Annotated[
-        float,
-        Option("Standard uncertainty of the known values, in that unit.", default=REQUIRED),
-    ]
-    source: Annotated[
-        str, Option("Reference of the known values.", default=REQUIRED, metavar="TEXT")
-    ]
-    by: Annotated[str, Option("Whoever adjusts.", default=REQUIRED, metavar="NAME")]
-
-
 class KeysCommand(TypedDict, total=False):
     """Options of ``ppy rig keys``."""
 

@@ -1,9 +1,9 @@
-"""``ppy rig``: the server of a rig, its live page, calibration and emergency stop."""
+"""``ppy rig``: the server of a rig, its live page, and emergency stop."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,6 @@ from orchestration.cli.command import command
 from orchestration.cli.commands.options import (
     AcknowledgeCommand,
     BridgeCommand,
-    CalibrateCommand,
     CommissionCommand,
     KeysCommand,
     LogCommand,
@@ -37,9 +36,6 @@ from orchestration.cli.outputs import (
 
 if TYPE_CHECKING:
     from orchestration.rig import Endpoint
-    from orchestration.plugins.calibration import Channel, Point
-
-_POINTS = 2  # of a calibration
 
 rig = typer.Typer(name="rig", add_completion=False, rich_markup_mode="rich")
 
@@ -156,8 +152,6 @@ def _raise_if_refused(targets: str) -> None:
 
 def _ask(question: str) -> bool | None:
     """Put a question to the operator; None without a terminal."""
-    import sys
-
     from orchestration.reporting.console import err
 
     if not sys.stdin.isatty():
@@ -209,71 +203,6 @@ def watch(options: WatchCommand) -> None:
 
 rig.command("record")(record)
 rig.command("archive")(archive)
-
-
-@rig.command("calibrate")
-@command(CalibrateCommand)
-def calibrate(options: CalibrateCommand) -> None:
-    """Adjust gain and offset of a measured signal at two known values, in its calibration file.
-
-    A value that no --point gives is asked for. The old file is kept, with its date. The server must
-    have been started with the file, and reads the new one when it is started again.
-    """
-    from orchestration.reporting.console import note, out, wrote
-    from orchestration.rig import ask
-    from orchestration.plugins.calibration import Point, adjust, served_channel, write_adjustment
-
-    path = options["file"]
-    remote = _server(options)
-    channel = served_channel(path, options["signal"], ask(remote, "status"))
-    points: list[Point] = []
-    try:
-        for text in _known_values(options["points"], channel.own_unit):
-            points.append(_measured(Point.parse(text), remote, channel, options["duration"]))
-        new = adjust(channel, points, options["uncertainty"])
-        out.print(f"gain {channel.gain:.8g} -> {new.gain:.8g}")
-        out.print(f"offset {channel.offset:.8g} -> {new.offset:.8g} {channel.own_unit}")
-        out.print(f"standard uncertainty {new.uncertainty:.3g} {channel.own_unit}")
-        old = write_adjustment(path, channel.name, new, points, options["by"], options["source"])
-    except BaseException:
-        measured = " ".join(f"--point {point}" for point in points)
-        note(f"{path} is as it was; to go on, give the same command {measured}")
-        raise
-    wrote(path, f"the old one is {old}")
-    note("the server goes on with the old one until it is started again")
-
-
-def _known_values(given: Sequence[str], unit: str) -> Iterator[str]:
-    """Yield the points that options give, then known values as they are typed, two in all."""
-    if len(given) > _POINTS:
-        raise UserError(f"--point: {len(given)} are given; {_POINTS} are wanted")
-    yield from given
-    for number in range(len(given), _POINTS):
-        yield _typed(f"known value {number + 1} in {unit}, once it is there")
-
-
-def _typed(question: str) -> str:
-    """Return the answer to a question at a terminal; its end is an interrupt."""
-    if not sys.stdin.isatty():
-        raise UserError(f"--point is missing: {question}")
-    try:
-        return input(f"{question}: ").strip()
-    except EOFError as error:
-        raise KeyboardInterrupt from error
-
-
-def _measured(point: Point, remote: Endpoint, channel: Channel, duration: float) -> Point:
-    """Return a point with its readings, which are taken now unless it has some, and print it."""
-    from orchestration.reporting.console import out
-    from orchestration.plugins.calibration import measure
-
-    if not point.size:
-        point = measure(remote, channel, point.known, duration)
-    out.print(
-        f"{point.known:g} {channel.own_unit}: reads {point.reading:.6g}, standard deviation"
-        f" {point.deviation:.3g} of {point.size:g} readings"
-    )
-    return point
 
 
 @rig.command("stop")

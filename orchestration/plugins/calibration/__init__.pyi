@@ -6,4 +6,5 @@ from .adjustment import write_adjustment as write_adjustment
 from .channels import Calibration as Calibration
 from .channels import Channel as Channel
 from .channels import Instrument as Instrument
+from .channels import MeasuredChannel as MeasuredChannel
 from .file import read_calibration as read_calibration

@@ -7,25 +7,30 @@ import math
 import re
 import statistics
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from time import monotonic
 from typing import Any, NamedTuple
 
+import numpy as np
 import tomlkit
-import zmq
 
 from fmus.kit import files
 from fmus.kit.errors import UserError, suggestion
-from fmus.rig_proxy import protocol
+from fmus.kit.interrupt import Interrupt
 from orchestration.plugins.calibration.channels import Channel
 from orchestration.plugins.calibration.file import parse_calibration, read_calibration
-from orchestration.rig.endpoint import Endpoint
+from orchestration.rig import Endpoint
+from orchestration.rig.record import RecordingObserver, listen
 
 _FEWEST = 3  # values of a point, for a standard deviation that says something
-_PATIENCE = 3.0  # s for the first telemetry
 _SAME = 1e-6  # s between two statements of when one value was measured
 _DISTINCT = 3.0  # standard deviations by which readings of different values differ
+
+
+def _ignore(*_: object) -> None:
+    """Show nothing of a reading."""
+
+
+_UNSEEN = RecordingObserver(_ignore, _ignore, str, _ignore)
 
 
 class Point(NamedTuple):
@@ -59,12 +64,11 @@ class Point(NamedTuple):
             If the text is neither.
         """
         try:
-            numbers = [float(part) for part in re.split("[=,]", text)]
-        except ValueError:
-            numbers = []
-        point = cls(*numbers) if len(numbers) in (1, 4) else cls(math.nan)
+            point = cls(*map(float, re.split("[=,]", text)))
+        except (TypeError, ValueError):
+            point = cls(math.nan)
         is_measured = point.deviation >= 0.0 and point.size >= _FEWEST
-        if not all(map(math.isfinite, point)) or not (is_measured or len(numbers) == 1):
+        if not all(map(math.isfinite, point)) or not (is_measured or "=" not in text):
             raise UserError(
                 f"point {text!r}: a finite number in the channel's unit is wanted, or what an"
                 " earlier measurement printed, KNOWN=READING,DEVIATION,SIZE"
@@ -72,8 +76,7 @@ class Point(NamedTuple):
         return point
 
 
-@dataclass(frozen=True)
-class Adjustment:
+class Adjustment(NamedTuple):
     """Gain and offset through two points.
 
     Attributes
@@ -120,12 +123,16 @@ def served_channel(path: Path, name: str, status: Mapping[str, Any]) -> Channel:
     return outputs[name]
 
 
-def measure(remote: Endpoint, channel: Channel, known: float, duration: float) -> Point:
+def measure(
+    remote: Endpoint, status: Mapping[str, Any], channel: Channel, known: float, duration: float
+) -> Point:
     """Read a channel for a while at a known value.
 
     Parameters
     ----------
     remote : Endpoint
+    status : Mapping
+        The message ``status`` of the server.
     channel : Channel
     known : float
         In the channel's unit.
@@ -141,43 +148,20 @@ def measure(remote: Endpoint, channel: Channel, known: float, duration: float) -
     UserError
         If there are too few values.
     """
-    values = _values(remote, channel.name, duration)
-    if len(values) < _FEWEST:
+    rows, failure = listen(remote, status, duration, Interrupt(), _UNSEEN)
+    width = len(status["outputs"])
+    first = 1 + len(status["inputs"]) + [*status["outputs"]].index(channel.name)
+    clock, values, ages = rows[:, [0, first, first + width]].T
+    measured = clock - ages
+    # each once, and none from before
+    is_new = (np.diff(measured, prepend=math.inf) > _SAME) & (measured > clock[:1])
+    readings = [channel.reading(value) for value in values[is_new & np.isfinite(values)].tolist()]
+    if failure or len(readings) < _FEWEST:
         raise UserError(
-            f"{channel.name}: {len(values)} values from {remote.telemetry} in {duration:g} s,"
-            f" {_FEWEST} are wanted; is the sensor open, short or beyond its range?"
+            f"{channel.name}: {len(readings)} values from {remote.telemetry} in {duration:g} s,"
+            f" {_FEWEST} are wanted; {failure or 'is the sensor open, short or out of range?'}"
         )
-    readings = [channel.reading(value) for value in values]
     return Point(known, statistics.fmean(readings), statistics.stdev(readings), len(readings))
-
-
-def _values(remote: Endpoint, name: str, duration: float) -> list[float]:
-    """Return the values of an output that are measured while a time passes, each once."""
-    values = []
-    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-    try:
-        socket = context.socket(zmq.SUB)
-        remote.connect(socket, remote.telemetry)
-        socket.subscribe(b"")
-        newest = math.inf  # when the last value was measured, on the rig's clock
-        until = monotonic() + _PATIENCE
-        while (remaining := until - monotonic()) > 0.0:
-            if not socket.poll(math.ceil(1000 * remaining)):
-                break
-            message = protocol.decode(socket.recv(), protocol.REPLIES)
-            if newest == math.inf:
-                newest = message["clock"]
-                until = monotonic() + duration
-            value = message["outputs"].get(name)
-            age = message["ages"].get(name)
-            if value is not None and message["clock"] - age > newest + _SAME:
-                newest = message["clock"] - age
-                values.append(float(value))
-    except (protocol.ProtocolError, KeyError, TypeError, ValueError) as error:
-        raise UserError(f"{remote.telemetry} sends something else than telemetry") from error
-    finally:
-        context.destroy(linger=0)
-    return values
 
 
 def adjust(channel: Channel, points: Sequence[Point], uncertainty: float) -> Adjustment:
@@ -246,25 +230,17 @@ def write_adjustment(
         If the file cannot be written, or has changed so that it is no calibration any more.
     """
     now = datetime.datetime.now().replace(microsecond=0)
-    document: Any = tomlkit.parse(path.read_text(encoding="utf-8"))
+    before = path.read_bytes()
+    document: Any = tomlkit.parse(before.decode())
     table = document["outputs"][name]
     table.pop("relative_uncertainty", None)
-    table.update(
-        {
-            "gain": adjustment.gain,
-            "offset": adjustment.offset,
-            "uncertainty": adjustment.uncertainty,
-            "date": now.date(),
-            "by": by,
-            "source": source,
-            "points": [[point.known, point.reading] for point in points],
-        }
-    )
+    pairs = [[point.known, point.reading] for point in points]
+    table.update(adjustment._asdict(), date=now.date(), by=by, source=source, points=pairs)
     parse_calibration(document.unwrap(), path)
     old = path.with_name(f"{path.stem}_until_{now:%Y-%m-%dT%H-%M-%S}{path.suffix}")
     try:
         with open(old, "xb") as kept:
-            kept.write(path.read_bytes())
+            kept.write(before)
     except OSError as error:
         raise UserError(f"cannot write {old}: {error.strerror}") from error
     files.write(path, tomlkit.dumps(document).encode())

@@ -2,20 +2,41 @@
 
 from __future__ import annotations
 
-import datetime
 import math
 import re
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import Annotated, ClassVar, Literal
 
+import numpy as np
+from pydantic import Field, PlainValidator
+
+from fmus.kit import units
 from fmus.kit.errors import UserError
-from orchestration.plugins.calibration.conversions import Conversion, Divider, inverse
+from orchestration.plugins.calibration.conversions import (
+    CIRCUITS,
+    NO_CONVERSION,
+    Conversion,
+    inverse,
+    is_monotonic,
+    read_conversion,
+    read_divider,
+)
 from orchestration.plugins.calibration.values import (
     Baudrate,
+    Date,
     Ending,
     Framing,
+    Interval,
+    NotNegative,
+    NotZero,
+    Number,
     NumberPattern,
     Pattern,
+    Positive,
+    Sign,
     Text,
     Texts,
     Timeout,
@@ -23,9 +44,12 @@ from orchestration.plugins.calibration.values import (
 )
 from orchestration.rig.signals import Limit
 
+# Loading the units takes a quarter of a second, which a process that reopens a rig in an emergency
+# must not lose.
+units.registry()
 _FIRST = re.compile("([^,]*)")  # of the values in an answer, which SCPI puts commas between
-ROUNDING = 1e-9  # of a range, by which a command may be beyond it
-_GRID = 200  # intervals of a range, at whose ends a conversion is checked
+_ROUNDING = 1e-9  # of the values in reach, by which a command may be beyond them
+_GRID = 201  # volts of a range, at which a conversion is checked
 
 
 class Instrument(TomlTable):
@@ -65,85 +89,106 @@ class Instrument(TomlTable):
     framing: Framing = "8N1"
 
 
-@dataclass(frozen=True)
-class Channel:
+class Channel(TomlTable):
     """One signal of a rig, and the channel or instrument that has it.
+
+    Attributes are the keys of its table in the file, in the unit there; what methods take and
+    return is SI.
 
     Attributes
     ----------
-    name, unit : str
-        Name and SI unit of the signal.
-    place : str
-        Channel of a device, such as ``ai0``, or the name of an instrument.
-    command : str
-        Command or query for an instrument; empty for a channel of a device.
+    name : str
+        Name of the signal.
+    unit, si : str
+        Unit in the file, and SI unit.
+    channel : str
+        Channel of a device, such as ``ai0``; empty for a signal of an instrument.
+    instrument : str
+        Name of the instrument; empty for a channel of a device.
     query : str
-        Query for the command that an instrument has; empty if it has no such query.
-    terminal : str
-        Wiring of an analog input, one of `TERMINALS`.
-    gain, offset : float
-        Gain in the channel's own unit per unit of the reading, and offset in that unit.
-    sign : int
-        1 or -1.
-    low, high : float
-        Range of the volts.
-    safe : float
-        SI value in the safe state.
-    factor, zero : float
-        ``SI = factor * value + zero``.
-    date : datetime.date
-        Date of the calibration.
-    source : str
-    own_unit : str
-        Unit of the channel in its file.
-    scale : float
-        Signal of the sensor per volt, as of an amplifier or of a bridge and its excitation.
-    divider : Divider, optional
-        Circuit that turns the signal into a resistance.
+        Query for the value, or for the command that an instrument has; empty if there is none.
+    amplification, excitation, current : float
+        Volts per volt of the sensor; supply of a bridge in V; current through a resistance in A.
+    divider : callable, optional
+        Circuit that turns the volts into a resistance.
     conversion : Conversion, optional
         Conversion of the signal into the reading; without one the reading is the signal.
+    gain, offset : float
+        Gain per unit of the reading, and offset.
+    sign : int
+        1 or -1.
+    range : tuple of two float
+        Volts that make sense.
     uncertainty : float
-        Standard uncertainty of a value, SI; NaN if it is not stated.
+        Standard uncertainty of a value; NaN if it is not stated.
     relative_uncertainty : float
-        Part of the value that is added to it in squares.
+        Part of the value that is added to it in squares; NaN if it is not stated.
+    date : datetime.date
+        Date of the calibration.
+    source, by : str
+    points : tuple
+        Known values, each with its reading.
     """
 
+    verb: ClassVar[str] = "query"
     name: str
-    unit: str
-    place: str
-    command: str
-    query: str
-    terminal: str
-    gain: float
-    offset: float
-    sign: int
-    low: float
-    high: float
-    safe: float
-    factor: float
-    zero: float
-    date: datetime.date
-    source: str
-    own_unit: str = ""
-    scale: float = 1.0
-    divider: Divider | None = None
-    conversion: Conversion | None = None
-    uncertainty: float = math.nan
-    relative_uncertainty: float = 0.0
+    unit: Text
+    si: Text
+    channel: Text = ""
+    instrument: Text = ""
+    query: Text = ""
+    amplification: NotZero = 1.0
+    excitation: Positive = 1e3  # on which 1 mV/V is 1 V
+    current: Positive = 1.0
+    divider: Annotated[Callable[[float], float], PlainValidator(read_divider)] = float
+    conversion: Annotated[Conversion, PlainValidator(read_conversion)] = NO_CONVERSION
+    gain: Annotated[NotZero, Field(description="a finite number is wanted")] = 1.0
+    offset: Number = 0.0
+    range: Interval
+    sign: Sign = 1
+    uncertainty: NotNegative = math.nan
+    relative_uncertainty: NotNegative = math.nan
+    date: Date
+    source: Text = "not stated"
+    by: Text = ""
+    points: Annotated[
+        tuple[tuple[Number, Number], ...],
+        Field(description="a list of [known value, reading] is wanted"),
+    ] = ()
+
+    @property
+    def place(self) -> str:
+        """Channel of a device, or name of an instrument."""
+        return self.channel or self.instrument
+
+    @property
+    def message(self) -> str:
+        """Message that commands an instrument, or asks it for its value."""
+        text: str = getattr(self, self.verb)
+        return text
 
     @property
     def attributes(self) -> dict[str, float | str]:
         """Description of the calibration that goes with every record."""
-        stated: dict[str, float | str] = {
+        uncertainties = {
+            "standard_uncertainty": self._to_si[0] * self.uncertainty,
+            "relative_uncertainty": self.relative_uncertainty,
+        }
+        return {
             "calibration_date": self.date.isoformat(),
             "calibration_gain": self.gain,
             "calibration_offset": self.offset,
+            **{name: value for name, value in uncertainties.items() if value >= 0.0},
         }
-        if not math.isnan(self.uncertainty):
-            stated["standard_uncertainty"] = self.uncertainty
-        if self.relative_uncertainty:
-            stated["relative_uncertainty"] = self.relative_uncertainty
-        return stated
+
+    @cached_property
+    def _to_si(self) -> tuple[float, float]:
+        return factor_and_zero(self.unit, self.si, self.name)
+
+    @cached_property
+    def _scale(self) -> float:
+        """Signal of the sensor per volt, in V, mV/V or ohm; a divider needs the volts."""
+        return 1e3 / (self.amplification * self.current * self.excitation)
 
     def measured(self, volts: float) -> float:
         """Return the value of measured volts, SI; NaN beyond the range, as with a broken wire.
@@ -156,20 +201,16 @@ class Channel:
         -------
         float
         """
-        if not self.low <= volts <= self.high:
-            return math.nan
-        return self._value(volts)
+        return self._value(volts) if self.range[0] <= volts <= self.range[1] else math.nan
 
     def _value(self, volts: float) -> float:
-        value = self.sign * (self.gain * self._reading(volts) + self.offset)
-        return self.factor * value + self.zero
+        reading = self.conversion.value(self.divider(self._scale * volts))
+        return self.in_si(self.sign * (self.gain * reading + self.offset))
 
-    def _reading(self, volts: float) -> float:
-        """Return the reading at some volts; NaN beyond the range of the conversion."""
-        signal = self.scale * volts
-        if self.divider is not None:
-            signal = self.divider.resistance(signal)
-        return signal if self.conversion is None else self.conversion.value(signal)
+    def in_si(self, value: float) -> float:
+        """Return a value in the file's unit in SI."""
+        factor, zero = self._to_si
+        return factor * value + zero
 
     def reading(self, value: float) -> float:
         """Return the reading of a value, before gain and offset.
@@ -183,17 +224,8 @@ class Channel:
         -------
         float
         """
-        return (self.sign * ((value - self.zero) / self.factor) - self.offset) / self.gain
-
-    @property
-    def is_linear(self) -> bool:
-        """True if the value is a linear function of the volts."""
-        return self.divider is None and self.conversion is None
-
-    def sampled(self) -> list[float]:
-        """Return the values, SI, at volts spaced evenly over the range."""
-        width = (self.high - self.low) / _GRID
-        return [self._value(self.low + k * width) for k in range(_GRID + 1)]
+        factor, zero = self._to_si
+        return (self.sign * ((value - zero) / factor) - self.offset) / self.gain
 
     def volts(self, value: float) -> float:
         """Return the volts that command a value.
@@ -212,29 +244,115 @@ class Channel:
         UserError
             If they are beyond the range, or the value is not finite.
         """
-        raw = self.reading(value) / self.scale if self.is_linear else self._inverse(value)
-        room = ROUNDING * (self.high - self.low)
-        if not self.low - room <= raw <= self.high + room:
-            needed = f"{raw:.6g}" if self.is_linear else "another reading"
-            raise UserError(
-                f"{self.name} = {value:.6g} {self.unit} needs {needed} at {self.place}, "
-                f"whose range is {self.low:g} … {self.high:g}"
-            )
-        return min(max(raw, self.low), self.high)
+        if allowed := self.refusal(value):
+            raise UserError(f"{self.name} = {value:.6g} {self.si}: {allowed}")
+        low, high = self.range
+        nearest = min(max(value, self.reach.min), self.reach.max)
+        if self.conversion is NO_CONVERSION and self.divider is float:
+            raw = self.reading(nearest) / self._scale
+        else:
+            raw = inverse(self._value, nearest, low, high)
+        return min(max(raw, low), high)
 
-    def _inverse(self, value: float) -> float:
-        """Return the volts of a value by bisection; NaN if the range has none."""
-        reach = self.reachable()
-        nearest = min(max(value, reach.min), reach.max)
-        if not abs(value - nearest) <= ROUNDING * (reach.max - reach.min):
-            return math.nan
-        rises = math.copysign(1.0, self._value(self.high) - self._value(self.low))
-        return inverse(lambda v: rises * self._value(v), rises * nearest, self.low, self.high)
+    @cached_property
+    def reach(self) -> Limit:
+        """Values between both ends of the range, SI."""
+        return Limit(*sorted(map(self._value, self.range)))
 
-    def reachable(self) -> Limit:
-        """Return the values between both ends of the range, SI."""
-        ends = sorted((self._value(self.low), self._value(self.high)))
-        return Limit(*ends)
+    def refusal(self, value: float) -> str:
+        """Return why a value, SI, cannot be commanded; empty if it can."""
+        room = _ROUNDING * (self.reach.max - self.reach.min)
+        if self.reach.min - room <= value <= self.reach.max + room:
+            return ""
+        able = f"{self.reach.min:.6g} … {self.reach.max:.6g} {self.si}"
+        return f"the range of {self.place} allows {able} only"
+
+    def rules(self) -> list[tuple[str, object, str]]:
+        """Return keys, each with whether it does not fit to others, and what is allowed."""
+        on_instrument = bool(self.instrument)
+        circuit, *more = sorted(CIRCUITS & self.model_fields_set) or [""]
+        no_circuit = circuit and circuit not in self.conversion.circuits
+        no_gain = self.conversion is NO_CONVERSION and "gain" not in self.model_fields_set
+        other_unit = self.conversion.unit not in ("", self.unit)
+        relative = "relative_uncertainty"
+        no_values = not np.isfinite(self.sampled()).any()
+        both = "a signal is either on a channel of a device or on an instrument"
+        none = "no volts in it have a value, by this conversion in this circuit"
+        arbitrary = f"is no part of a value in {self.unit}, which has an arbitrary zero"
+        return [
+            ("channel", on_instrument and self.channel, both),
+            ("channel", not self.place, "a text is wanted"),
+            (self.verb, on_instrument and not self.message, "a text is wanted"),
+            (self.verb, self.channel and self.message, "needs an instrument = ..."),
+            ("query", self.channel and self.query, "needs an instrument = ..."),
+            ("".join(more[:1]), more, f"is one circuit, and {circuit} another; a channel has one"),
+            ("gain", no_gain, "a finite number is wanted"),
+            ("unit", other_unit, f"the conversion gives {self.conversion.unit}"),
+            (circuit, no_circuit, "is no circuit for the conversion"),
+            (relative, self.relative_uncertainty >= 0.0 and self._to_si[1], arbitrary),
+            ("range", no_values, none),
+        ]
+
+    def sampled(self) -> list[float]:
+        """Return the values, SI, at volts spaced evenly over the range."""
+        return [self._value(volts) for volts in np.linspace(*self.range, _GRID).tolist()]
+
+
+class CommandChannel(Channel):
+    """The channel of a command.
+
+    Attributes
+    ----------
+    write : str
+        Command for an instrument, with a place for the volts; empty for a channel of a device.
+    safe : float
+        Value in the safe state.
+    """
+
+    verb: ClassVar[str] = "write"
+    write: Text = ""
+    safe: Number = 0.0
+
+    @property
+    def safe_value(self) -> float:
+        """Value in the safe state, SI; a safe temperature of 20 degC is one of 293.15 K."""
+        return self.in_si(self.safe)
+
+    def rules(self) -> list[tuple[str, object, str]]:
+        """Return keys, each with whether it does not fit to others, and what is allowed."""
+        no_number = self.instrument and not _takes_a_number(self.write)
+        turns = not is_monotonic(self.sampled())
+        return [
+            *super().rules(),
+            ("write", no_number, "a message is wanted with {volts} where the number goes"),
+            ("range", turns, "a command needs a value that rises or falls over all of it"),
+        ]
+
+
+class MeasuredChannel(Channel):
+    """The channel of a measured value.
+
+    Attributes
+    ----------
+    terminal : str
+        Wiring of an analog input.
+    """
+
+    terminal: Literal["default", "differential", "referenced", "non-referenced"] = "default"
+
+
+def factor_and_zero(unit: str, si: str, name: str) -> tuple[float, float]:
+    """Return factor and zero of a conversion between units: ``si = factor * value + zero``."""
+    zero = float(units.convert(0.0, unit, si, name))
+    return float(units.convert(1.0, unit, si, name)) - zero, zero
+
+
+def _takes_a_number(message: str) -> bool:
+    """Return whether a message has a valid place for the volts, with which it becomes another."""
+    try:
+        return message.format(volts=0.125) != message
+    except (LookupError, ValueError):
+        return False
 
 
 @dataclass(frozen=True)
@@ -248,6 +366,8 @@ class Calibration:
         Samples per second, Hz.
     watchdog : float
         Time in s after which the rig stops without a fresh command.
+    heartbeat : str
+        Digital line of a device for the heartbeat; empty if there is none.
     inputs, outputs : dict of str to Channel
         Channels by signal.
     limits : dict of str to Limit
@@ -258,19 +378,17 @@ class Calibration:
     file: Path
     rate: float
     watchdog: float
-    inputs: dict[str, Channel]
-    outputs: dict[str, Channel]
+    heartbeat: str
+    inputs: dict[str, CommandChannel]
+    outputs: dict[str, MeasuredChannel]
     limits: dict[str, Limit]
-    instruments: dict[str, Instrument] = field(default_factory=dict)
+    instruments: dict[str, Instrument]
 
     @property
     def units(self) -> tuple[dict[str, str], dict[str, str]]:
         """SI units of the inputs and of the outputs, by signal."""
-        inputs, outputs = (
-            {name: channel.unit for name, channel in channels.items()}
-            for channels in (self.inputs, self.outputs)
-        )
-        return inputs, outputs
+        inputs = {name: channel.si for name, channel in self.inputs.items()}
+        return inputs, {name: channel.si for name, channel in self.outputs.items()}
 
     @property
     def attributes(self) -> dict[str, dict[str, float | str]]:

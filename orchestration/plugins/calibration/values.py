@@ -13,7 +13,6 @@ from typing import Annotated, Any, TypeVar
 from pydantic import (
     AfterValidator,
     BaseModel,
-    BeforeValidator,
     ConfigDict,
     Field,
     InstanceOf,
@@ -24,17 +23,6 @@ from fmus.kit.errors import UserError, suggestion
 
 _LONGEST_VALUE = 60  # characters of a value in a message
 _TWO_NUMBERS = "[low, high] of two finite numbers is wanted, the lower one first"
-
-
-def one_of(*allowed: Any) -> BeforeValidator:
-    """Return a validator of one of these values, of the same type: 1.0 and True are not 1."""
-
-    def check(value: Any) -> Any:
-        if not any(value == one and type(value) is type(one) for one in allowed):
-            raise ValueError(f"allowed are {', '.join(map(repr, allowed))}")
-        return value
-
-    return BeforeValidator(check)
 
 
 def _check_not_zero(value: float) -> float:
@@ -61,6 +49,11 @@ Number = Annotated[
 Positive = Annotated[Number, Field(gt=0.0, description="a finite number above 0 is wanted")]
 NotNegative = Annotated[Number, Field(ge=0.0, description="a number of at least 0 is wanted")]
 NotZero = Annotated[Number, AfterValidator(_check_not_zero)]
+Sign = Annotated[
+    int,
+    Field(strict=True, ge=-1, le=1, description="1 or -1 is wanted"),
+    AfterValidator(_check_not_zero),
+]
 Timeout = Annotated[
     Positive,
     Field(
@@ -113,7 +106,7 @@ def checked(kind: type[AnyTable], values: Mapping[str, Any], where: str) -> AnyT
     values : Mapping of str to object
         Values of the table as TOML has them.
     where : str
-        File and table, for the message.
+        File and table, for the message, with the character that is between table and key.
 
     Returns
     -------
@@ -128,13 +121,17 @@ def checked(kind: type[AnyTable], values: Mapping[str, Any], where: str) -> AnyT
         return kind.model_validate(values)
     except ValidationError as error:
         problem = error.errors(include_url=False)[0]
+        if not problem["loc"]:
+            raise UserError(f"{where[:-1]}: a table is wanted") from error
         key = str(problem["loc"][0])
         if problem["type"] == "extra_forbidden":
             allowed = f"there is no such key{suggestion(key, list(kind.model_fields))}"
         elif problem["type"] == "value_error":
             allowed = str(problem["ctx"]["error"])
+            if isinstance(problem["ctx"]["error"], UserError):  # of a table within this one
+                raise UserError(f"{where}{allowed}") from error
         else:
-            allowed = str(kind.model_fields[key].description)
+            allowed = kind.model_fields[key].description or problem["msg"]
         raise value_error(where, key, values.get(key), allowed) from error
 
 
@@ -142,10 +139,5 @@ def value_error(where: str, key: str, value: Any, allowed: str) -> UserError:
     """Return the error for the value of a key; a value of None is missing in the file."""
     if value is None:
         return UserError(f"{where}{key} is missing: {allowed}")
-    if isinstance(value, float):
-        text = f"{value:.15g}"
-    else:
-        text = repr(value) if isinstance(value, (str, list)) else str(value)
-    if len(text) > _LONGEST_VALUE:
-        text = text[: _LONGEST_VALUE - 3] + "..."
-    return UserError(f"{where}{key} = {text}: {allowed}")
+    text = repr(value) if isinstance(value, str) else str(value)
+    return UserError(f"{where}{key} = {text:.{_LONGEST_VALUE}}: {allowed}")

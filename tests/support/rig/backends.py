@@ -20,8 +20,8 @@ from math import nan
 from pathlib import Path
 
 from fmus.kit.errors import UserError
-from orchestration.rig.backends.backend import Backend, Limit, Steppable
 from orchestration.plugins.calibration import read_calibration
+from orchestration.rig.backends.backend import Backend, Limit, Steppable
 
 GAIN = {"voltage": 2.0, "displacement": 0.5}  # of the commands, see `Logged.read`
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from nidaqmx._base_interpreter import BaseInterpreter
-from nidaqmx.constants import AcquisitionType, ReadRelativeTo, WDTTaskAction
+from nidaqmx.constants import AcquisitionType, LineGrouping, ReadRelativeTo, WDTTaskAction
 from nidaqmx.error_codes import DAQmxErrors
 from nidaqmx.errors import DaqError
 from nidaqmx.utils import unflatten_channel_string
@@ -40,6 +40,9 @@ from nidaqmx.utils import unflatten_channel_string
     0x21A8,
     0x217E,
 )
+
+
+LINES = [f"{name}/port0/line{number}" for name in ("Dev1", "Dev2") for number in range(8)]
 
 
 @dataclass
@@ -68,6 +71,8 @@ class Device:
         self.has_watchdog, self.has_clock = has_watchdog, has_clock
         self.inputs: dict[str, float] = {}
         self.outputs: dict[str, float] = {}
+        self.lines: dict[str, bool] = {}
+        self.beats: list[tuple[str, bool]] = []  # line and level, in order
         self.jobs: dict[int, Job] = {}
         self.failing: dict[str, int] = {}
         self.resets = 0
@@ -149,6 +154,35 @@ class Interpreter(BaseInterpreter):
             assert OVERWRITE in job.attributes
         read_array[:] = [self.device.inputs[channel] for channel in job.channels]
         return read_array, 1
+
+    def create_di_chan(self, task, lines, name, line_grouping):
+        assert line_grouping == LineGrouping.CHAN_PER_LINE.value
+        self._add_line(task, "lines in", lines)
+
+    def create_do_chan(self, task, lines, name, line_grouping):
+        self._add_line(task, "line out", lines)
+
+    def _add_line(self, task, kind, line):
+        self._fail("create_line")
+        assert line in LINES
+        job = self.device.jobs[task]
+        job.kind = kind
+        job.channels.append(line)
+
+    def read_digital_lines(self, task, num_samps_per_chan, timeout, fill_mode, read_array):
+        self._fail("read_digital_lines")
+        job = self.device.jobs[task]
+        assert job.running
+        read_array[:] = [self.device.lines[line] for line in job.channels]
+        return read_array, 1, 1
+
+    def write_digital_lines(
+        self, task, num_samps_per_chan, auto_start, timeout, data_layout, write_array
+    ):
+        self._fail("write_digital_lines")
+        (level,) = np.ravel(write_array).tolist()
+        self.device.beats.append((self.device.jobs[task].channels[0], level))
+        return 1
 
     def write_analog_f64(
         self, task, num_samps_per_chan, auto_start, timeout, data_layout, write_array

@@ -67,6 +67,100 @@ def test_volts_are_what_the_calibration_says(device: daqmx.Device) -> None:
     assert device.jobs == {}
 
 
+LINES = """
+[rig]
+rate = 30
+watchdog = 0.2
+heartbeat = "port0/line7"
+
+[inputs.current]
+channel = "ao1"
+gain = 1
+unit = "A"
+range = [-1, 1]
+date = 2026-11-29
+
+[outputs.voltage]
+channel = "ai2"
+gain = 2
+unit = "V"
+range = [-10, 10]
+date = 2026-11-29
+
+[outputs.interlock]
+channel = "port0/line1"
+gain = 1
+unit = "1"
+range = [0, 1]
+date = 2026-11-29
+
+[outputs.door]
+channel = "Dev2/port0/line0"
+gain = -1
+offset = 1
+unit = "1"
+range = [0, 1]
+date = 2026-11-29
+"""
+
+
+def with_lines(folder: Path, text: str = LINES) -> Backend:
+    path = folder / "lines.toml"
+    path.write_text(text, encoding="utf-8")
+    return opened(calibration=str(path))
+
+
+def test_digital_lines_are_read_beside_volts(device: daqmx.Device, tmp_path: Path) -> None:
+    rig = with_lines(tmp_path)
+    for interlock, door in ((True, False), (False, True)):
+        device.lines = {"Dev1/port0/line1": interlock, "Dev2/port0/line0": not door}
+        expected = {"voltage": -0.5, "interlock": float(interlock), "door": float(door)}
+        assert dict(rig.read()) == expected
+    path = str(tmp_path / "lines.toml")
+    assert device_names("nidaqmx", {"calibration": path}) == ("NI device dev1", "NI device dev2")
+    device.failing["read_digital_lines"] = -200220
+    with pytest.raises(UserError, match="^Dev1 cannot be read: Something is wrong"):
+        rig.read()
+    rig.close()
+    assert all(map(math.isnan, rig.read().values()))
+    assert device.jobs == {}
+
+
+def test_a_heartbeat_sets_its_line(device: daqmx.Device, tmp_path: Path) -> None:
+    rig = with_lines(tmp_path)
+    assert device.beats == []
+    for level in (True, False, True):
+        rig.heartbeat(level)
+    line = "Dev1/port0/line7"
+    assert device.beats == [(line, True), (line, False), (line, True)]
+    device.failing["write_digital_lines"] = -200220
+    with pytest.raises(UserError, match="^Dev1 cannot set its heartbeat: Something is wrong"):
+        rig.heartbeat(False)
+    rig.close()
+    rig.heartbeat(True)  # a device that is closed has none
+    assert len(device.beats) == 3
+    without = opened()
+    without.heartbeat(True)
+    assert len(device.beats) == 3
+    without.close()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"port0/line7"', '"ao0"', "heartbeat = 'ao0': a digital line is wanted, such as port0/l"),
+        ('"ao1"', '"port0/line2"', "current: channel = 'port0/line2': a digital line can be meas"),
+        ('unit = "1"', 'unit = "V"', "interlock: unit = 'V': a digital line has the unit 1"),
+    ],
+)
+def test_wrong_lines_are_told(
+    device: daqmx.Device, tmp_path: Path, old: str, new: str, message: str
+) -> None:
+    with pytest.raises(UserError, match=message):
+        with_lines(tmp_path, LINES.replace(old, new, 1))
+    assert device.jobs == {}
+
+
 def test_opening_and_closing_change_no_output(device: daqmx.Device) -> None:
     opened().close()
     assert device.outputs == {}
@@ -100,7 +194,7 @@ def test_a_broken_wire_is_no_value(device: daqmx.Device) -> None:
     [
         (
             {"current": 1.4, "force": 0.0},
-            "current = 1.4 A needs 1.4 at ao1, whose range is -1.3 … 1.3",
+            "current = 1.4 A: the range of ao1 allows -1.3 … 1.3 A only",
         ),
         ({"current": 0.1}, "command force = missing: must be a finite number"),
         ({"current": math.nan, "force": 0.0}, "command current = nan: must be a finite number"),

@@ -9,28 +9,18 @@ from types import SimpleNamespace
 import pytest
 
 from fmus.kit.errors import UserError
-from orchestration.plugins.registers import Place
 from orchestration.plugins.calibration import Channel
+from orchestration.plugins.registers import Place
 
 
 def channel(place: str, low: float = -100.0, high: float = 100.0) -> Channel:
     return Channel(
         name="current",
         unit="A",
-        place=place,
-        command="",
-        query="",
-        terminal="default",
-        gain=1.0,
-        offset=0.0,
-        sign=1,
-        low=low,
-        high=high,
-        safe=0.0,
-        factor=1.0,
-        zero=0.0,
+        si="A",
+        channel=place,
+        range=(low, high),
         date=datetime.date(2026, 11, 29),
-        source="",
     )
 
 

@@ -112,7 +112,7 @@ def test_old_errors_are_told_once_and_then_gone(rig: Backend) -> None:
 def test_what_is_beyond_the_range_is_not_sent(rig: Backend) -> None:
     rig.write({"current": 0.5})
     with pytest.raises(
-        UserError, match=r"current = 1.5 A needs 1.5 at generator, whose range is -1.3 … 1.3"
+        UserError, match=r"current = 1.5 A: the range of generator allows -1.3 … 1.3 A only"
     ):
         rig.write({"current": 1.5})
     assert offset(rig) == 0.5

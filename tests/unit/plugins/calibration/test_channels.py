@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime
 import math
-from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -12,80 +11,69 @@ from hypothesis import strategies as st
 
 from fmus.kit.errors import UserError
 from orchestration.plugins.calibration import Channel
-from orchestration.plugins.calibration.conversions import Divider, Polynomial
 
 
 @st.composite
 def channels(draw: st.DrawFn) -> Channel:
     size = st.floats(1e-3, 1e3)
     low = draw(st.floats(-10, 9))
+    unit = draw(st.sampled_from(["m", "mm", "µm", "degC"]))
     return Channel(
         name="x",
-        unit="m",
-        place="ai0",
-        command="",
-        query="",
-        terminal="default",
+        unit=unit,
+        si="m" if unit != "degC" else "K",
+        channel="ai0",
         gain=draw(size) * draw(st.sampled_from([-1, 1])),
         offset=draw(st.floats(-10, 10)),
         sign=draw(st.sampled_from([-1, 1])),
-        low=low,
-        high=low + draw(st.floats(0.1, 10)),
-        safe=0.0,
-        factor=draw(st.sampled_from([1.0, 1e-3, 1e-6, 4.4482216])),
-        zero=draw(st.sampled_from([0.0, 273.15])),
+        range=(low, low + draw(st.floats(0.1, 10))),
         date=datetime.date(2007, 5, 1),
-        source="",
     )
 
 
 @given(channels(), st.floats(0, 1))
 def test_there_and_back(channel: Channel, share: float) -> None:
-    volts = min(channel.low + share * (channel.high - channel.low), channel.high)
+    low, high = channel.range
+    volts = min(low + share * (high - low), high)
     value = channel.measured(volts)
+    factor = {"m": 1.0, "mm": 1e-3, "µm": 1e-6, "degC": 1.0}[channel.unit]
     # a large offset beside a small gain, as of kelvins, costs digits
-    digits = 4e-16 * (abs(value) + abs(channel.zero) + abs(channel.factor * channel.offset))
-    room = digits / abs(channel.gain * channel.factor)
-    limit = channel.reachable()
-    assert limit.min - digits <= value <= limit.max + digits
-    if room < 1e-10 * (channel.high - channel.low):
+    digits = 4e-16 * (abs(value) + 273.15 * (channel.unit == "degC") + abs(factor * channel.offset))
+    room = digits / abs(channel.gain * factor)
+    assert channel.reach.min - digits <= value <= channel.reach.max + digits
+    if room < 1e-10 * (high - low):
         assert channel.volts(value) == pytest.approx(volts, rel=1e-12, abs=1e-12 + 8 * room)
 
 
 @given(channels(), st.floats(0.0, 1.0))
 def test_there_and_back_by_a_conversion(channel: Channel, share: float) -> None:
     # a cubic that rises everywhere
-    cubic = Polynomial(coefficients=(0.3, 1.0, 0.0, 0.2))
-    bent = replace(channel, conversion=cubic, offset=0.0, zero=0.0)
-    volts = bent.low + share * (bent.high - bent.low)
-    value = bent.measured(min(volts, bent.high))
-    assert not bent.is_linear
+    cubic = {"polynomial": {"coefficients": [0.3, 1.0, 0.0, 0.2]}}
+    values = channel.model_dump(include=channel.model_fields_set) | {"unit": "m", "si": "m"}
+    bent = Channel(**values | {"conversion": cubic, "offset": 0.0})
+    low, high = bent.range
+    volts = min(low + share * (high - low), high)
+    value = bent.measured(volts)
+    assert value == pytest.approx(bent.sign * bent.gain * (0.3 + volts + 0.2 * volts**3))
     assert bent.volts(value) == pytest.approx(volts, abs=1e-6)
     assert bent.measured(bent.volts(value)) == pytest.approx(value, rel=1e-9, abs=1e-9)
-    with pytest.raises(UserError, match="needs other volts at ai0; its range is"):
-        bent.volts(bent.reachable().max + 1.0)
+    with pytest.raises(UserError, match="the range of ai0 allows"):
+        bent.volts(bent.reach.max + 1.0)
 
 
 def test_a_reading_is_what_the_circuit_makes_of_the_volts() -> None:
     channel = Channel(
         name="x",
         unit="ohm",
-        place="ai0",
-        command="",
-        query="",
-        terminal="default",
+        si="ohm",
+        channel="ai0",
         gain=2.0,
         offset=1.0,
         sign=-1,
-        low=-1.0,
-        high=60.0,
-        safe=0.0,
-        factor=1.0,
-        zero=0.0,
+        range=(-1.0, 60.0),
         date=datetime.date(2007, 5, 1),
-        source="",
-        scale=0.1,
-        divider=Divider(supply=5.0, resistor=1000.0),
+        amplification=10.0,
+        divider={"supply": 5.0, "resistor": 1000.0},
     )
     # 25 V are 2.5 V at the divider, whose parts are equal
     assert channel.measured(25.0) == -(2.0 * 1000.0 + 1.0)

@@ -16,6 +16,7 @@ from fmus import PROXIES, component
 from fmus.kit.errors import UserError
 from fmus.kit.registry import presets
 from orchestration.plugins.calibration import Calibration, Channel, read_calibration
+from orchestration.rig.signals import Limit
 from tests.support import source
 
 GOOD = """
@@ -74,7 +75,7 @@ def test_volts_become_si(tmp_path: Path) -> None:
         -9.16e-3
     )  # -(5.08 * 2 - 1) mm
     assert rig.outputs["temperature"].measured(2.0) == pytest.approx(293.15)  # 20 degC
-    assert {name: channel.unit for name, channel in rig.outputs.items()} == {
+    assert {name: channel.si for name, channel in rig.outputs.items()} == {
         "displacement": "m",
         "temperature": "K",
     }
@@ -110,9 +111,26 @@ def test_a_command_beyond_the_range_is_refused(tmp_path: Path) -> None:
     assert channel.volts(1.35) == 2.5
     for value in (1.36, -0.91, math.nan, math.inf):
         with pytest.raises(
-            UserError, match=r"current = .* A needs .* at ao1, whose range is -2 … 2.5"
+            UserError, match=r"current = .* A: the range of ao1 allows -0.9 … 1.35 A only"
         ):
             channel.volts(value)
+
+
+def test_limits_of_warning_are_those_of_a_measured_signal(tmp_path: Path) -> None:
+    text = GOOD.replace("max = 10\n", "max = 10\nwarn = [2, 8]\n")
+    limit = read(tmp_path, text).limits["displacement"]
+    assert limit == Limit(max=0.01, warn_min=0.002, warn_max=0.008)
+    kelvin = GOOD + "\n[limits.temperature]\nwarn = [10, 60]\n"
+    assert read(tmp_path, kelvin).limits["temperature"] == Limit(
+        warn_min=pytest.approx(283.15), warn_max=pytest.approx(333.15)
+    )
+    for old, message in (
+        ("max = 800", r"\[limits.current\] warn = \[2, 8\]: is of a measured signal"),
+        ("max = 10\n", r"\[limits.displacement\] warn = \[8, 2\]: \[low, high\] of two"),
+    ):
+        pair = "[2, 8]" if "current" in message else "[8, 2]"
+        with pytest.raises(UserError, match=message):
+            read(tmp_path, GOOD.replace(old, f"{old}\nwarn = {pair}\n"))
 
 
 def test_without_limits_those_of_the_range_hold(tmp_path: Path) -> None:
@@ -149,11 +167,6 @@ def test_without_limits_those_of_the_range_hold(tmp_path: Path) -> None:
         ),
         (
             'channel = "ao1"',
-            'channel = "ao1"\ninstrument = "dmm"',
-            "[inputs.current] channel = 'ao1': a signal is either on a channel of a device or on",
-        ),
-        (
-            'channel = "ao1"',
             'channel = "ao1"\nwrite = "VOLT {volts}"',
             "[inputs.current] write = 'VOLT {volts}': needs an instrument = ...",
         ),
@@ -163,8 +176,8 @@ def test_without_limits_those_of_the_range_hold(tmp_path: Path) -> None:
             "[inputs.current] query = 'VOLT?': needs an instrument = ...",
         ),
         ('channel = "ao1"\n', "", "[inputs.current] channel is missing: a text is wanted"),
-        ("sign = -1", "sign = true", "[outputs.displacement] sign = True: allowed are 1, -1"),
-        ("sign = -1", "sign = 2", "[outputs.displacement] sign = 2: allowed are 1, -1"),
+        ("sign = -1", "sign = true", "[outputs.displacement] sign = True: 1 or -1 is wanted"),
+        ("sign = -1", "sign = 2", "[outputs.displacement] sign = 2: 1 or -1 is wanted"),
         (
             'unit = "A"\nrange',
             'unit = "mm"\nrange',
@@ -191,8 +204,8 @@ def test_without_limits_those_of_the_range_hold(tmp_path: Path) -> None:
             'channel = "ai1"',
             'channel = "ai1"\nterminal = "rse"',
             (
-                "[outputs.displacement] terminal = 'rse': allowed are 'default', 'differential',"
-                " 'referenced'"
+                "[outputs.displacement] terminal = 'rse': Input should be 'default',"
+                " 'differential', 'referenced'"
             ),
         ),
         (
@@ -208,7 +221,7 @@ def test_without_limits_those_of_the_range_hold(tmp_path: Path) -> None:
         (
             "max = 800",
             "max = -900",
-            "[limits.current] max = -900: the lower limit must be below the upper one",
+            "[limits.current] max = -900: must be above the lower limit",
         ),
         (
             'rate = 5000\nunit = "mA"',
@@ -289,7 +302,7 @@ def test_the_example_of_the_reference_is_a_calibration(tmp_path: Path) -> None:
     # no EMF: the junctions have one temperature; 2 mV/V on 5 V, amplified 500 times, is 5 V
     assert outputs["bath_temperature"].measured(0.0) == pytest.approx(23.0 + 273.15)
     assert outputs["load"].measured(5.0) == pytest.approx(10.0 * 9.80665)
-    assert outputs["load"].unit == "N"
+    assert outputs["load"].si == "N"
 
 
 @given(st.floats(0.0, 1.0))
@@ -305,7 +318,7 @@ def test_a_command_by_a_conversion_has_the_volts_that_give_it(share: float) -> N
     x, y = np.array(table)[::-1].T
     assert channel.volts(value) == pytest.approx(np.interp(value, y, x), abs=1e-9)
     for beyond in (3.001, -2.001, math.nan):
-        with pytest.raises(UserError, match=r"needs other volts at ao1; its range is 0 … 10 V"):
+        with pytest.raises(UserError, match="the range of ao1 allows -2 … 3 A only"):
             channel.volts(beyond)
 
 
@@ -332,23 +345,23 @@ RTD = CELSIUS + "conversion.rtd = {}\n"
     [
         (
             RTD,
-            "range = [-10.0, 10.0]: no volts in it have a value, by this conversion",
+            "range = [-10, 10]: no volts in it have a value, by this conversion",
         ),
         (
             RTD + "excitation = 5",
-            "excitation = 5: is no circuit for conversion.rtd",
+            "excitation = 5: is no circuit for the conversion",
         ),
         (RTD + "current = 0", "current = 0: a finite number above 0 is wanted"),
         (
             RTD + "current = 1e-3\ndivider = { supply = 5, resistor = 1e3 }",
             "is one circuit, and current",
         ),
-        (RTD.replace("degC", "K"), "unit = 'K': conversion.rtd gives degC"),
+        (RTD.replace("degC", "K"), "unit = 'K': the conversion gives degC"),
         (RTD.replace("rtd", "rdt"), "conversion.rdt = {}: there is no such conversion (did you"),
         (RTD.replace("{}", "{ r0 = -1 }"), "conversion.rtd.r0 = -1: a finite number above 0"),
         (
             RTD + "current = 1.0",
-            "range = [-10.0, 10.0]: no volts in it have a value",
+            "range = [-10, 10]: no volts in it have a value",
         ),
         (
             RTD + "current = 1e-3\nrelative_uncertainty = 0.01",
@@ -369,7 +382,7 @@ RTD = CELSIUS + "conversion.rtd = {}\n"
         ),
         (
             CELSIUS + 'conversion.thermocouple = { type = "L", cold_junction = 20 }',
-            "conversion.thermocouple.type = 'L': allowed are 'B', 'E', 'J', 'K', 'N', 'R', 'S'",
+            "conversion.thermocouple.type = 'L': Input should be 'B', 'E', 'J', 'K', 'N', 'R', 'S'",
         ),
         (
             CELSIUS + 'conversion.thermocouple = { type = "K" }',
@@ -414,11 +427,18 @@ def test_messages_of_instruments_have_a_place_for_the_number(
     text = GOOD.replace('channel = "ao1"', f'instrument = "generator"\n{message}')
     text += '\n[instruments.generator]\nresource = "GPIB0::1::INSTR"\n'
     if not wrong:
-        assert read(tmp_path, text).inputs["current"].command == "VOLT {volts:.3f}"
+        assert read(tmp_path, text).inputs["current"].message == "VOLT {volts:.3f}"
         return
     with pytest.raises(UserError) as caught:
         read(tmp_path, text)
     assert wrong in str(caught.value)
+
+
+def test_a_signal_has_one_place(tmp_path: Path) -> None:
+    text = GOOD.replace('channel = "ao1"', 'channel = "ao1"\ninstrument = "dmm"')
+    text += '\n[instruments.dmm]\nresource = "GPIB0::1::INSTR"\n'
+    with pytest.raises(UserError, match=r"\[inputs.current\] channel = 'ao1': a signal is either"):
+        read(tmp_path, text)
 
 
 def test_a_timeout_that_would_hold_up_the_rig_is_refused(tmp_path: Path) -> None:

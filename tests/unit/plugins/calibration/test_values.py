@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import pytest
 
 from fmus.kit.errors import UserError
@@ -11,9 +9,9 @@ from orchestration.plugins.calibration.values import (
     Interval,
     NotZero,
     Positive,
+    Sign,
     TomlTable,
     checked,
-    one_of,
 )
 
 
@@ -23,7 +21,7 @@ class Scale(TomlTable):
     length: Positive
     factor: NotZero = 1.0
     span: Interval = (0.0, 1.0)
-    side: Annotated[int, one_of(1, -1)] = 1
+    side: Sign = 1
 
 
 def test_a_table_has_the_values_of_the_file() -> None:
@@ -35,12 +33,12 @@ def test_a_table_has_the_values_of_the_file() -> None:
     ("values", "message"),
     [
         ({}, "length is missing: a finite number above 0 is wanted"),
-        ({"length": 0.0}, "length = 0: a finite number above 0 is wanted"),
+        ({"length": 0.0}, "length = 0.0: a finite number above 0 is wanted"),
         ({"length": True}, "length = True: a finite number above 0 is wanted"),
-        ({"length": "x" * 99}, f"length = '{'x' * 56}...: a finite number above 0 is wanted"),
+        ({"length": "x" * 99}, f"length = '{'x' * 59}: a finite number above 0 is wanted"),
         ({"length": 1, "factor": 0}, "factor = 0: must not be zero"),
         ({"length": 1, "span": [1, 1]}, "span = [1, 1]: [low, high] of two finite numbers"),
-        ({"length": 1, "side": 1.0}, "side = 1: allowed are 1, -1"),
+        ({"length": 1, "side": 1.0}, "side = 1.0: 1 or -1 is wanted"),
         ({"length": 1, "lenght": 1}, "lenght = 1: there is no such key (did you mean length?)"),
     ],
 )
