@@ -94,6 +94,11 @@ EXAMPLES = {
         "ppy rig record --stimulus fig_3_4 --set duration=5s --out rig.csv",
         "ppy rig record --for 2s --out heard.nc",
     ),
+    "rig calibrate": (
+        "ppy rig calibrate bench.toml load --uncertainty 1e-3 --source masses --by Volta",
+        "ppy rig calibrate bench.toml load --point 0=0.1,1e-4,90 --point 8"
+        " --uncertainty 1e-3 --source masses --by Volta",
+    ),
     "rig archive": (
         "ppy rig archive archive",
         "ppy rig archive archive --from '2026-11-29 09:30' --out part.nc",

@@ -10,6 +10,8 @@ import shlex
 import signal
 import subprocess
 import sys
+import time
+import tomllib
 
 import pytest
 
@@ -17,9 +19,11 @@ from demonstrations.emulator.emulator import EmulatedRig
 from demonstrations.emulator.physics import RigParameters
 from orchestration.cli.examples import EXAMPLES
 from orchestration.rig.endpoint import read_endpoint
-from orchestration.rig.operator import acknowledge, ask
+from orchestration.rig.operator import acknowledge, ask, stop
+from orchestration.rig.server.log import EventLog
 from tests.support.command import measure, works
 from tests.support.rig.archived import filled, samples
+from tests.support.rig.bench import FILE, served
 from tests.support.rig.process import Server
 from tests.support.rig.small_rig import free_port
 
@@ -37,7 +41,7 @@ QUICK = (
     "frequency",
 )
 LONG = ("compare", "export modelica", "linearise", "optimise", "run", "simulate")
-SERVED = ("rig stop", "rig acknowledge", "rig status")
+SERVED = ("rig stop", "rig status")
 OF_A_RIG = tuple(command for command in EXAMPLES if command.startswith("rig "))
 # all others need what these leave
 FIRST = ("demo", "build", "system export")
@@ -111,15 +115,62 @@ def release(rig):
 
 def run_at(rig, command, folder):
     for example in EXAMPLES[command]:
-        works(*shlex.split(example)[1:], "--endpoint", rig.endpoint, cwd=folder)
+        run_one_at(rig.endpoint, example, folder)
+
+
+def run_one_at(endpoint, example, folder, *more):
+    return works(*shlex.split(example)[1:], "--endpoint", endpoint, *more, cwd=folder)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", SERVED)
 def test_examples_of_a_server(rig, tmp_path, command):
-    if command == "rig acknowledge":  # the latch of an example is none that there is
-        release(rig)
     run_at(rig, command, tmp_path)
+
+
+@pytest.mark.slow
+def test_a_latch_is_acknowledged_and_an_alarm_shelved(tmp_path):
+    latch, shelve = EXAMPLES["rig acknowledge"]
+    with served(tmp_path, volts=5.0) as endpoint:  # beyond the limit of warning
+        remote = read_endpoint(endpoint)
+        stop(remote, "an example")
+        status = ask(remote, "status")
+        (alarm,) = [one["name"] for one in status["alarms"] if one["source"] == "load"]
+        # names in examples are made up: those that there are take their places
+        run_one_at(endpoint, latch.replace("4820aeb249b43f32", status["latch"]), tmp_path)
+        assert not ask(remote, "status")["latch"]
+        run_one_at(endpoint, shelve.replace("1f6d727e", alarm), tmp_path)
+        shelved = [one["source"] for one in ask(remote, "status")["alarms"] if one["shelved"]]
+        assert shelved == ["load"]
+
+
+@pytest.mark.slow
+def test_a_sensor_is_adjusted(tmp_path):
+    asking, given = EXAMPLES["rig calibrate"]
+    file = tmp_path / "bench.toml"
+    typed = ("--point", "-1=-1,1e-3,90", "--point", "2")  # in place of a dialog
+    with served(tmp_path, volts=1.0) as endpoint:
+        for example, more, gain in ((asking, typed, 3.0 / 2.0), (given, (), 8.0 / 0.9)):
+            file.write_text(FILE)
+            run_one_at(endpoint, example, tmp_path, *more)
+            adjusted = tomllib.loads(file.read_text())["outputs"]["load"]
+            assert adjusted["gain"] == pytest.approx(gain, rel=0.01)
+
+
+@pytest.mark.slow
+def test_a_log_is_checked_with_its_older_files(tmp_path):
+    file = tmp_path / "rig.log"
+    log = EventLog(file)
+    for older in ("rig.log.2", "rig.log.1"):
+        log.tell("ready")
+        deadline = time.monotonic() + 10.0
+        while not (file.exists() and " ready #" in file.read_text()):
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        file.rename(tmp_path / older)
+    log.tell("ready")
+    log.close()
+    run("rig log", tmp_path)
 
 
 @pytest.mark.slow
@@ -177,5 +228,5 @@ def test_examples_of_a_rig_that_take_long(rig, tmp_path):
 @pytest.mark.slow
 def test_every_example_is_run_by_one_of_these():
     named = {"rig keys", "rig serve", "rig watch", "rig bridge", "rig opcua", "rig record"}
-    named |= {"rig archive"}
+    named |= {"rig archive", "rig acknowledge", "rig calibrate", "rig log"}
     assert set(OF_A_RIG) == {*SERVED, *named, "rig demo"}

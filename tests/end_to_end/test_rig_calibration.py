@@ -10,7 +10,6 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
 
 import pytest
 
@@ -18,39 +17,10 @@ from orchestration.experiment import results
 from orchestration.plugins.calibration import read_calibration
 from tests.support.command import posix, ppy, recording
 from tests.support.rig.backends import Calibrated
-from tests.support.rig.process import Server
+from tests.support.rig.bench import FILE, served
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(120), pytest.mark.real_time]
 
-FILE = """\
-[rig]
-rate = 100
-watchdog = 0.5
-
-[inputs.current]
-channel = "ao0"
-gain = 1
-unit = "A"
-range = [-1, 1]
-date = 2026-05-01
-
-[inputs.force]
-channel = "ao1"
-gain = 1
-unit = "N"
-range = [-1, 1]
-date = 2026-05-01
-
-[outputs.load]  # to be adjusted
-channel = "ai0"
-gain = 2.0
-offset = 0.5
-uncertainty = 0.25
-unit = "kgf"
-si = "N"
-range = [-10, 10]
-date = 2026-05-01
-"""
 EXPERIMENT = """
 component = "ppy_actuator"
 duration = "1 s"
@@ -62,16 +32,6 @@ current = "0 A"
 """
 COMMAND = ("rig", "calibrate", "bench.toml", "load", "--by", "A. Volta", "--source", "masses")
 COMMAND += ("--uncertainty", "0.001")
-
-
-@contextmanager
-def served(folder, volts=1.0):
-    file = folder / "bench.toml"
-    if not file.exists():
-        file.write_text(FILE)
-    (folder / "volts").write_text(str(volts))
-    with Server(folder, "Calibrated", options={"calibration": file}) as server:
-        yield server.wait_ready()
 
 
 def settle(folder, volts):

@@ -24,6 +24,7 @@ from nidaqmx.utils import unflatten_channel_string
 (
     TASK_NAME,
     READ_CHANNELS,
+    BYTES_OF_LINES,
     AI_SAMPLE_MODES,
     RELATIVE_TO,
     OFFSET,
@@ -33,6 +34,7 @@ from nidaqmx.utils import unflatten_channel_string
 ) = (
     0x1276,
     0x217B,
+    0x217C,
     0x2FDC,
     0x190A,
     0x190B,
@@ -234,6 +236,8 @@ class Interpreter(BaseInterpreter):
         return f"task {task}"
 
     def get_read_attribute_uint32(self, task, attribute):
+        if attribute == BYTES_OF_LINES:
+            return 1
         assert attribute == READ_CHANNELS
         return len(self.device.jobs[task].channels)
 

@@ -119,7 +119,7 @@ def test_digital_lines_are_read_beside_volts(device: daqmx.Device, tmp_path: Pat
     path = str(tmp_path / "lines.toml")
     assert device_names("nidaqmx", {"calibration": path}) == ("NI device dev1", "NI device dev2")
     device.failing["read_digital_lines"] = -200220
-    with pytest.raises(UserError, match="^Dev1 cannot be read: Something is wrong"):
+    with pytest.raises(UserError, match=r"^Dev1 cannot be read: Something is wrong"):
         rig.read()
     rig.close()
     assert all(map(math.isnan, rig.read().values()))
@@ -134,7 +134,7 @@ def test_a_heartbeat_sets_its_line(device: daqmx.Device, tmp_path: Path) -> None
     line = "Dev1/port0/line7"
     assert device.beats == [(line, True), (line, False), (line, True)]
     device.failing["write_digital_lines"] = -200220
-    with pytest.raises(UserError, match="^Dev1 cannot set its heartbeat: Something is wrong"):
+    with pytest.raises(UserError, match=r"^Dev1 cannot set its heartbeat: Something is wrong"):
         rig.heartbeat(False)
     rig.close()
     rig.heartbeat(True)  # a device that is closed has none

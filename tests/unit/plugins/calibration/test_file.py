@@ -295,10 +295,12 @@ def test_sensors_have_the_units_of_the_laboratory(tmp_path: Path) -> None:
     assert adjusted.measured(2.5) == pytest.approx(1.02 * 25.0 - 0.3 + 273.15)
 
 
-def test_the_example_of_the_reference_is_a_calibration(tmp_path: Path) -> None:
+def test_the_examples_of_the_reference_are_a_calibration(tmp_path: Path) -> None:
     page = (source.ROOT / "docs/reference/calibration.md").read_text(encoding="utf-8")
-    (example,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
-    outputs = read(tmp_path, SENSOR + 'gain = 1\nunit = "V"\n' + example).outputs
+    examples = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    rig = read(tmp_path, SENSOR + 'gain = 1\nunit = "V"\n' + "\n".join(examples))
+    outputs = rig.outputs
+    assert (outputs["interlock"].measured(1.0), rig.limits["interlock"].min) == (1.0, 0.5)
     # no EMF: the junctions have one temperature; 2 mV/V on 5 V, amplified 500 times, is 5 V
     assert outputs["bath_temperature"].measured(0.0) == pytest.approx(23.0 + 273.15)
     assert outputs["load"].measured(5.0) == pytest.approx(10.0 * 9.80665)
