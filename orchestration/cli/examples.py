@@ -95,9 +95,8 @@ EXAMPLES = {
         "ppy rig record --for 2s --out heard.nc",
     ),
     "rig calibrate": (
-        "ppy rig calibrate bench.toml load --uncertainty 1e-3 --source masses --by Volta",
-        "ppy rig calibrate bench.toml load --point 0=0.1,1e-4,90 --point 8"
-        " --uncertainty 1e-3 --source masses --by Volta",
+        "ppy rig calibrate bench.toml load --uncertainty 1e-3 --source M1 --by Volta",
+        "ppy rig calibrate bench.toml load --point 8 --by V --source M1 --uncertainty 0",
     ),
     "rig archive": (
         "ppy rig archive archive",

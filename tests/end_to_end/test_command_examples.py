@@ -146,13 +146,13 @@ def test_a_latch_is_acknowledged_and_an_alarm_shelved(tmp_path):
 
 @pytest.mark.slow
 def test_a_sensor_is_adjusted(tmp_path):
-    asking, given = EXAMPLES["rig calibrate"]
     file = tmp_path / "bench.toml"
-    typed = ("--point", "-1=-1,1e-3,90", "--point", "2")  # in place of a dialog
+    earlier = ("--point", "-1=-1,1e-3,90")  # in place of what a dialog asks for
+    added = (("--point", "2", *earlier), earlier)
     with served(tmp_path, volts=1.0) as endpoint:
-        for example, more, gain in ((asking, typed, 3.0 / 2.0), (given, (), 8.0 / 0.9)):
+        for example, points, gain in zip(EXAMPLES["rig calibrate"], added, (1.5, 4.5), strict=True):
             file.write_text(FILE)
-            run_one_at(endpoint, example, tmp_path, *more)
+            run_one_at(endpoint, example, tmp_path, *points)
             adjusted = tomllib.loads(file.read_text())["outputs"]["load"]
             assert adjusted["gain"] == pytest.approx(gain, rel=0.01)
 
