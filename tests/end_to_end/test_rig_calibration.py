@@ -63,7 +63,7 @@ def test_two_points_by_options_then_a_record_with_the_uncertainty(tmp_path):
     # 1 V is -1 kgf and 4 V is 8 kgf
     assert (load.gain, load.offset) == pytest.approx((3.0, -4.0), abs=0.01)
     noise = 3.0 * Calibrated.NOISE
-    assert load.uncertainty / 9.80665 == pytest.approx((0.001**2 + noise**2) ** 0.5, rel=0.15)
+    assert load.uncertainty == pytest.approx((0.001**2 + noise**2) ** 0.5, rel=0.15)
     (old,) = tmp_path.glob("bench_until_*.toml")
     assert old.read_text() == FILE
     (tmp_path / "rest.toml").write_text(EXPERIMENT)
@@ -71,7 +71,7 @@ def test_two_points_by_options_then_a_record_with_the_uncertainty(tmp_path):
         done = ppy(*recording(endpoint, "rest.toml"), cwd=tmp_path)
         assert done.returncode == 0, done.stderr
     data = results.read(tmp_path / "run.nc")
-    assert data["load"].attrs["standard_uncertainty"] == pytest.approx(load.uncertainty)
+    assert data["load"].attrs["standard_uncertainty"] == pytest.approx(9.80665 * load.uncertainty)
     assert data["load"].values == pytest.approx(2.0 * 9.80665, abs=0.1)
 
 
