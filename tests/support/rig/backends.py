@@ -20,7 +20,6 @@ from math import nan
 from pathlib import Path
 
 from fmus.kit.errors import UserError
-from orchestration.plugins.calibration import read_calibration
 from orchestration.rig.backends.backend import Backend, Limit, Steppable
 
 GAIN = {"voltage": 2.0, "displacement": 0.5}  # of the commands, see `Logged.read`
@@ -299,6 +298,8 @@ class Calibrated(Logged):
 
     def __init__(self, log: str, calibration: str) -> None:
         super().__init__(log)
+        from orchestration.plugins.calibration import read_calibration  # which takes a second
+
         self._channels = read_calibration(calibration)
         self.inputs, self.outputs = self._channels.units
         self.limits = self._channels.limits
