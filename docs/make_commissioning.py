@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 sys.path.insert(0, str(ROOT))
 
-from orchestration.rig.commission import (  # noqa: E402
+from orchestration.plugins.commission import (  # noqa: E402
     Line,
     Protocol,
     ServedRig,

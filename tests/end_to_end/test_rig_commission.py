@@ -13,8 +13,8 @@ from threading import Timer
 
 import pytest
 
-from orchestration.rig.commission import ServedRig, checks_of, read_device
-from orchestration.rig.commission import commission as work
+from orchestration.plugins.commission import ServedRig, checks_of, read_device
+from orchestration.plugins.commission import commission as work
 from tests.support.command import posix, ppy
 from tests.support.rig.process import BACKENDS, ROOT
 
@@ -145,16 +145,3 @@ def test_a_real_device_is_not_moved_without_a_yes(tmp_path):
     assert "--yes" in done.stderr
     assert told is None
     assert "write" not in (tmp_path / "calls.log").read_text()
-
-
-def test_options_that_make_no_sense_are_refused(tmp_path):
-    for words, part in (
-        (["--lockstep"], "--lockstep"),
-        (["--archive", "a"], "--archive"),
-        (["--level", "0"], "--level"),
-        (["--out", "protocol.pdf"], ".html"),
-        (["--backend", "nobody"], "nobody"),
-    ):
-        done, _ = commission(tmp_path, *words)
-        assert done.returncode == 2, words
-        assert part in done.stderr

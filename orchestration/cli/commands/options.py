@@ -1044,21 +1044,3 @@ class ServeCommand(TypedDict, total=False):
             metavar="PROGRAM|URL",
         ),
     ]
-
-
-class CommissionOptions(TypedDict, total=False):
-    """How far a rig is moved to try its protections, and where the protocol goes."""
-
-    out: Annotated[
-        Path, Option("Page of the protocol.", default=Path("protocol.html"), metavar="FILE.html")
-    ]
-    level: Annotated[
-        float,
-        Option("Share of each input's range that is commanded.", default=0.1, least=0.01, most=1.0),
-    ]
-    yes: Annotated[bool, Option("Move a real device without a question.", default=False)]
-    credentials: Annotated[Path | None, Option(_KEY_FILE, metavar="FILE")]
-
-
-class CommissionCommand(ServeCommand, CommissionOptions, JsonOption, total=False):
-    """Options of ``ppy rig commission``."""

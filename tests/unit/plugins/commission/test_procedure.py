@@ -12,8 +12,8 @@ from types import SimpleNamespace
 import pytest
 
 from fmus.kit import UserError
-from orchestration.rig.commission import procedure
-from orchestration.rig.commission.protocol import (
+from orchestration.plugins.commission import procedure
+from orchestration.plugins.commission.protocol import (
     FAILED,
     NOT_APPLICABLE,
     NOT_CONFIRMED,

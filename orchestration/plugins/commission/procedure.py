@@ -16,8 +16,7 @@ from typing import NamedTuple
 
 from fmus.kit import UserError
 from fmus.rig_proxy import NOT_REACHED, RUNNING, Link, LinkError
-from orchestration.rig import operator
-from orchestration.rig.commission.protocol import (
+from orchestration.plugins.commission.protocol import (
     FAILED,
     INTERRUPTED,
     NOT_APPLICABLE,
@@ -27,7 +26,8 @@ from orchestration.rig.commission.protocol import (
     Line,
     Protocol,
 )
-from orchestration.rig.commission.served import OBSERVATION, ServedRig
+from orchestration.plugins.commission.served import OBSERVATION, ServedRig
+from orchestration.rig import operator
 
 _BEYOND = 1e-3  # of a range, by which a command is beyond a limit
 _REPLACED = 5.0  # s in which another standby has to be started

@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from orchestration.plugins.commission.page import traces_of
+from orchestration.plugins.commission.protocol import FAILED, PASS, Finding, Line, Protocol, Row
 from orchestration.reporting import make_page
-from orchestration.rig.commission.page import traces_of
-from orchestration.rig.commission.protocol import FAILED, PASS, Finding, Line, Protocol, Row
 
 ROWS = tuple(
     Row(10.0 + 0.1 * k, "running", {"current": 0.1 * k}, {"current": a}, {"current": 0.05})

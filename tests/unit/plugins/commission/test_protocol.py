@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from orchestration.rig.commission.protocol import (
+from orchestration.plugins.commission.protocol import (
     FAILED,
     NOT_CONFIRMED,
     PASS,

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestration.reporting import make_page
-from orchestration.reporting.html import Markup, Page, Panel, Trace, elements, escaped, stacked
-from orchestration.rig.commission.protocol import (
+from orchestration.plugins.commission.protocol import (
     FAILED,
     NOT_APPLICABLE,
     NOT_CONFIRMED,
@@ -14,6 +12,8 @@ from orchestration.rig.commission.protocol import (
     Line,
     Protocol,
 )
+from orchestration.reporting import make_page
+from orchestration.reporting.html import Markup, Page, Panel, Trace, elements, escaped, stacked
 
 # colours of chips
 _CHIPS = {PASS: "consistent", FAILED: "wrong", NOT_CONFIRMED: "ambiguous", NOT_APPLICABLE: ""}

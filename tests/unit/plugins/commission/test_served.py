@@ -11,8 +11,8 @@ from hashlib import sha256
 import pytest
 
 from fmus.kit import UserError
-from orchestration.rig.commission import served
-from orchestration.rig.commission.served import Device, ServedRig, read_device
+from orchestration.plugins.commission import served
+from orchestration.plugins.commission.served import Device, ServedRig, read_device
 from tests.support.rig.process import BACKENDS
 
 EMULATOR = Device("emulator", {}, (), {}, False)

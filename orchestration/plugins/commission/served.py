@@ -23,16 +23,15 @@ import zmq
 
 from fmus.kit import UserError, files
 from fmus.rig_proxy import IDLE, NOT_REACHED, SAFE, Link, LinkError, protocol
-from orchestration.rig import operator
-from orchestration.rig.backends import Backend, backend_class, device_names, open_backend
-from orchestration.rig.commission.protocol import (
+from orchestration.plugins.commission.protocol import (
     FAILED,
     NOT_CONFIRMED,
     PASS,
     Finding,
     Row,
 )
-from orchestration.rig.endpoint import read_endpoint
+from orchestration.rig import operator, read_endpoint
+from orchestration.rig.backends import Backend, backend_class, device_names, open_backend
 
 Ask = Callable[[str], bool | None]
 PERIOD = 0.02  # s between two commands
