@@ -7,15 +7,16 @@ released before the next one. A check that the safe state did not follow ends th
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from datetime import datetime
 from functools import partial
 from importlib.metadata import version
+from math import inf
 from time import monotonic
 from typing import NamedTuple
 
 from fmus.kit import UserError
-from fmus.rig_proxy import NOT_REACHED, RUNNING, Link, LinkError
+from fmus.rig_proxy import NOT_REACHED, RUNNING, LinkError
 from orchestration.plugins.commission.protocol import (
     FAILED,
     INTERRUPTED,
@@ -59,78 +60,67 @@ def _limits(rig: ServedRig) -> Finding:
     """Command beyond each limit; a refused set of commands changes no value."""
     begun = len(rig.rows)
     taken = []
-    beyond = {name: rig.range_of(name) for name in rig.targets}
-    for name, (low, high) in beyond.items():
-        margin = _BEYOND * (high - low)
-        for value in (low - margin, high + margin):
-            sample = rig.exchange({**rig.targets, name: value})
-            if sample is None or not sample["refused"]:
+    for name, limit in rig.limits.items():
+        margin = _BEYOND * (limit["max"] - limit["min"])
+        for value in (limit["min"] - margin, limit["max"] + margin):
+            if rig.exchange({**rig.targets, name: value}):
                 taken.append(rig.describe({name: value}))
             rig.turn()
-    rig.drive_until(lambda: len(rig.rows) > begun + len(beyond), 1.0)
-    moved = [
-        text
-        for row in rig.rows[begun:]
-        for values in (row.applied, row.read_back)
-        if (text := rig.deviations(values, rig.targets))
-    ]
+    number = len(rig.limits)
+    rig.wait(lambda: len(rig.rows) > begun + number, 1.0)
+    moved = ""
+    for row in rig.rows[begun:]:
+        for values in (row.applied, row.read_back):
+            moved = moved or rig.deviations(values, rig.targets)
     if taken or moved:
-        return Finding(FAILED, f"not refused: {taken or 'none'}; moved to: {moved[:1] or 'none'}")
-    return Finding(PASS, f"{2 * len(beyond)} of {2 * len(beyond)} refused, nothing moved")
+        return Finding(FAILED, f"not refused: {taken or 'none'}; moved to: {moved or 'none'}")
+    return Finding(PASS, f"{2 * number} of {2 * number} refused, nothing moved")
 
 
 def _rates(rig: ServedRig) -> Finding:
     """Measure the mean rate of the ramp to the targets, and command a jump back."""
-    rates = rig.rates()
-    if not rates:
-        return Finding(NOT_APPLICABLE, "no input has a limit of its rate")
-    texts, verdicts = [], []
-    for name, rate in rates.items():
+    texts = []
+    verdict = PASS
+    for name, limit in rig.limits.items():
+        rate = limit["rate"]
+        if rate == inf:
+            continue
         change = abs(rig.targets[name] - rig.rest[name])
         took = rig.ramp(name)
-        sample = rig.exchange({**rig.targets, name: rig.rest[name]})
-        is_refused = sample is not None and bool(sample["refused"])
-        unit = f"{rig.status['inputs'][name]}/s"
-        jump = "refused" if is_refused else "not refused"
+        is_taken = rig.exchange({**rig.targets, name: rig.rest[name]})
+        unit = f"{rig.inputs[name]}/s"
+        jump = "not refused" if is_taken else "refused"
         texts.append(f"{name} {change / took:.4g} {unit} of {rate:.4g} {unit}; the jump is {jump}")
         # both ends of the ramp are known to a sample
-        is_faster = change > rate * (took + 2.0 * rig.status["period"])
-        is_taken = not is_refused and change > rate * rig.status["watchdog"]
-        if is_faster or is_taken:
-            verdicts.append(FAILED)
-        elif not is_refused:
+        longest = rig.status["watchdog"] if is_taken else took + 2.0 * rig.status["period"]
+        if change > rate * longest:
+            verdict = FAILED
+        elif is_taken and verdict == PASS:
             texts.append("it is as small as one that is allowed; try a larger --level")
-            verdicts.append(NOT_CONFIRMED)
-    return Finding(_worst(verdicts), "; ".join(texts))
+            verdict = NOT_CONFIRMED
+    if not texts:
+        return Finding(NOT_APPLICABLE, "no input has a limit of its rate")
+    return Finding(verdict, "; ".join(texts))
 
 
-def _worst(verdicts: Sequence[str]) -> str:
-    """Return the first of FAILED, not confirmed and pass that is among verdicts, or pass."""
-    return next((one for one in (FAILED, NOT_CONFIRMED) if one in verdicts), PASS)
-
-
-def _stop(rig: ServedRig) -> Finding:
+def _stop(rig: ServedRig, latch: str = "") -> Finding:
     """Stop as an operator does."""
     fault = monotonic()
     operator.ask(rig.remote, "stop", reason="commissioning")
-    return rig.wait_safe(fault)
+    return rig.wait_safe(fault, latch)
 
 
 def _second_stop(rig: ServedRig) -> Finding:
     """Stop a rig that is safe: it is another latch, whose safe state is confirmed anew."""
     first = _stop(rig)
-    if first.verdict == FAILED:
-        return first
-    latch = rig.status["latch"]
-    fault = monotonic()
-    operator.ask(rig.remote, "stop", reason="commissioning, again")
-    return rig.wait_safe(fault, latch=latch)
+    return first if first.verdict == FAILED else _stop(rig, rig.status["latch"])
 
 
 def _silence(rig: ServedRig) -> Finding:
     """Send nothing any more."""
     rig.turn()
-    return rig.wait_safe(monotonic(), drives=False)
+    rig.drives = False
+    return rig.wait_safe(monotonic())
 
 
 def _release(rig: ServedRig) -> Finding:
@@ -143,22 +133,19 @@ def _release(rig: ServedRig) -> Finding:
         operator.ask(rig.remote, "acknowledge", latch=_WRONG)
         faults.append("another name released it")
     with suppress(LinkError):
-        sample = rig.exchange(rig.targets)
-        if sample is not None and not sample["refused"]:
+        if rig.exchange(rig.targets):
             faults.append("a command was taken")
-    newcomer = Link(rig.remote.requests, rig.status["inputs"], {}, rig.credentials)
-    with suppress(LinkError):
+    with suppress(LinkError), closing(rig.link(**rig.inputs)) as newcomer:
         newcomer.connect(0.0, 1.0)
         faults.append("a session was accepted")
-    newcomer.close()
     operator.acknowledge(rig.remote, rig.status["latch"])
     with suppress(LinkError):
-        sample = rig.exchange(rig.targets)
-        if sample is not None:
-            faults.append("the session went on after the acknowledgement")
+        rig.exchange(rig.targets)
+        faults.append("the session went on after the acknowledgement")
+    if faults:
+        return finding._replace(verdict=FAILED, measured=f"not kept: {', '.join(faults)}")
     refused = "another name, a command, a session before the release, the old session after it"
-    text = f"not kept: {', '.join(faults)}" if faults else f"refused: {refused}"
-    return finding._replace(verdict=FAILED if faults else finding.verdict, measured=text)
+    return finding._replace(measured=f"refused: {refused}")
 
 
 def _fault(rig: ServedRig, role: str, act: str) -> Finding:
@@ -172,18 +159,17 @@ def _fault(rig: ServedRig, role: str, act: str) -> Finding:
 def _standby(rig: ServedRig) -> Finding:
     """Kill the standby: the rig goes on, and another one is there when the guard is killed."""
     killed = rig.processes()["standby"]
-    begun = monotonic()
+    fault = monotonic()
     first = len(rig.rows)
     killed.kill()
-    is_replaced = rig.drive_until(
+    is_replaced = rig.wait(
         lambda: rig.processes().get("standby", killed).pid != killed.pid, _REPLACED
     )
-    ready = monotonic() + _IMPORTS
-    rig.drive_until(lambda: monotonic() > ready, 2.0 * _IMPORTS)
+    rig.wait(lambda: False, _IMPORTS)
     states = {row.state for row in rig.rows[first:]} - {RUNNING}
     if states or not is_replaced:
         said = ", ".join(states) or f"no other standby within {_REPLACED:g} s"
-        return Finding(FAILED, said, ((begun, "fault"),))
+        return Finding(FAILED, said, ((fault, "fault"),))
     finding = _fault(rig, "guard", "kill")
     return finding._replace(measured=f"running until the guard was killed; {finding.measured}")
 
@@ -195,7 +181,7 @@ def _interlock(rig: ServedRig, name: str) -> Finding:
         return Finding(NOT_CONFIRMED, "nobody opened it")
     rig.release()  # the rig waits for commands no longer than its watchdog time
     rig.begin()
-    if not rig.drive_until(lambda: bool(rig.status["latch"]), _OPENS):
+    if not rig.wait(lambda: bool(rig.status["latch"]), _OPENS):
         return Finding(FAILED, f"no latch within {_OPENS:g} s")
     reason = rig.status["reason"]
     finding = rig.wait_safe(monotonic())  # when it opened, nobody knows
@@ -204,12 +190,13 @@ def _interlock(rig: ServedRig, name: str) -> Finding:
     reached = rig.status["reached"] or 0.0
     with suppress(UserError):  # it is latched anew
         operator.acknowledge(rig.remote, rig.status["latch"], _HELD)
-    if not rig.turn(drives=False)["latch"]:
+    rig.turn()
+    if not rig.status["latch"]:
         return finding._replace(verdict=FAILED, measured="it was released while it was open")
     if not rig.ask(f"Now close {name} again. Is it closed?"):
         return finding._replace(verdict=NOT_CONFIRMED, measured="nobody closed it")
-    reached = f"safe {1e3 * reached:.0f} ms after the latch"
-    return finding._replace(measured=f"{reached}; not released while it was open")
+    text = f"safe {1e3 * reached:.0f} ms after the latch; not released while it was open"
+    return finding._replace(measured=text)
 
 
 def _heartbeat(rig: ServedRig) -> Finding:
@@ -225,21 +212,27 @@ def _heartbeat(rig: ServedRig) -> Finding:
 def _front(rig: ServedRig) -> Finding:
     """Kill the front; read the device before anybody writes to it, and start the server again."""
     fault = monotonic()
-    if not rig.kill_front():
-        return Finding(FAILED, "processes of the server are left", ((fault, "fault"),))
+    has_ended = rig.kill_front()
     took = monotonic() - fault
-    read = rig.read_device()
-    rig.start()
-    marks = ((fault, "fault"),)
+    verdict, measured = FAILED, "processes of the server are left"
+    if has_ended:
+        read = rig.read_device()
+        rig.start()
+        verdict, measured = _restarted(rig, read)
+        measured = f"all processes ended after {took:.2f} s; {measured}"
+    return Finding(verdict, measured, ((fault, "fault"),))
+
+
+def _restarted(rig: ServedRig, read: dict[str, float]) -> tuple[str, str]:
+    """Return the verdict on what a device reported before the server's second start."""
     if differing := rig.deviations(read, rig.rest):
-        return Finding(FAILED, f"left with {differing}", marks)
+        return FAILED, f"left with {differing}"
     if rig.device.names and not rig.status["latch"]:
-        return Finding(FAILED, "the next server is not latched", marks)
+        return FAILED, "the next server is not latched"
     latched = "the next server is latched" if rig.device.names else "no device, so no latch is kept"
-    ended = f"all processes ended after {took:.2f} s"
-    if not read:
-        return Finding(NOT_CONFIRMED, f"{ended}; {latched}; the device does not say it", marks)
-    return Finding(PASS, f"{ended}; read back: {rig.describe(read)}; {latched}", marks)
+    if read:
+        return PASS, f"read back: {rig.describe(read)}; {latched}"
+    return NOT_CONFIRMED, f"{latched}; the device does not say it"
 
 
 CHECKS = (
@@ -304,12 +297,12 @@ def checks_of(rig: ServedRig) -> Iterator[Check]:
 
     An interlock is an output without a unit that has limits.
     """
-    units = rig.status["outputs"]
-    interlocks = [name for name in rig.status["limits"] if units.get(name) == "1"]
     *before, front = CHECKS
     yield from before
+    units = rig.status["outputs"]
     action = "the operator opens it and tries to release the rig"
     requirement = f"{_SAFE}, and no release while it is open"
+    interlocks = [name for name in rig.status["limits"] if units.get(name) == "1"]
     for name in interlocks:
         run = partial(_interlock, name=name)
         yield Check(f"Interlock {name}", action, requirement, run)
@@ -320,7 +313,7 @@ def checks_of(rig: ServedRig) -> Iterator[Check]:
 
 
 def commission(
-    rig: ServedRig, tell: Callable[[Line], None], checks: Sequence[Check] | None = None
+    rig: ServedRig, tell: Callable[[Line], None], checks: Sequence[Check] = ()
 ) -> Protocol:
     """Try every protection of a rig, one after the other, and end its server.
 
@@ -338,19 +331,15 @@ def commission(
     Protocol
         Of what was done, also if it was interrupted.
     """
-    facts = _facts(rig)
     lines: list[Line] = []
     interrupted = ""
     try:
-        for check in checks_of(rig) if checks is None else checks:
-            line = _tried(rig, check)
-            lines.append(line)
-            tell(line)
+        for check in checks or checks_of(rig):
+            lines.append(_tried(rig, check))
+            tell(lines[-1])
             if rig.status["state"] == NOT_REACHED:
-                interrupted = "the safe state was not reached, so that nothing more is driven"
-                break
-        else:
-            rig.release()
+                raise UserError("the safe state was not reached, so that nothing more is driven")
+        rig.release()
     except KeyboardInterrupt:
         interrupted = INTERRUPTED
     except UserError as error:
@@ -358,37 +347,34 @@ def commission(
     status = rig.close()
     if status and not interrupted:
         interrupted = f"the server ended with exit status {status}"
-    return Protocol(facts, rig.status["inputs"], tuple(lines), tuple(rig.log), interrupted)
+    return Protocol(_facts(rig), rig.inputs, tuple(lines), tuple(rig.log), interrupted)
 
 
 def _tried(rig: ServedRig, check: Check) -> Line:
     """Return the line of a check; one that cannot be carried out has failed."""
     rig.release()
-    begun = len(rig.rows)
     rig.begin()
     try:
         finding = check.run(rig)
     except UserError as error:
         finding = Finding(FAILED, str(error))
     requirement = check.requirement.format(bound=rig.bound)
-    return Line(check.title, check.action, requirement, finding, tuple(rig.rows[begun:]))
+    return Line(check.title, check.action, requirement, finding, tuple(rig.rows))
 
 
 def _facts(rig: ServedRig) -> dict[str, str]:
     """Return what the protocol is of."""
     device = rig.device
-    options = {f"option {name}": value for name, value in device.options.items()}
-    digests = {f"SHA-256 of {name}": digest for name, digest in device.digests.items()}
     return {
         "date": datetime.now().isoformat(" ", "seconds"),
         "ppy-rig": version("ppy-rig"),
         "backend": device.backend,
-        **options,
+        **{f"option {name}": value for name, value in device.options.items()},
         "devices": ", ".join(device.names) or "none that is real",
         "served with": " ".join(rig.words),
         "driven to": rig.describe(rig.targets),
         "period": f"{rig.status['period']:.4g} s",
         "watchdog": f"{rig.status['watchdog']:g} s",
         "safe within": f"{rig.bound:.3g} s, and {OBSERVATION:g} s until it is seen here",
-        **digests,
+        **{f"SHA-256 of {name}": digest for name, digest in device.digests.items()},
     }

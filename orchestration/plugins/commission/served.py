@@ -7,16 +7,14 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
+from contextlib import ExitStack, closing, suppress
 from hashlib import sha256
 from math import inf
-from multiprocessing import TimeoutError as ProcessTimeout
 from multiprocessing import get_context
 from pathlib import Path
-from threading import Thread
+from tempfile import TemporaryDirectory
 from time import monotonic, sleep
-from typing import Any
+from typing import Any, NamedTuple
 
 import psutil
 import zmq
@@ -33,23 +31,22 @@ from orchestration.plugins.commission.protocol import (
 from orchestration.rig import operator, read_endpoint
 from orchestration.rig.backends import Backend, backend_class, device_names, open_backend
 
-Ask = Callable[[str], bool | None]
-PERIOD = 0.02  # s between two commands
+PERIOD = 0.01  # s between an answer and the next command
 # s by which a client learns later of the safe state than it is reached: a turn of the front, and a
 # question
 OBSERVATION = 0.05
 SAME = 0.01  # of an input's range, as in the server's own comparison
+_UNLIMITED = {"min": -1.0, "max": 1.0, "rate": inf}  # moves as far as its unit
 _ANSWER = 0.5  # s that the server has for an answer
 _PATIENCE = 2.0  # s beyond a bound, after which nothing is waited for any more
 _RAMP = 0.95  # of the largest rate: a command that comes early is not refused
 _LONGEST_START = 60.0  # s, with an opening of 30 s
-LONGEST_RELEASE = 20.0  # s that a device may take to be opened again
+_LONGEST_RELEASE = 20.0  # s that a device may take to be opened again
 _LONGEST_END = 20.0  # s that a server may take to end in the safe state
 _READY = re.compile(r"ready: (tcp://\S+) .* safe within ([\d.e-]+) s")
 
 
-@dataclass(frozen=True)
-class Device:
+class Device(NamedTuple):
     """A backend as it is before it is opened.
 
     Attributes
@@ -97,11 +94,8 @@ def read_device(backend: str, options: Mapping[str, str]) -> Device:
 
 def _reported(backend: str, options: Mapping[str, str]) -> dict[str, float]:
     """Return what a device reports; opening changes no output of it."""
-    opened = open_backend(backend, options)
-    try:
+    with closing(open_backend(backend, options)) as opened:
         return dict(opened.read_back())
-    finally:
-        opened.close()
 
 
 class ServedRig:
@@ -128,10 +122,16 @@ class ServedRig:
     ----------
     bound : float
         Longest time to the safe state that the server promises, s.
+    status : Mapping of str to object
+        Newest status of the server.
     rest, targets : dict of str to float
         Values of the inputs at rest, and those that are commanded, SI.
+    limits : dict of str to dict
+        Limits of the inputs: ``min``, ``max`` and ``rate``.
+    drives : bool
+        Whether each turn commands the next values.
     rows : list of Row
-        All that was heard of the inputs.
+        Inputs since the rig was at rest.
     log : list of str
         Lines of the server.
     """
@@ -141,104 +141,98 @@ class ServedRig:
         device: Device,
         words: Sequence[str],
         level: float,
-        ask: Ask,
+        ask: Callable[[str], bool | None],
         credentials: Path | None = None,
     ) -> None:
         self.device = device
+        self.words = words
         self.ask = ask
+        self.credentials = credentials
+        self.drives = False
         self.log: list[str] = []
         self.rows: list[Row] = []
         self.commands: dict[str, float] = {}
-        self.words = words
-        self.credentials = credentials
-        self._context = zmq.Context()
-        self._client: Link | None = None
         self._taken = 0.0  # when the newest command was, s
-        self._turned = 0.0  # when the last turn began, s
-        self._begun = 0  # index of the row in which the rig was at rest before its newest ramp
+        self._folder = TemporaryDirectory()
+        self._output = Path(self._folder.name, "server.log")
+        self._connections = ExitStack()
+        self._session = ExitStack()
         try:
             self.start()
-            self._wait_for(lambda: bool(self.rows), _ANSWER)
+            self.wait(lambda: bool(self.rows), _PATIENCE)
             if self.status["latch"]:
                 raise UserError(
                     f"the rig is latched since before: {self.status['reason']}; serve it, and"
                     " release it with ppy rig acknowledge first"
                 )
-            self.rest = {name: value or 0.0 for name, value in self.rows[-1].applied.items()}
         except BaseException:
             self.close()
             raise
-        self.targets = {name: self._target(name, level) for name in self.rest}
-        self.commands = dict(self.rest)
+        self.rest = {name: value or 0.0 for name, value in self.rows[-1].applied.items()}
+        self.targets = {}
+        self.limits = {}
+        for name, rest in self.rest.items():
+            known = self.status["limits"].get(name, {})
+            limit = _UNLIMITED | {key: bound for key, bound in known.items() if bound is not None}
+            self.limits[name] = limit
+            farthest = limit["max"] if limit["max"] > rest else limit["min"]
+            self.targets[name] = rest + level * (farthest - rest)
 
     def start(self) -> None:
         """Start the server, and connect to it."""
         begun = len(self.log)
-        self._server = subprocess.Popen(
-            [sys.executable, "-m", "orchestration.cli", "rig", "serve", *self.words],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            encoding="utf-8",
-            errors="replace",
-        )
-        self._reader = Thread(target=self._read, args=(self._server.stdout,), daemon=True)
-        self._reader.start()
-        ready = self._wait_ready(begun)
-        self.bound = float(ready[2])
-        self.remote = read_endpoint(ready[1], self.credentials)
-        self._monitor = Link(ready[1], {}, {}, self.credentials)
-        self._telemetry = self._context.socket(zmq.SUB)
+        with self._output.open("a") as output:
+            self._server = subprocess.Popen(
+                [sys.executable, "-m", "orchestration.cli", "rig", "serve", *self.words],
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+            )
+        until = monotonic() + _LONGEST_START
+        while not (ready := _READY.search("\n".join(self._read_log()[begun:]))):
+            if self._server.poll() is not None:
+                raise UserError(f"ppy rig serve: {self._last_line()}")
+            if monotonic() > until:
+                raise UserError(f"ppy rig serve is not ready after {_LONGEST_START:g} s")
+            sleep(PERIOD)
+        endpoint, bound = ready.groups()
+        self.bound = float(bound)
+        self.remote = read_endpoint(endpoint, self.credentials)
+        self._monitor = self._connections.enter_context(closing(self.link()))
+        context = self._connections.enter_context(zmq.Context())
+        self._telemetry = self._connections.enter_context(context.socket(zmq.SUB))
         self.remote.connect(self._telemetry, self.remote.telemetry)
         self._telemetry.subscribe(b"")
         self.status: Mapping[str, Any] = operator.ask(self.remote, "status")
+        self.inputs: Mapping[str, str] = self.status["inputs"]
 
-    def _read(self, stream: Any) -> None:
-        with stream:
-            for line in stream:
-                self.log.append(line.rstrip())
+    def _read_log(self) -> list[str]:
+        """Read the lines of the server that have come; the newest one may not be complete."""
+        self.log = self._output.read_text("utf-8", "replace").splitlines()
+        return self.log
 
-    def _wait_ready(self, begun: int) -> re.Match[str]:
-        """Return the line in which the server says that it is ready."""
-        until = monotonic() + _LONGEST_START
-        while monotonic() < until:
-            has_ended = self._server.poll() is not None
-            if has_ended:
-                self._reader.join(_PATIENCE)
-            for line in self.log[begun:]:
-                if match := _READY.search(line):
-                    return match
-            if has_ended:
-                raise UserError(f"ppy rig serve: {self.log[-1] if self.log else 'it has ended'}")
-            sleep(PERIOD)
-        raise UserError(f"ppy rig serve is not ready after {_LONGEST_START:g} s")
+    def _last_line(self) -> str:
+        return (self._read_log() or ["it has ended"])[-1]
 
-    def _target(self, name: str, level: float) -> float:
-        low, high = self.range_of(name)
-        rest = self.rest[name]
-        return rest + level * ((high if high > rest else low) - rest)
-
-    def range_of(self, name: str) -> tuple[float, float]:
-        """Return the limits of an input; of one without, those of a unit about rest."""
-        limit = self.status["limits"].get(name, {})
-        low, high = limit.get("min"), limit.get("max")
-        return (-1.0 if low is None else low), (1.0 if high is None else high)
+    def link(self, **inputs: str) -> Link:
+        """Return a link of a client without a session, with the units of inputs."""
+        address = self.remote.requests
+        return Link(address, inputs, {}, self.credentials, "ppy rig commission")
 
     def describe(self, values: Mapping[str, float]) -> str:
         """Return values of inputs with their units, in words."""
-        units = self.status["inputs"]
-        texts = (
-            f"{name} {value:.4g}" + f" {units[name]}" * (units[name] != "1")
+        return ", ".join(
+            f"{name} {value:.4g} {self.inputs[name]}".removesuffix(" 1")
             for name, value in values.items()
         )
-        return ", ".join(texts)
 
     def deviations(self, values: Mapping[str, float | None], wanted: Mapping[str, float]) -> str:
         """Return those values in words that differ from wanted ones; empty if none does."""
         differing = {}
         for name, value in values.items():
-            low, high = self.range_of(name)
-            if value is not None and abs(value - wanted[name]) > SAME * (high - low):
+            limit = self.limits[name]
+            allowed = SAME * (limit["max"] - limit["min"])
+            if value is not None and abs(value - wanted[name]) > allowed:
                 differing[name] = value
         return self.describe(differing)
 
@@ -248,73 +242,62 @@ class ServedRig:
         A guard is a child of the front, and the device one of the guard on duty. Only these were
         started as Python starts a process of its own.
         """
-        try:
+        with suppress(psutil.Error, ValueError):
             family = psutil.Process(self._server.pid).children(recursive=True)
             spawned = {one.pid: one for one in family if "spawn_main" in " ".join(one.cmdline())}
-            parents = {number: one.ppid() for number, one in spawned.items()}
-            device = next(number for number, parent in parents.items() if parent in spawned)
-            guard = parents[device]
-            standby = next(number for number in spawned if number not in (device, guard))
-            front = psutil.Process(parents[guard])
-        except (psutil.Error, StopIteration):
-            return {}
-        named = {"device": device, "guard": guard, "standby": standby}
-        return {"front": front} | {role: spawned[number] for role, number in named.items()}
+            (device,) = (one for one in spawned.values() if one.ppid() in spawned)
+            guard = spawned.pop(device.ppid())
+            (standby,) = spawned.keys() - {device.pid}
+            front = psutil.Process(guard.ppid())
+            return {"front": front, "device": device, "guard": guard, "standby": spawned[standby]}
+        return {}
 
     # -- driving
 
     def begin(self) -> None:
         """Begin a session, and command the targets as fast as the rig allows."""
-        self._end_session()
-        self._client = Link(
-            self.remote.requests, self.status["inputs"], {}, self.credentials, "ppy rig commission"
-        )
+        self._client = self._session.enter_context(closing(self.link(**self.inputs)))
         self._client.connect(0.0, _ANSWER)
-        self.commands = dict(self.rest)
+        self._session.callback(self._client.disconnect)
+        self.commands = self.rest
         self._taken = monotonic()
-        self._begun = len(self.rows) - 1  # the newest one is at rest
-        rates = {name: self._rate(name) for name in self.rest}
-        longest = max(abs(self.targets[n] - self.rest[n]) / rate for n, rate in rates.items())
-        arrived = self._wait_for(
-            lambda: self.rows[-1].applied == self.targets, 2.0 * longest + _PATIENCE, drives=True
+        self.drives = True
+        del self.rows[:-1]  # the newest one is at rest
+        longest = max(
+            abs(target - self.rest[name]) / self.limits[name]["rate"]
+            for name, target in self.targets.items()
         )
-        if not arrived:
+        if not self.wait(lambda: self.rows[-1].applied == self.targets, 2.0 * longest + _PATIENCE):
             raise UserError(
                 f"the rig does not follow {self.describe(self.targets)} (--level):"
                 f" {self.status['reason'] or dict(self.rows[-1].applied)}"
             )
 
-    def _rate(self, name: str) -> float:
-        rate = self.status["limits"].get(name, {}).get("rate")
-        return inf if rate is None else rate
-
-    def rates(self) -> dict[str, float]:
-        """Return the limits of rates, per s, of those inputs that have one."""
-        return {name: rate for name in self.rest if (rate := self._rate(name)) < inf}
-
     def ramp(self, name: str) -> float:
         """Return the time in s in which an input went to its target, by the applied values."""
-        course = [(row.time, row.applied[name]) for row in self.rows[self._begun :]]
-        at_rest = max(time for time, value in course if value == self.rest[name])
-        return min(time for time, value in course if value == self.targets[name]) - at_rest
+        last = {row.applied[name]: row.time for row in self.rows}
+        first = {row.applied[name]: row.time for row in reversed(self.rows)}
+        return first[self.targets[name]] - last[self.rest[name]]
 
-    def exchange(self, values: Mapping[str, float]) -> Mapping[str, Any] | None:
-        """Send commands; return the answer, None without one.
+    def exchange(self, values: dict[str, float]) -> bool:
+        """Send commands; return True if they are accepted.
 
         Raises
         ------
         LinkError
-            If the session is over.
+            If the session is over, or there is no answer.
         """
-        assert self._client is not None
         sample = self._client.exchange(list(values.values()), 0.0, PERIOD, _ANSWER / 5)
-        if sample is not None and not sample["refused"]:
-            self.commands = dict(values)
-            self._taken = monotonic()
-        return sample
+        if sample is None:
+            raise LinkError("no answer to a command")
+        if sample["refused"]:
+            return False
+        self.commands = values
+        self._taken = monotonic()
+        return True
 
-    def turn(self, drives: bool = True) -> Mapping[str, Any]:
-        """Command the next values if the rig is driven; return its newest status.
+    def turn(self) -> None:
+        """Command the next values if the rig is driven, and take its newest status.
 
         Raises
         ------
@@ -322,95 +305,78 @@ class ServedRig:
             If the server has ended.
         """
         if self._server.poll() is not None:
-            raise UserError(f"the server has ended: {self.log[-1]}")
-        sleep(max(0.0, self._turned + PERIOD - monotonic()))
-        self._turned = monotonic()
-        if drives and self._client is not None:
+            raise UserError(f"the server has ended: {self._last_line()}")
+        sleep(PERIOD)
+        if self.drives:
             with suppress(LinkError):  # the session ends with a process
                 self.exchange(self._next())
-        with suppress(zmq.Again):
-            while True:
-                self._take(protocol.decode(self._telemetry.recv(zmq.DONTWAIT), protocol.REPLIES))
+        while self._telemetry.poll(0):
+            heard = protocol.decode(self._telemetry.recv(), protocol.REPLIES)
+            time, state, applied = heard["clock"], heard["state"], heard["inputs"]
+            self.rows.append(Row(time, state, self.commands, applied, heard["read_back"]))
         self.status = self._monitor.status(_ANSWER) or self.status
-        return self.status
 
     def _next(self) -> dict[str, float]:
         """Return commands on the way to the targets, by the limits of their rates."""
         elapsed = monotonic() - self._taken
         values = {}
         for name, before in self.commands.items():
-            step = _RAMP * self._rate(name) * elapsed
+            step = _RAMP * self.limits[name]["rate"] * elapsed
             values[name] = min(max(self.targets[name], before - step), before + step)
         return values
 
-    def _take(self, message: Mapping[str, Any]) -> None:
-        self.rows.append(
-            Row(
-                message["clock"],
-                message["state"],
-                self.commands,
-                message["inputs"],
-                message["read_back"],
-            )
-        )
-
-    def _wait_for(self, done: Callable[[], bool], timeout: float, drives: bool = False) -> bool:
+    def wait(self, done: Callable[[], bool], timeout: float) -> bool:
         """Take turns until something is so; return False if it is not in time, s."""
         until = monotonic() + timeout
         while not done():
             if monotonic() > until:
                 return False
-            self.turn(drives)
+            self.turn()
         return True
-
-    def drive_until(self, done: Callable[[], bool], timeout: float) -> bool:
-        """Drive until something is so; return False if it is not in time, s."""
-        return self._wait_for(done, timeout, drives=True)
 
     # -- the safe state
 
-    def wait_safe(self, fault: float, drives: bool = True, latch: str = "") -> Finding:
+    def wait_safe(self, fault: float, latch: str = "") -> Finding:
         """Wait for the safe state, and judge it by time, by read-back and by the operator.
 
         Parameters
         ----------
         fault : float
             When it had to begin, s of the monotonic clock.
-        drives : bool
-            Whether the client goes on.
         latch : str
             Name of a latch before, which does not count.
         """
-        names = ("", latch)
 
         def is_decided() -> bool:
-            return self.status["latch"] not in names and self.status["state"] in (SAFE, NOT_REACHED)
+            is_new = self.status["latch"] not in ("", latch)
+            return is_new and self.status["state"] in (SAFE, NOT_REACHED)
 
-        decided = self._wait_for(is_decided, self.bound + _PATIENCE, drives)
+        self.wait(is_decided, self.bound + _PATIENCE)
         took = monotonic() - fault
         heard = len(self.rows)
-        self._wait_for(lambda: any(row.read_back for row in self.rows[heard:]), _ANSWER)
+        self.wait(lambda: any(row.read_back for row in self.rows[heard:]), _ANSWER)
         marks = ((fault, "fault"), (fault + self.bound, "bound"))
-        if not decided:
-            trouble = f"{self.status['state']} after {took:.3g} s: no safe state"
-            return Finding(FAILED, trouble, marks)
-        if self.status["state"] == NOT_REACHED:
-            return Finding(FAILED, self.status["alarm"] or NOT_REACHED, marks)
-        return self._judged(took, marks)
+        if not is_decided():
+            return Finding(
+                FAILED, f"{self.status['state']} after {took:.3g} s: no safe state", marks
+            )
+        return Finding(*self._judged(took), marks)
 
-    def _judged(self, took: float, marks: tuple[tuple[float, str], ...]) -> Finding:
-        """Return the finding on a safe state that the server has confirmed."""
+    def _judged(self, took: float) -> tuple[str, str]:
+        """Return the verdict on a safe state that is decided after a time, s, and its reason."""
+        if self.status["state"] == NOT_REACHED:
+            return FAILED, self.status["alarm"] or NOT_REACHED
         read = self.rows[-1].read_back
         if differing := self.deviations(read, self.rest):
-            return Finding(FAILED, f"said to be safe, and the device has {differing}", marks)
+            return FAILED, f"said to be safe, and the device has {differing}"
         measured = f"confirmed after {took:.3f} s"
         if took > self.bound + OBSERVATION:
-            return Finding(FAILED, measured, marks)
+            return FAILED, measured
         if self.status.get("verified", True):
             by = f"read back: {self.describe(read)}" if read else "read back by the guard"
-            return Finding(PASS, f"{measured}; {by}", marks)
+            return PASS, f"{measured}; {by}"
         verdict = self.answer("The device does not report what it has. Is the rig at rest?")
-        return Finding(verdict, f"{measured}, by the server alone; at rest: {verdict}", marks)
+        return verdict, f"{measured}, by the server alone; at rest: {verdict}"
 
     def answer(self, question: str) -> str:
         """Return the verdict that an operator gives by yes or no."""
@@ -424,26 +390,22 @@ class ServedRig:
         UserError
             If it cannot be used.
         """
-        self._end_session()
-        until = monotonic() + LONGEST_RELEASE
-        while monotonic() < until:
-            status = self.turn(drives=False)
-            row = self.rows[-1]
-            is_idle = status["state"] == row.state == IDLE and row.applied == self.rest
-            if is_idle and self.processes():
-                return
-            if status["latch"] and status["state"] != NOT_REACHED:
-                with suppress(UserError):  # another latch was closed meanwhile
-                    operator.acknowledge(self.remote, status["latch"], _ANSWER)
-        state = f"{self.status['state']}: {self.status['reason']}"
-        raise UserError(f"the rig cannot be used {LONGEST_RELEASE:g} s later: {state}")
+        self.drives = False
+        self._session.close()
 
-    def _end_session(self) -> None:
-        """End the client's session, if there is one."""
-        if self._client is not None:
-            self._client.disconnect()
-            self._client.close()
-            self._client = None
+        def is_ready() -> bool:
+            state = self.status["state"]
+            if self.status["latch"] and state != NOT_REACHED:
+                with suppress(UserError):  # another latch was closed meanwhile
+                    operator.acknowledge(self.remote, self.status["latch"], _ANSWER)
+            row = self.rows[-1]
+            is_idle = state == row.state == IDLE and row.applied == self.rest
+            return is_idle and bool(self.processes())
+
+        self.turn()
+        if not self.wait(is_ready, _LONGEST_RELEASE):
+            state = f"{self.status['state']}: {self.status['reason']}"
+            raise UserError(f"the rig cannot be used {_LONGEST_RELEASE:g} s later: {state}")
 
     # -- the end
 
@@ -457,44 +419,38 @@ class ServedRig:
         """
         ignores = (signal.SIGINT, signal.SIG_IGN)  # which is for this process alone
         with get_context("spawn").Pool(1, signal.signal, ignores) as pool:
-            asked = pool.apply_async(_reported, (self.device.backend, self.device.options))
-            try:
-                return asked.get(_LONGEST_START)
-            except ProcessTimeout as error:
-                raise UserError(f"the device does not open in {_LONGEST_START:g} s") from error
+            asked = pool.apply_async(_reported, self.device[:2])
+            asked.wait(_LONGEST_START)
+            if not asked.ready():
+                raise UserError(f"the device does not open in {_LONGEST_START:g} s")
+            return asked.get()
 
     def kill_front(self) -> bool:
         """Kill the front; return True if all other processes have ended in time."""
-        processes = list(self.processes().values())
-        self.processes()["front"].kill()
-        _, alive = psutil.wait_procs(processes, _LONGEST_END)
+        processes = self.processes()
+        processes["front"].kill()
+        _, alive = psutil.wait_procs(processes.values(), _LONGEST_END)
         self._disconnect()
+        self._server.wait(_LONGEST_END)
         return not alive
 
     def _disconnect(self) -> None:
-        """Close the connections to the server, and wait for its last line."""
-        self._end_session()
-        self._monitor.close()
-        self._telemetry.close(linger=0)
-        self._server.wait(_LONGEST_END)
-        self._reader.join(_PATIENCE)
+        self._session.close()
+        self._connections.close()
 
-    def close(self) -> int | None:
+    def close(self) -> int:
         """End the server, and return its exit status; 0 says that the rig is in its safe state.
 
         A server that does not reach the safe state gets a second signal, which ends it.
         """
-        if hasattr(self, "_monitor"):
-            for process in self.processes().values():
-                with suppress(psutil.Error):
-                    process.resume()  # one that a check has stopped
-            self._end_session()
-            self._monitor.close()
+        for process in self.processes().values():
+            with suppress(psutil.Error):
+                process.resume()  # one that a check has stopped
+        self._disconnect()
         for end in (self._server.terminate, self._server.terminate, self._server.kill):
-            if self._server.poll() is None:
-                end()
+            end()
             with suppress(subprocess.TimeoutExpired):
                 self._server.wait(_LONGEST_END)
-        self._reader.join(_PATIENCE)
-        self._context.destroy(linger=0)
+        self._read_log()
+        self._folder.cleanup()
         return self._server.returncode

@@ -7,6 +7,7 @@ The rig is one of the tests' own, which breaks one protection at a time.
 from __future__ import annotations
 
 import time
+from math import inf
 from types import SimpleNamespace
 
 import pytest
@@ -39,18 +40,28 @@ class Process:
         self.rig.acts.append(("suspend", self.pid))
 
 
+class Newcomer:
+    def connect(self, begin, timeout):
+        raise procedure.LinkError("latched")
+
+    def close(self):
+        pass
+
+
 class FakeRig:
     """A rig of one input from −1 to 1 A, driven to 0.2 A; `broken` names what does not work."""
 
     bound, words, credentials = BOUND, (), None
     rest, targets = {"current": 0.0}, {"current": 0.2}
-    remote = SimpleNamespace(requests="tcp://127.0.0.1:1")
+    remote, inputs, drives = None, {"current": "A"}, True
 
-    def __init__(self, broken="", rate=None, interlock="", answer=None, beats=False, names=("d",)):
+    def __init__(self, broken="", rate=inf, interlock="", answer=None, beats=False, names=("d",)):
         self.broken, self.answers, self.acts, self.log = broken, answer, [], []
         self.standby = "standby"
-        limits = {"current": {"min": -1.0, "max": 1.0, "rate": rate}}
-        limits |= {interlock: {"min": 0.5, "max": 1.5, "rate": None}} if interlock else {}
+        self.limits = {"current": {"min": -1.0, "max": 1.0, "rate": rate}}
+        limits = (
+            self.limits | {interlock: {"min": 0.5, "max": 1.5, "rate": None}} if interlock else {}
+        )
         self.status = {
             "state": "idle",
             "latch": "",
@@ -82,12 +93,8 @@ class FakeRig:
     def describe(self, values):
         return str(dict(values))
 
-    def range_of(self, name):
-        return (-1.0, 1.0)
-
-    def rates(self):
-        rate = self.status["limits"]["current"]["rate"]
-        return {} if rate is None else {"current": rate}
+    def link(self, **inputs):
+        return Newcomer()
 
     def ramp(self, name):
         return 0.05 if self.broken == "rates" else 0.4
@@ -104,21 +111,17 @@ class FakeRig:
 
     def exchange(self, values):
         if self.broken == "limits" and abs(values["current"]) > 1.0:
-            return {"refused": []}
+            return True
         if self.status["latch"] and self.broken == "release":
-            return {"refused": []}
+            return True
         if self.is_over:
             raise procedure.LinkError("over")
-        is_refused = (
-            self.status["latch"] or values["current"] == 0.0 or abs(values["current"]) > 1.0
-        )
-        return {"refused": ["no"] if is_refused else []}
+        return not self.status["latch"] and 0.0 < abs(values["current"]) <= 1.0
 
-    def turn(self, drives=True):
+    def turn(self):
         self._row()
-        return self.status
 
-    def drive_until(self, done, timeout):
+    def wait(self, done, timeout):
         if self.status["outputs"].get("door"):
             self.status |= {"latch": "a", "reason": "measured door 0 1 is below 0.5 1"}
         until = time.monotonic() + min(timeout, 0.1)
@@ -126,7 +129,7 @@ class FakeRig:
             self.turn()
         return done()
 
-    def wait_safe(self, fault, drives=True, latch=""):
+    def wait_safe(self, fault, latch=""):
         self.status |= {"state": "safe", "latch": f"{len(self.acts)}"}
         if self.broken == "safe":
             self.status["state"] = "not reached"
@@ -159,19 +162,8 @@ def operators(monkeypatch):
         if kind == "acknowledge":
             raise UserError("refused")
 
-    class Newcomer:
-        def __init__(self, *arguments):
-            pass
-
-        def connect(self, begin, timeout):
-            raise procedure.LinkError("latched")
-
-        def close(self):
-            pass
-
     monkeypatch.setattr(procedure.operator, "ask", ask)
     monkeypatch.setattr(procedure.operator, "acknowledge", lambda *arguments: None)
-    monkeypatch.setattr(procedure, "Link", Newcomer)
     monkeypatch.setattr(procedure, "_IMPORTS", 0.0)
 
 
@@ -234,9 +226,9 @@ def test_a_protection_that_does_not_work_fails_and_no_other(monkeypatch, broken,
 
 def test_a_rate_that_the_level_cannot_show_is_not_confirmed():
     rig = FakeRig(rate=2.0)
-    rig.exchange = lambda values: {"refused": []}
+    rig.exchange = lambda values: True
     assert procedure._rates(rig).verdict == NOT_CONFIRMED
-    rig.status["limits"]["current"]["rate"] = 0.5  # the jump is beyond what 0.2 s allow
+    rig.limits["current"]["rate"] = 0.5  # the jump is beyond what 0.2 s allow
     assert procedure._rates(rig).verdict == FAILED
 
 
@@ -269,7 +261,7 @@ def test_an_interlock_is_opened_by_the_operator_or_not_confirmed():
 
 def test_an_interlock_that_latches_nothing_fails():
     rig = FakeRig(interlock="door", answer=True)
-    rig.drive_until = lambda done, timeout: False
+    rig.wait = lambda done, timeout: False
     assert procedure._interlock(rig, "door").verdict == FAILED
 
 

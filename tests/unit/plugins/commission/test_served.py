@@ -7,6 +7,7 @@ That a rig is served and driven is tried in `tests/end_to_end/test_rig_commissio
 from __future__ import annotations
 
 from hashlib import sha256
+from math import inf
 
 import pytest
 
@@ -75,7 +76,7 @@ def test_processes_are_told_apart_by_their_parents(monkeypatch, numbers, roles):
 
 def ramped(rate, elapsed, monkeypatch):
     rig = ServedRig.__new__(ServedRig)
-    rig.status = {"limits": {"current": {"rate": rate}}}
+    rig.limits = {"current": {"rate": rate}}
     rig.commands, rig.targets, rig._taken = {"current": 0.0}, {"current": -1.0}, 5.0
     monkeypatch.setattr(served, "monotonic", lambda: 5.0 + elapsed)
     return rig._next()["current"]
@@ -83,13 +84,14 @@ def ramped(rate, elapsed, monkeypatch):
 
 def test_commands_are_within_the_limits_of_their_rates(monkeypatch):
     assert -0.1 <= ramped(1.0, 0.1, monkeypatch) < -0.09
-    assert ramped(None, 0.1, monkeypatch) == -1.0
+    assert ramped(inf, 0.1, monkeypatch) == -1.0
     assert ramped(100.0, 0.1, monkeypatch) == -1.0
 
 
-def test_a_server_that_has_ended_is_waited_for_no_longer():
+def test_a_server_that_has_ended_is_waited_for_no_longer(tmp_path):
     rig = ServedRig.__new__(ServedRig)
-    rig._server, rig.log = Process(10, 1), ["ended: smoke"]
+    rig._server, rig._output = Process(10, 1), tmp_path / "server.log"
+    rig._output.write_text("ready\nended: smoke\n")
     rig._server.poll = lambda: 1
     with pytest.raises(UserError, match="the server has ended: ended: smoke"):
         rig.turn()
