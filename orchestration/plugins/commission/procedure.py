@@ -47,16 +47,16 @@ class Check(NamedTuple):
     title, action, requirement : str
         What it is of, what is done, and what must hold; ``{bound}`` is the bound of the server, s.
     run : callable
-        Takes the rig, and returns what was found.
+        Takes the rig, and returns what was measured; UserError if the protection has failed.
     """
 
     title: str
     action: str
     requirement: str
-    run: Callable[[ServedRig], Finding]
+    run: Callable[[ServedRig], str]
 
 
-def _limits(rig: ServedRig) -> Finding:
+def _limits(rig: ServedRig) -> str:
     """Command beyond each limit; a refused set of commands changes no value."""
     begun = len(rig.rows)
     taken = []
@@ -73,11 +73,11 @@ def _limits(rig: ServedRig) -> Finding:
         for values in (row.applied, row.read_back):
             moved = moved or rig.deviations(values, rig.targets)
     if taken or moved:
-        return Finding(FAILED, f"not refused: {taken or 'none'}; moved to: {moved or 'none'}")
-    return Finding(PASS, f"{2 * number} of {2 * number} refused, nothing moved")
+        raise UserError(f"not refused: {taken or 'none'}; moved to: {moved or 'none'}")
+    return f"{2 * number} of {2 * number} refused, nothing moved"
 
 
-def _rates(rig: ServedRig) -> Finding:
+def _rates(rig: ServedRig) -> str:
     """Measure the mean rate of the ramp to the targets, and command a jump back."""
     texts = []
     verdict = PASS
@@ -99,35 +99,33 @@ def _rates(rig: ServedRig) -> Finding:
             texts.append("it is as small as one that is allowed; try a larger --level")
             verdict = NOT_CONFIRMED
     if not texts:
-        return Finding(NOT_APPLICABLE, "no input has a limit of its rate")
-    return Finding(verdict, "; ".join(texts))
+        return rig.found(NOT_APPLICABLE, "no input has a limit of its rate")
+    return rig.found(verdict, "; ".join(texts))
 
 
-def _stop(rig: ServedRig, latch: str = "") -> Finding:
+def _stop(rig: ServedRig, latch: str = "") -> str:
     """Stop as an operator does."""
     fault = monotonic()
     operator.ask(rig.remote, "stop", reason="commissioning")
     return rig.wait_safe(fault, latch)
 
 
-def _second_stop(rig: ServedRig) -> Finding:
+def _second_stop(rig: ServedRig) -> str:
     """Stop a rig that is safe: it is another latch, whose safe state is confirmed anew."""
-    first = _stop(rig)
-    return first if first.verdict == FAILED else _stop(rig, rig.status["latch"])
+    _stop(rig)
+    return _stop(rig, rig.status["latch"])
 
 
-def _silence(rig: ServedRig) -> Finding:
+def _silence(rig: ServedRig) -> str:
     """Send nothing any more."""
     rig.turn()
     rig.drives = False
     return rig.wait_safe(monotonic())
 
 
-def _release(rig: ServedRig) -> Finding:
+def _release(rig: ServedRig) -> str:
     """Try to go on after a stop by all ways that must not work."""
-    finding = _stop(rig)
-    if finding.verdict == FAILED:
-        return finding
+    _stop(rig)
     faults = []
     with suppress(UserError):
         operator.ask(rig.remote, "acknowledge", latch=_WRONG)
@@ -143,12 +141,13 @@ def _release(rig: ServedRig) -> Finding:
         rig.exchange(rig.targets)
         faults.append("the session went on after the acknowledgement")
     if faults:
-        return finding._replace(verdict=FAILED, measured=f"not kept: {', '.join(faults)}")
-    refused = "another name, a command, a session before the release, the old session after it"
-    return finding._replace(measured=f"refused: {refused}")
+        raise UserError(f"not kept: {', '.join(faults)}")
+    return (
+        "refused: another name, a command, a session before the release, the old session after it"
+    )
 
 
-def _fault(rig: ServedRig, role: str, act: str) -> Finding:
+def _fault(rig: ServedRig, role: str, act: str) -> str:
     """Kill or stop a process of the server."""
     process = rig.processes()[role]
     fault = monotonic()
@@ -156,10 +155,10 @@ def _fault(rig: ServedRig, role: str, act: str) -> Finding:
     return rig.wait_safe(fault)
 
 
-def _standby(rig: ServedRig) -> Finding:
+def _standby(rig: ServedRig) -> str:
     """Kill the standby: the rig goes on, and another one is there when the guard is killed."""
     killed = rig.processes()["standby"]
-    fault = monotonic()
+    rig.marks = ((monotonic(), "fault"),)
     first = len(rig.rows)
     killed.kill()
     is_replaced = rig.wait(
@@ -168,71 +167,60 @@ def _standby(rig: ServedRig) -> Finding:
     rig.wait(lambda: False, _IMPORTS)
     states = {row.state for row in rig.rows[first:]} - {RUNNING}
     if states or not is_replaced:
-        said = ", ".join(states) or f"no other standby within {_REPLACED:g} s"
-        return Finding(FAILED, said, ((fault, "fault"),))
-    finding = _fault(rig, "guard", "kill")
-    return finding._replace(measured=f"running until the guard was killed; {finding.measured}")
+        raise UserError(", ".join(states) or f"no other standby within {_REPLACED:g} s")
+    return f"running until the guard was killed; {_fault(rig, 'guard', 'kill')}"
 
 
-def _interlock(rig: ServedRig, name: str) -> Finding:
+def _interlock(rig: ServedRig, name: str) -> str:
     """Let the operator open an interlock and close it."""
     ask = f"Can you open {name} now? There are {_OPENS:g} s from your answer on."
     if not rig.ask(ask):
-        return Finding(NOT_CONFIRMED, "nobody opened it")
+        return rig.found(NOT_CONFIRMED, "nobody opened it")
     rig.release()  # the rig waits for commands no longer than its watchdog time
     rig.begin()
     if not rig.wait(lambda: bool(rig.status["latch"]), _OPENS):
-        return Finding(FAILED, f"no latch within {_OPENS:g} s")
+        raise UserError(f"no latch within {_OPENS:g} s")
     reason = rig.status["reason"]
-    finding = rig.wait_safe(monotonic())  # when it opened, nobody knows
-    if name not in reason or finding.verdict == FAILED:
-        return finding._replace(verdict=FAILED, measured=f"{reason}; {finding.measured}")
-    reached = rig.status["reached"] or 0.0
+    measured = rig.wait_safe(monotonic())  # when it opened, nobody knows
+    if name not in reason:
+        raise UserError(f"{reason}; {measured}")
+    reached = 1e3 * (rig.status["reached"] or 0.0)
     with suppress(UserError):  # it is latched anew
         operator.acknowledge(rig.remote, rig.status["latch"], _HELD)
     rig.turn()
     if not rig.status["latch"]:
-        return finding._replace(verdict=FAILED, measured="it was released while it was open")
+        raise UserError("it was released while it was open")
     if not rig.ask(f"Now close {name} again. Is it closed?"):
-        return finding._replace(verdict=NOT_CONFIRMED, measured="nobody closed it")
-    text = f"safe {1e3 * reached:.0f} ms after the latch; not released while it was open"
-    return finding._replace(measured=text)
+        return rig.found(NOT_CONFIRMED, "nobody closed it")
+    return f"safe {reached:.0f} ms after the latch; not released while it was open"
 
 
-def _heartbeat(rig: ServedRig) -> Finding:
+def _heartbeat(rig: ServedRig) -> str:
     """Ask whether the relay has dropped that watches the heartbeat."""
     if not rig.device.has_heartbeat:
-        return Finding(NOT_APPLICABLE, "the backend has no heartbeat")
-    finding = _fault(rig, "device", "suspend")
+        return rig.found(NOT_APPLICABLE, "the backend has no heartbeat")
+    measured = _fault(rig, "device", "suspend")
     verdict = rig.answer("Has the relay dropped out that watches the heartbeat?")
-    text = f"dropped out: {verdict}; {finding.measured}"
-    return finding._replace(verdict=FAILED if finding.verdict == FAILED else verdict, measured=text)
+    return rig.found(verdict, f"dropped out: {verdict}; {measured}")
 
 
-def _front(rig: ServedRig) -> Finding:
+def _front(rig: ServedRig) -> str:
     """Kill the front; read the device before anybody writes to it, and start the server again."""
     fault = monotonic()
-    has_ended = rig.kill_front()
-    took = monotonic() - fault
-    verdict, measured = FAILED, "processes of the server are left"
-    if has_ended:
-        read = rig.read_device()
-        rig.start()
-        verdict, measured = _restarted(rig, read)
-        measured = f"all processes ended after {took:.2f} s; {measured}"
-    return Finding(verdict, measured, ((fault, "fault"),))
-
-
-def _restarted(rig: ServedRig, read: dict[str, float]) -> tuple[str, str]:
-    """Return the verdict on what a device reported before the server's second start."""
+    rig.marks = ((fault, "fault"),)
+    if not rig.kill_front():
+        raise UserError("processes of the server are left")
+    ended = f"all processes ended after {monotonic() - fault:.2f} s"
+    read = rig.read_device()
+    rig.start()
     if differing := rig.deviations(read, rig.rest):
-        return FAILED, f"left with {differing}"
-    if rig.device.names and not rig.status["latch"]:
-        return FAILED, "the next server is not latched"
+        raise UserError(f"left with {differing}")
     latched = "the next server is latched" if rig.device.names else "no device, so no latch is kept"
-    if read:
-        return PASS, f"read back: {rig.describe(read)}; {latched}"
-    return NOT_CONFIRMED, f"{latched}; the device does not say it"
+    if rig.device.names and not rig.status["latch"]:
+        raise UserError("the next server is not latched")
+    if not read:
+        return rig.found(NOT_CONFIRMED, f"{ended}; {latched}; the device does not say it")
+    return f"{ended}; read back: {rig.describe(read)}; {latched}"
 
 
 CHECKS = (
@@ -307,8 +295,9 @@ def checks_of(rig: ServedRig) -> Iterator[Check]:
         run = partial(_interlock, name=name)
         yield Check(f"Interlock {name}", action, requirement, run)
     if not interlocks:
-        none = Finding(NOT_APPLICABLE, "no output without a unit has limits")
-        yield Check("Interlocks", action, requirement, lambda rig: none)
+        none = "no output without a unit has limits"
+        run = partial(ServedRig.found, verdict=NOT_APPLICABLE, measured=none)
+        yield Check("Interlocks", action, requirement, run)
     yield front
 
 
@@ -355,9 +344,10 @@ def _tried(rig: ServedRig, check: Check) -> Line:
     rig.release()
     rig.begin()
     try:
-        finding = check.run(rig)
+        measured = check.run(rig)
     except UserError as error:
-        finding = Finding(FAILED, str(error))
+        rig.verdict, measured = FAILED, str(error)
+    finding = Finding(rig.verdict, measured, rig.marks)
     requirement = check.requirement.format(bound=rig.bound)
     return Line(check.title, check.action, requirement, finding, tuple(rig.rows))
 

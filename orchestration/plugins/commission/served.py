@@ -25,7 +25,6 @@ from orchestration.plugins.commission.protocol import (
     FAILED,
     NOT_CONFIRMED,
     PASS,
-    Finding,
     Row,
 )
 from orchestration.rig import operator, read_endpoint
@@ -130,6 +129,10 @@ class ServedRig:
         Limits of the inputs: ``min``, ``max`` and ``rate``.
     drives : bool
         Whether each turn commands the next values.
+    verdict : str
+        Verdict of the present check.
+    marks : tuple of (float, str)
+        Times of the present check that its chart shows, s of the monotonic clock.
     rows : list of Row
         Inputs since the rig was at rest.
     log : list of str
@@ -262,6 +265,8 @@ class ServedRig:
         self.commands = self.rest
         self._taken = monotonic()
         self.drives = True
+        self.verdict = PASS
+        self.marks: tuple[tuple[float, str], ...] = ()
         del self.rows[:-1]  # the newest one is at rest
         longest = max(
             abs(target - self.rest[name]) / self.limits[name]["rate"]
@@ -336,8 +341,8 @@ class ServedRig:
 
     # -- the safe state
 
-    def wait_safe(self, fault: float, latch: str = "") -> Finding:
-        """Wait for the safe state, and judge it by time, by read-back and by the operator.
+    def wait_safe(self, fault: float, latch: str = "") -> str:
+        """Wait for the safe state; return how it was confirmed: by read-back or by the operator.
 
         Parameters
         ----------
@@ -345,38 +350,45 @@ class ServedRig:
             When it had to begin, s of the monotonic clock.
         latch : str
             Name of a latch before, which does not count.
+
+        Raises
+        ------
+        UserError
+            If it was not reached in time, or the device reports other values.
         """
+        self.marks = ((fault, "fault"), (fault + self.bound, "bound"))
 
         def is_decided() -> bool:
             is_new = self.status["latch"] not in ("", latch)
             return is_new and self.status["state"] in (SAFE, NOT_REACHED)
 
-        self.wait(is_decided, self.bound + _PATIENCE)
+        is_in_time = self.wait(is_decided, self.bound + _PATIENCE)
         took = monotonic() - fault
+        state = self.status["state"]
+        if not is_in_time:
+            raise UserError(f"{state} after {took:.3g} s: no safe state")
+        if state == NOT_REACHED:
+            raise UserError(self.status["alarm"] or state)
         heard = len(self.rows)
         self.wait(lambda: any(row.read_back for row in self.rows[heard:]), _ANSWER)
-        marks = ((fault, "fault"), (fault + self.bound, "bound"))
-        if not is_decided():
-            return Finding(
-                FAILED, f"{self.status['state']} after {took:.3g} s: no safe state", marks
-            )
-        return Finding(*self._judged(took), marks)
-
-    def _judged(self, took: float) -> tuple[str, str]:
-        """Return the verdict on a safe state that is decided after a time, s, and its reason."""
-        if self.status["state"] == NOT_REACHED:
-            return FAILED, self.status["alarm"] or NOT_REACHED
         read = self.rows[-1].read_back
         if differing := self.deviations(read, self.rest):
-            return FAILED, f"said to be safe, and the device has {differing}"
+            raise UserError(f"said to be safe, and the device has {differing}")
         measured = f"confirmed after {took:.3f} s"
         if took > self.bound + OBSERVATION:
-            return FAILED, measured
+            raise UserError(measured)
         if self.status.get("verified", True):
             by = f"read back: {self.describe(read)}" if read else "read back by the guard"
-            return PASS, f"{measured}; {by}"
+            return f"{measured}; {by}"
         verdict = self.answer("The device does not report what it has. Is the rig at rest?")
-        return verdict, f"{measured}, by the server alone; at rest: {verdict}"
+        return self.found(verdict, f"{measured}, by the server alone; at rest: {verdict}")
+
+    def found(self, verdict: str, measured: str) -> str:
+        """Keep the verdict of a check, and return its text; UserError with it if it has failed."""
+        if verdict == FAILED:
+            raise UserError(measured)
+        self.verdict = verdict
+        return measured
 
     def answer(self, question: str) -> str:
         """Return the verdict that an operator gives by yes or no."""

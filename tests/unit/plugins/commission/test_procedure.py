@@ -13,13 +13,12 @@ from types import SimpleNamespace
 import pytest
 
 from fmus.kit import UserError
-from orchestration.plugins.commission import procedure
+from orchestration.plugins.commission import ServedRig, procedure
 from orchestration.plugins.commission.protocol import (
     FAILED,
     NOT_APPLICABLE,
     NOT_CONFIRMED,
     PASS,
-    Finding,
     Row,
 )
 
@@ -102,8 +101,10 @@ class FakeRig:
     def deviations(self, values, wanted):
         return "" if values == wanted or self.broken != "front" else "current 1 A"
 
+    found = ServedRig.found
+
     def begin(self):
-        self.is_over = False
+        self.is_over, self.verdict, self.marks = False, PASS, ()
         self._row()
 
     def release(self):
@@ -133,8 +134,8 @@ class FakeRig:
         self.status |= {"state": "safe", "latch": f"{len(self.acts)}"}
         if self.broken == "safe":
             self.status["state"] = "not reached"
-            return Finding(FAILED, "NOT REACHED")
-        return Finding(PASS, "safe")
+            raise UserError("NOT REACHED")
+        return "safe"
 
     def processes(self):
         roles = {"front": "front", "guard": "guard", "device": "device", "standby": self.standby}
@@ -227,9 +228,11 @@ def test_a_protection_that_does_not_work_fails_and_no_other(monkeypatch, broken,
 def test_a_rate_that_the_level_cannot_show_is_not_confirmed():
     rig = FakeRig(rate=2.0)
     rig.exchange = lambda values: True
-    assert procedure._rates(rig).verdict == NOT_CONFIRMED
+    assert "larger --level" in procedure._rates(rig)
+    assert rig.verdict == NOT_CONFIRMED
     rig.limits["current"]["rate"] = 0.5  # the jump is beyond what 0.2 s allow
-    assert procedure._rates(rig).verdict == FAILED
+    with pytest.raises(UserError, match="the jump is not refused"):
+        procedure._rates(rig)
 
 
 def test_nothing_is_driven_any_more_when_the_safe_state_was_not_reached():
@@ -262,7 +265,8 @@ def test_an_interlock_is_opened_by_the_operator_or_not_confirmed():
 def test_an_interlock_that_latches_nothing_fails():
     rig = FakeRig(interlock="door", answer=True)
     rig.wait = lambda done, timeout: False
-    assert procedure._interlock(rig, "door").verdict == FAILED
+    with pytest.raises(UserError, match="no latch within 60 s"):
+        procedure._interlock(rig, "door")
 
 
 def test_a_device_that_does_not_say_what_it_has_is_not_confirmed():
