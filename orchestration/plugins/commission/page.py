@@ -38,7 +38,13 @@ def protocol_page(protocol: Protocol, command: str = "") -> Page:
     page.table(
         ("check", "verdict", "what was measured", "what was done", "what must hold"),
         [
-            (line.title, elements.chip(_CHIPS[line.verdict], line.verdict), *_texts(line))
+            (
+                line.title,
+                elements.chip(_CHIPS[line.verdict], line.verdict),
+                _wrapped(line.finding.measured),
+                _wrapped(line.action),
+                _wrapped(line.requirement),
+            )
             for line in protocol.lines
         ],
     )
@@ -57,10 +63,6 @@ def protocol_page(protocol: Protocol, command: str = "") -> Page:
         page.heading("Command")
         page.code([command])
     return page
-
-
-def _texts(line: Line) -> list[Markup]:
-    return [_wrapped(text) for text in (line.finding.measured, line.action, line.requirement)]
 
 
 def _wrapped(text: str) -> Markup:

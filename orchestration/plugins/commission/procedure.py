@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, suppress
 from datetime import datetime
 from functools import partial
-from importlib.metadata import version
 from math import inf
 from time import monotonic
 from typing import NamedTuple
@@ -92,7 +91,9 @@ def _rates(rig: ServedRig) -> str:
         jump = "not refused" if is_taken else "refused"
         texts.append(f"{name} {change / took:.4g} {unit} of {rate:.4g} {unit}; the jump is {jump}")
         # both ends of the ramp are known to a sample
-        longest = rig.status["watchdog"] if is_taken else took + 2.0 * rig.status["period"]
+        longest = took + 2.0 * rig.status["period"]
+        if is_taken:
+            longest = min(longest, rig.status["watchdog"])
         if change > rate * longest:
             verdict = FAILED
         elif is_taken and verdict == PASS:
@@ -357,7 +358,6 @@ def _facts(rig: ServedRig) -> dict[str, str]:
     device = rig.device
     return {
         "date": datetime.now().isoformat(" ", "seconds"),
-        "ppy-rig": version("ppy-rig"),
         "backend": device.backend,
         **{f"option {name}": value for name, value in device.options.items()},
         "devices": ", ".join(device.names) or "none that is real",
@@ -366,5 +366,5 @@ def _facts(rig: ServedRig) -> dict[str, str]:
         "period": f"{rig.status['period']:.4g} s",
         "watchdog": f"{rig.status['watchdog']:g} s",
         "safe within": f"{rig.bound:.3g} s, and {OBSERVATION:g} s until it is seen here",
-        **{f"SHA-256 of {name}": digest for name, digest in device.digests.items()},
+        **device.facts,
     }

@@ -8,7 +8,6 @@ import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing, suppress
-from hashlib import sha256
 from math import inf
 from multiprocessing import get_context
 from pathlib import Path
@@ -27,6 +26,7 @@ from orchestration.plugins.commission.protocol import (
     PASS,
     Row,
 )
+from orchestration.reporting.html import facts_about
 from orchestration.rig import operator, read_endpoint
 from orchestration.rig.backends import Backend, backend_class, device_names, open_backend
 
@@ -42,6 +42,7 @@ _RAMP = 0.95  # of the largest rate: a command that comes early is not refused
 _LONGEST_START = 60.0  # s, with an opening of 30 s
 _LONGEST_RELEASE = 20.0  # s that a device may take to be opened again
 _LONGEST_END = 20.0  # s that a server may take to end in the safe state
+_HEARD = ("clock", "state", "inputs", "read_back")  # of telemetry
 _READY = re.compile(r"ready: (tcp://\S+) .* safe within ([\d.e-]+) s")
 
 
@@ -54,15 +55,15 @@ class Device(NamedTuple):
     options : Mapping of str to str
     names : tuple of str
         Names of its devices; empty if it commands nothing real.
-    digests : Mapping of str to str
-        SHA-256 of its files: code and calibration.
+    facts : Mapping of str to str
+        Versions, and SHA-256 of its files: code and calibration.
     has_heartbeat : bool
     """
 
     backend: str
     options: Mapping[str, str]
     names: tuple[str, ...]
-    digests: Mapping[str, str]
+    facts: Mapping[str, str]
     has_heartbeat: bool
 
 
@@ -86,9 +87,8 @@ def read_device(backend: str, options: Mapping[str, str]) -> Device:
     """
     with files.kept() as found:
         names = device_names(backend, options)
-    digests = {Path(path).name: sha256(data).hexdigest() for path, data in found.items()}
     beats = backend_class(backend).heartbeat is not Backend.heartbeat
-    return Device(backend, options, names, digests, beats)
+    return Device(backend, options, names, facts_about([*map(Path, found)]), beats)
 
 
 def _reported(backend: str, options: Mapping[str, str]) -> dict[str, float]:
@@ -194,7 +194,7 @@ class ServedRig:
         until = monotonic() + _LONGEST_START
         while not (ready := _READY.search("\n".join(self._read_log()[begun:]))):
             if self._server.poll() is not None:
-                raise UserError(f"ppy rig serve: {self._last_line()}")
+                raise UserError(f"ppy rig serve: {self._read_log()[-1]}")
             if monotonic() > until:
                 raise UserError(f"ppy rig serve is not ready after {_LONGEST_START:g} s")
             sleep(PERIOD)
@@ -212,10 +212,7 @@ class ServedRig:
     def _read_log(self) -> list[str]:
         """Read the lines of the server that have come; the newest one may not be complete."""
         self.log = self._output.read_text("utf-8", "replace").splitlines()
-        return self.log
-
-    def _last_line(self) -> str:
-        return (self._read_log() or ["it has ended"])[-1]
+        return self.log or ["it has said nothing"]
 
     def link(self, **inputs: str) -> Link:
         """Return a link of a client without a session, with the units of inputs."""
@@ -267,7 +264,7 @@ class ServedRig:
         self.drives = True
         self.verdict = PASS
         self.marks: tuple[tuple[float, str], ...] = ()
-        del self.rows[:-1]  # the newest one is at rest
+        self.rows = [self.rows[-1]._replace(commanded=self.rest)]  # the newest one is at rest
         longest = max(
             abs(target - self.rest[name]) / self.limits[name]["rate"]
             for name, target in self.targets.items()
@@ -310,15 +307,15 @@ class ServedRig:
             If the server has ended.
         """
         if self._server.poll() is not None:
-            raise UserError(f"the server has ended: {self._last_line()}")
+            raise UserError(f"the server has ended: {self._read_log()[-1]}")
         sleep(PERIOD)
         if self.drives:
             with suppress(LinkError):  # the session ends with a process
                 self.exchange(self._next())
         while self._telemetry.poll(0):
             heard = protocol.decode(self._telemetry.recv(), protocol.REPLIES)
-            time, state, applied = heard["clock"], heard["state"], heard["inputs"]
-            self.rows.append(Row(time, state, self.commands, applied, heard["read_back"]))
+            time, state, *values = (heard[key] for key in _HEARD)
+            self.rows.append(Row(time, state, self.commands, *values))
         self.status = self._monitor.status(_ANSWER) or self.status
 
     def _next(self) -> dict[str, float]:
@@ -414,7 +411,6 @@ class ServedRig:
             is_idle = state == row.state == IDLE and row.applied == self.rest
             return is_idle and bool(self.processes())
 
-        self.turn()
         if not self.wait(is_ready, _LONGEST_RELEASE):
             state = f"{self.status['state']}: {self.status['reason']}"
             raise UserError(f"the rig cannot be used {_LONGEST_RELEASE:g} s later: {state}")

@@ -73,7 +73,7 @@ class FakeRig:
             "outputs": {"voltage": "V", **({interlock: "1"} if interlock else {})},
         }
         self.device = SimpleNamespace(
-            backend="fake", options={}, names=names, digests={}, has_heartbeat=beats
+            backend="fake", options={}, names=names, facts={}, has_heartbeat=beats
         )
         self.rows = []
         self.is_over = False

@@ -22,7 +22,8 @@ EMULATOR = Device("emulator", {}, (), {}, False)
 def test_a_backend_is_read_without_opening_it(tmp_path):
     log = tmp_path / "log"
     device = read_device(f"{BACKENDS}:Beating", {"log": str(log), "trigger": "t"})
-    assert device.digests == {"backends.py": sha256(BACKENDS.read_bytes()).hexdigest()}
+    digest = sha256(BACKENDS.read_bytes()).hexdigest()
+    assert device.facts["SHA-256 of backends.py"] == digest
     assert device.has_heartbeat
     assert device.names
     assert not log.exists()
