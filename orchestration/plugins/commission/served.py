@@ -411,6 +411,7 @@ class ServedRig:
             is_idle = state == row.state == IDLE and row.applied == self.rest
             return is_idle and bool(self.processes())
 
+        self.turn()  # what was heard before may be of the last check
         if not self.wait(is_ready, _LONGEST_RELEASE):
             state = f"{self.status['state']}: {self.status['reason']}"
             raise UserError(f"the rig cannot be used {_LONGEST_RELEASE:g} s later: {state}")
