@@ -115,6 +115,10 @@ EXAMPLES = {
         "ppy rig bridge --port 5590 --endpoint tcp://rig:5570 --credentials key.toml",
     ),
     "rig opcua": ("ppy rig opcua", "ppy rig opcua --port 4841 --lease 5"),
+    "rig commission": (
+        "ppy rig commission --yes --port 0",
+        "ppy rig commission --yes --port 0 --level 0.2 --out rig.html",
+    ),
     "rig demo": ("ppy rig demo", "ppy rig demo --seed 2 --out another-rig"),
 }
 

@@ -218,6 +218,13 @@ def started(example, folder):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_a_rig_is_commissioned(tmp_path):
+    run("rig commission", tmp_path)
+    assert "PASS" in (tmp_path / "rig.html").read_text().upper()
+
+
+@pytest.mark.slow
 @pytest.mark.timeout(1800)
 def test_examples_of_a_rig_that_take_long(rig, tmp_path):
     release(rig)
@@ -228,5 +235,5 @@ def test_examples_of_a_rig_that_take_long(rig, tmp_path):
 @pytest.mark.slow
 def test_every_example_is_run_by_one_of_these():
     named = {"rig keys", "rig serve", "rig watch", "rig bridge", "rig opcua", "rig record"}
-    named |= {"rig archive", "rig acknowledge", "rig calibrate", "rig log"}
+    named |= {"rig archive", "rig acknowledge", "rig calibrate", "rig log", "rig commission"}
     assert set(OF_A_RIG) == {*SERVED, *named, "rig demo"}
