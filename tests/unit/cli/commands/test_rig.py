@@ -4,16 +4,12 @@ before they speak to anybody.
 
 from __future__ import annotations
 
-import io
 import json
 import re
-import sys
 
 import pytest
 
-from fmus.kit import UserError
 from fmus.rig_proxy import PORT
-from orchestration.cli.commands import rig
 from orchestration.rig.keys import make_keys
 from tests.support.command import refused, works
 from tests.support.rig.driver import INPUTS
@@ -63,21 +59,3 @@ def test_keys_are_written_for_server_and_client_and_for_one_more(tmp_path):
     more = works("rig", "keys", "keys", "--client", "lab", cwd=tmp_path)
     (name,) = [path.name for path in (tmp_path / "keys").iterdir() if "lab" in path.name]
     assert name in more
-
-
-@pytest.mark.parametrize(
-    ("typed", "answer"),
-    [("yes\n", True), ("No\n", False), ("perhaps\nyes\n", True), ("", None), ("perhaps\n", None)],
-)
-def test_an_operator_answers_by_yes_or_no(monkeypatch, typed, answer):
-    terminal = io.StringIO(typed)
-    terminal.isatty = lambda: True
-    monkeypatch.setattr(sys, "stdin", terminal)
-    assert rig._ask("Is the rig at rest?") is answer
-
-
-def test_without_a_terminal_nobody_answers(monkeypatch):
-    monkeypatch.setattr(sys, "stdin", io.StringIO("yes\n"))
-    assert rig._ask("Is the rig at rest?") is None
-    with pytest.raises(UserError, match="--yes"):
-        rig._raise_if_refused("current 0.1 A")
