@@ -387,17 +387,10 @@ class Device:
                 self._values[k] = value
                 self._taken[k] = now
         self._number += 1
-        sample = Sample(
-            self._number,
-            now,
-            self._deadlines.missed,
-            pack(self._applied),
-            pack(reported),
-            pack(self._values),
-            pack(self._taken),
-            os.getpid(),
-            self._rested,
-        )
+        packed = map(pack, (self._applied, reported, self._values, self._taken))
+        applied, back, values, taken = packed
+        about = (self._number, now, self._deadlines.missed)
+        sample = Sample(*about, applied, back, values, taken, os.getpid(), self._rested)
         self._shared.sample.write(sample)
         self._shared.samples.write(sample)
 
