@@ -100,10 +100,15 @@ def test_noise_is_that_of_the_printed_criteria():
 
 @pytest.mark.slow
 def test_a_row_of_each_table_is_up_to_date():
-    """All of them take six minutes."""
+    """All of them take six minutes.
+
+    Where a search ends depends on the processor's kernels of linear algebra: SS fits 89.0 % on one
+    machine and 89.5 on another.
+    """
     case = structures.CASES[0]
     found = structures.medians(case)
     for part, table in enumerate(tables()):
         values, _ = table[str(case)]
         digits = 2 if part == 2 else 1
-        assert values == {name: round(float(found[name][part]), digits) for name in NAMES}
+        rows = {name: round(float(found[name][part]), digits) for name in NAMES}
+        assert values == pytest.approx(rows, rel=0.01)
