@@ -152,15 +152,7 @@ def prefer(priority: int | None, cpu: int | None) -> list[str]:
         ("priority", priority, _lock_memory),
         ("cpu", cpu, lambda core: os.sched_setaffinity(0, {core})),
     ):
-        if value is None:
-            continue
-        reason = ""
-        try:
-            apply(value)
-        except AttributeError:
-            reason = "this system has no such thing"
-        except OSError as error:
-            reason = str(error.strerror or error)
+        reason = "" if value is None else _refusal(apply, value)
         if reason:
             notes.append(f"--device-{option} {value}: {reason}; it goes on without")
     return notes
@@ -179,8 +171,13 @@ def prefer_to_others(priority: int) -> str:
     str
         Why it has none; empty if it has.
     """
+    return _refusal(_set_priority, priority)
+
+
+def _refusal(apply: Callable[[int], object], value: int) -> str:
+    """Apply a setting; return why it is refused, which is empty if it is not."""
     try:
-        _set_priority(priority)
+        apply(value)
     except AttributeError:
         return "this system has no such thing"
     except OSError as error:
