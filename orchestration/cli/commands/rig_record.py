@@ -193,7 +193,7 @@ def _drive(
 
 
 class _Recording(NamedTuple):
-    """What a recording is done with: the interrupt that ends it, and its observer."""
+    """The interrupt that ends a recording, and the observer of its rows."""
 
     interrupt: Interrupt
     observer: RecordingObserver

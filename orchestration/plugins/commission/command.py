@@ -24,7 +24,7 @@ from orchestration.cli.outputs import (
 
 
 class CommissionOptions(TypedDict, total=False):
-    """How far a rig is moved to try its protections, and where the protocol goes."""
+    """Options of a commissioning: the protocol, and the share by which the rig is moved."""
 
     out: Annotated[
         Path, Option("Page of the protocol.", default=Path("protocol.html"), metavar="FILE.html")

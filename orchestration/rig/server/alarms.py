@@ -159,7 +159,7 @@ class Alarms:
 
     @property
     def text(self) -> str:
-        """What nobody has acknowledged yet, the most severe first; empty if there is nothing."""
+        """Text of all open alarms, the most severe first; empty without one."""
         return "; ".join(record.text for record in self._shown())[:_LONGEST_TEXT]
 
     def _shown(self) -> Iterator[AlarmRecord]:
