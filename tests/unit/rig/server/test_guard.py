@@ -82,6 +82,31 @@ def test_judgement(age, where, order, command_age, safe, part):
     assert bool(reason) == bool(part)
 
 
+class Withheld:
+    """The processor time of a device that the machine has not run for a while, or has run."""
+
+    def __init__(self, answer):
+        self.answer = answer
+
+    def was_withheld(self, silence):
+        assert silence == pytest.approx(0.16)
+        return self.answer
+
+
+@pytest.mark.parametrize(
+    ("withheld", "reason"),
+    [
+        (True, "the machine did not run the device in 0.16 s, in write(); a busy machine needs"),
+        (False, "the device hangs: write() for 0.16 s"),
+    ],
+)
+def test_a_device_that_was_not_run_does_not_hang(withheld, reason):
+    beat = Beat(NOW - 0.16, 1, True, 0.0, b"write()")
+    assert fault_of(beat, Command(RUN, 0, NOW), NOW, SETTINGS, Withheld(withheld)).startswith(
+        reason
+    )
+
+
 @pytest.mark.parametrize(
     ("trip", "final"),
     [
