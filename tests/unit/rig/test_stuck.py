@@ -18,9 +18,11 @@ FROZEN = 50  # sample from which on the sensor is stuck
 NOISE = np.random.default_rng(7).standard_normal(200)
 
 
-def alarms(sensor, current=lambda k: sin(0.3 * k), force=lambda k: 1.0, back=nan, after=AFTER):
+def alarms(
+    sensor, current=lambda k: sin(0.3 * k), force=lambda k: 1.0, back=nan, after=AFTER, unit="V"
+):
     """Return at which of 100 samples there was an alarm, and the alarms."""
-    signals = {"current": "A", "force": "N"}, {"shown": "V"}
+    signals = {"current": "A", "force": "N"}, {"shown": unit}
     limits = {"current": Limit(-1.0, 1.0), "force": Limit(0.0, 3.0)}
     monitor = StuckMonitor(signals, limits, after)
     found = []
@@ -88,6 +90,7 @@ def test_a_sensor_that_has_never_changed_is_an_alarm_once_all_inputs_have():
         {"sensor": coarse},
         {"sensor": lambda k, *applied: nan},  # none is there, which is told elsewhere
         {"sensor": frozen(of_current), "after": 0},
+        {"sensor": frozen(of_current), "unit": "1"},  # a switch may stay as it is
     ],
 )
 def test_a_sensor_that_has_no_reason_to_change_is_no_alarm(about):
