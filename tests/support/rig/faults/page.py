@@ -83,8 +83,14 @@ def write(path: Path, rows: Sequence[Row], outcomes: Sequence[Outcome]) -> None:
         title = " ".join((import_module(module).__doc__ or "").split()).rstrip(".")
         cells = [row.cells() for row in rows if row.fault.provoke.__module__ == module]
         parts.append(f"## {title}\n\n{_table(_CELLS, cells)}")
-    parts.append(_of_combinations(outcomes))
     path.write_text("\n".join(parts), encoding="utf-8")
+    add_combinations(path, outcomes)
+
+
+def add_combinations(path: Path, outcomes: Sequence[Outcome]) -> None:
+    """Write the part of the page on combinations, in place of an older one, and its picture."""
+    kinds = path.read_text(encoding="utf-8").partition(_COMBINATIONS.partition("\n")[0])[0]
+    path.write_text(f"{kinds.rstrip()}\n\n{_of_combinations(outcomes)}", encoding="utf-8")
     _draw(path.parent / "pictures" / _PICTURE, outcomes)
 
 
