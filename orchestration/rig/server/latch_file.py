@@ -1,7 +1,8 @@
 """File that keeps the latch of a device over a restart of its server, and over a loss of power.
 
 While a server uses the device, its file says so. If the next server finds this entry, the last one
-did not end in order, and the state of the device is unknown.
+did not end in order, and the state of the device is unknown. So it is if the file is gone: an empty
+one of its name without ``.json`` tells this from a device that was never used.
 """
 
 from __future__ import annotations
@@ -107,14 +108,8 @@ class LatchFiles(LatchKeeper):
                 self._newest.put_nowait(record)
                 return
             except Full:
-                self._forget_newest()
-
-    def _forget_newest(self) -> None:
-        """Remove the record that the thread has not taken yet, if there still is one."""
-        try:
-            self._newest.get_nowait()
-        except Empty:
-            return
+                with suppress(Empty):  # the thread may have taken it by now
+                    self._newest.get_nowait()
 
     def _write_newest(self) -> None:
         """Write every record that is newest when the one before has been written, until the end.
@@ -151,6 +146,7 @@ class LatchFiles(LatchKeeper):
         for path in self._paths:
             path.parent.mkdir(parents=True, exist_ok=True)  # somebody may have deleted it since
             files.put(path, text.encode(), mode=0o600)
+            path.with_suffix("").touch(0o600)
 
     def end(self) -> None:
         """Note that the server ended in order, with the latch as it is."""
@@ -164,7 +160,7 @@ class LatchFiles(LatchKeeper):
 def _read(path: Path) -> LatchRecord | None:
     """Return the closed latch in a file; None if it is open.
 
-    A damaged file, or one of a server that did not end in order, is a new latch.
+    A file that is damaged or deleted, or of a server that did not end in order, is a new latch.
 
     Raises
     ------
@@ -182,7 +178,9 @@ def _read(path: Path) -> LatchRecord | None:
         if record is not None and not (isinstance(record.name, str) and record.name):
             raise ValueError("without a name it could not be acknowledged")
     except FileNotFoundError:
-        return None
+        if not path.with_suffix("").exists():
+            return None
+        return LatchRecord(token_hex(8), f"{path} was deleted, so nobody knows", "", now)
     except OSError as error:
         raise UserError(f"the latch cannot be read: {path}: {error.strerror}") from error
     except (ValueError, TypeError, KeyError):

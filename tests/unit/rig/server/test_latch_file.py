@@ -67,7 +67,7 @@ def test_files_that_somebody_deletes_while_the_server_runs_are_written_again(tmp
 def test_there_is_a_file_for_each_device_which_only_its_owner_reads(tmp_path):
     keeper(tmp_path).end()
     files = sorted(tmp_path.iterdir())
-    assert [path.stem for path in files] == sorted(map(digest, DEVICES))
+    assert sorted({path.stem for path in files}) == sorted(map(digest, DEVICES))
     if os.name == "posix":
         assert {stat.S_IMODE(path.stat().st_mode) for path in files} == {0o600}
     assert make_latch_keeper(("another",), tmp_path, print).held is None
@@ -144,7 +144,7 @@ def test_a_rig_without_a_device_keeps_nothing(tmp_path):
 def test_the_folder_is_the_users_where_none_is_given(tmp_path, monkeypatch):
     monkeypatch.setattr("platformdirs.user_state_dir", lambda name, appauthor: str(tmp_path / name))
     make_latch_keeper(DEVICES, None, print).end()
-    assert len(list((tmp_path / "ppy-rig").iterdir())) == 2
+    assert len(list((tmp_path / "ppy-rig").glob("*.json"))) == 2
 
 
 def test_a_write_is_on_the_disk_before_it_counts(tmp_path, monkeypatch):
@@ -188,6 +188,18 @@ def test_a_latch_without_a_name_is_closed_all_the_same(tmp_path, name):
 
 
 @posix
+def test_a_file_that_somebody_deletes_while_nobody_serves_is_a_latch(tmp_path):
+    before = keeper(tmp_path)
+    before.keep(LatchRecord("name", "reason", "", "now"))
+    before.end()
+    (tmp_path / f"{digest(DEVICES[0])}.json").unlink()
+    (tmp_path / f"{digest(DEVICES[1])}.json").unlink()
+    held = keeper(tmp_path).held
+    assert held is not None
+    assert "was deleted" in held.reason
+    assert held.name
+
+
 def test_a_pipe_in_place_of_a_latch_is_a_closed_one_and_nothing_waits_for_it(tmp_path):
     for device in DEVICES:
         os.mkfifo(tmp_path / f"{digest(device)}.json")
