@@ -343,8 +343,10 @@ class Actuator(Faulty):
         "tension": "N",
     }
 
-    def __init__(self, log: str, trigger: str, where: str = "", how: str = "") -> None:
-        super().__init__(log, trigger, where, how)
+    def __init__(
+        self, log: str, trigger: str, where: str = "", how: str = "", times: str = "1000000"
+    ) -> None:
+        super().__init__(log, trigger, where, how, times)
         self.limits = {"current": Limit(-1.3, 1.3), "length_change": Limit(-0.02, 0.02)}
 
     def measured(self, commands: Mapping[str, float]) -> dict[str, float]:

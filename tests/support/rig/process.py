@@ -43,6 +43,15 @@ def module_process(module: str, *arguments: object) -> Iterator[subprocess.Popen
             process.kill()
 
 
+def hil_bench(endpoint: str, duration: float) -> list[str]:
+    """Return the command that runs the system ``hil_bench`` in real time, for some seconds."""
+    command = [sys.executable, "-m", "orchestration.cli", "run", "hil_bench", "--runtime", "python"]
+    command += ["--real-time", "--lag", "2", "--out", "run.nc"]
+    settings = [f"proxy.endpoint={endpoint}", f"duration={duration:g}"]
+    settings += ["step=20ms", "master.rates.bench=100", "inputs.current.initial=0.4"]
+    return [*command, *(word for setting in settings for word in ("--set", setting))]
+
+
 @dataclass(frozen=True)
 class Call:
     """One call of the backend: when, by which process, and what."""

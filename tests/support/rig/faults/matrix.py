@@ -25,7 +25,7 @@ from pathlib import Path
 from fmus.rig_proxy.link import Link, LinkError
 from tests.support.rig.driver import INPUTS, OUTPUTS, Driver
 from tests.support.rig.exhausted import no_descriptors, no_memory, no_threads
-from tests.support.rig.process import ROOT, Call, Server
+from tests.support.rig.process import ROOT, Call, Server, hil_bench
 from tests.support.rig.terminal import HOLD, Terminal
 from tests.support.small_disk import disk_of_64_kib
 
@@ -38,7 +38,7 @@ TREATMENTS = {
 }
 SIGNALS = ("HUP", "INT", "QUIT", "TSTP", "TTIN", "TTOU", "USR1", "USR2", "TERM", "WINCH")
 ENDING = ("HUP", "INT", "QUIT", "USR1", "TERM")  # what must end in the safe state by itself
-CLIENTS = ("idle", "commanding", "recording")
+CLIENTS = ("idle", "commanding", "recording", "hil_bench")
 # what there is none left of; the disk is that of the latch, and nobody takes what is printed
 LACKS = ("", "threads", "memory", "descriptors", "disk", "output")
 ALARM = 0.5  # s, within which an alarm is promised where only hardware can help
@@ -211,11 +211,12 @@ def _started(
     arguments = ["--watchdog", watchdog]
     if combination.lacks == "disk":
         arguments += ["--state", opened.enter_context(disk_of_64_kib(folder / "disk"))]
+    kind = _CLIENTS[combination.client]
     server = opened.enter_context(
-        Server(folder, "Faulty", *arguments, options=hang, terminal=Terminal())
+        Server(folder, kind.backend, *arguments, options=hang, terminal=Terminal())
     )
     server.wait_ready()
-    client = _CLIENTS[combination.client](server, folder)
+    client = kind(server, folder)
     opened.callback(client.close)
     client.start()
     return server, client
@@ -377,6 +378,8 @@ def _last_command(calls: list[Call]) -> float | None:
 class _Idle:
     """No client, until something has failed; then one that tries to command."""
 
+    backend = "Faulty"
+
     def __init__(self, server: Server, folder: Path) -> None:
         self._server = server
 
@@ -428,13 +431,11 @@ class _Commanding(_Idle):
 class _Recording(_Idle):
     """``ppy rig record``, as a process of its own."""
 
+    first = "write 0.8"
+
     def __init__(self, server: Server, folder: Path) -> None:
-        (folder / "experiment.toml").write_text(_EXPERIMENT)
-        command = [sys.executable, "-m", "orchestration.cli", "rig", "record"]
-        command += ["--stimulus", "experiment.toml", "--out", "record.csv"]
-        command += ["--endpoint", server.endpoint]
         self._process = subprocess.Popen(
-            command,
+            self._command(server.endpoint, folder),
             cwd=folder,
             env={**os.environ, "PYTHONPATH": str(ROOT)},
             stdout=subprocess.DEVNULL,
@@ -446,8 +447,14 @@ class _Recording(_Idle):
         self._reader.start()
         self._server = server
 
+    def _command(self, endpoint: str, folder: Path) -> list[str]:
+        (folder / "experiment.toml").write_text(_EXPERIMENT)
+        command = [sys.executable, "-m", "orchestration.cli", "rig", "record"]
+        command += ["--stimulus", "experiment.toml", "--out", "record.csv"]
+        return [*command, "--endpoint", endpoint]
+
     def start(self) -> None:
-        self._server.wait_call("write 0.8", 0.0)
+        self._server.wait_call(self.first, 0.0)
 
     def _read(self) -> None:
         assert self._process.stderr is not None
@@ -476,7 +483,22 @@ class _Recording(_Idle):
         self._process.stderr.close()
 
 
-_CLIENTS = {"idle": _Idle, "commanding": _Commanding, "recording": _Recording}
+class _Running(_Recording):
+    """``ppy run hil_bench --real-time``, whose bench is in a loop with the device."""
+
+    backend = "Actuator"
+    first = "write 0.4"
+
+    def _command(self, endpoint: str, folder: Path) -> list[str]:
+        return hil_bench(endpoint, 60.0)
+
+
+_CLIENTS: dict[str, type[_Idle]] = {
+    "idle": _Idle,
+    "commanding": _Commanding,
+    "recording": _Recording,
+    "hil_bench": _Running,
+}
 
 
 def try_combinations(

@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from typing import Any
@@ -16,12 +15,11 @@ from typing import Any
 from tests.support.rig.bad_link import BadLink, Treatment, damaging, delaying, doubling, dropping
 from tests.support.rig.faults.bench import Bench, fault
 from tests.support.rig.peer import Peer, operators
-from tests.support.rig.process import ROOT, Server
+from tests.support.rig.process import ROOT, Server, hil_bench
 from tests.support.rig.terminal import Terminal
 
 _LIMITS = ((-1.3, 1.3), (-0.02, 0.02))  # of the commands of the actuator
 _DURATION = 4.0  # s, of the run
-_SETTINGS = ("step=20ms", "master.rates.bench=100", "inputs.current.initial=0.4")
 _STARTS = 10  # of a run, at most
 _ENDS = "safe; the run ends with one line that says why, and an exit status that is not 0"
 _GOES_ON = "the run goes on to its end, or the rig is safe and the run says why"
@@ -50,14 +48,9 @@ def _run(bench: Bench, disturb: Callable[[], object]) -> subprocess.CompletedPro
 
 def _started(bench: Bench) -> subprocess.Popen[str]:
     """Start a run, and wait until it commands; on a busy machine it may be refused at first."""
-    command = [sys.executable, "-m", "orchestration.cli", "run", "hil_bench", "--runtime", "python"]
-    command += ["--real-time", "--lag", "2", "--out", "run.nc"]
-    settings = (f"proxy.endpoint={bench.link.endpoint}", f"duration={_DURATION:g}", *_SETTINGS)
-    for setting in settings:
-        command += ["--set", setting]
     for _ in range(_STARTS):
         run = subprocess.Popen(
-            command,
+            hil_bench(bench.link.endpoint, _DURATION),
             cwd=bench.folder,
             env={**os.environ, "PYTHONPATH": str(ROOT)},
             stdout=subprocess.PIPE,

@@ -50,10 +50,11 @@ _COMBINATIONS = f"""## Combinations, at random times
 guard that stands by, device) stopped, killed, or hung in a call of the driver that never returns,
 alone and in pairs, with a signal of a real terminal in whose foreground the server is (Ctrl-C,
 Ctrl-\\, Ctrl-Z, closing it, and others) or without, while no client is there, one commands every
-20 ms, or `ppy rig record` records. They happen at once, or within up to 1.5 watchdog times in any
-order; and by chance there are no further threads, no address space, no descriptors or no room for
-the latch on the disk, or nobody takes what the server prints. Afterwards all that was stopped goes
-on, and where there was no client one tries to command: the output has to stay at zero. `make
+20 ms, `ppy rig record` records, or `ppy run hil_bench --real-time` has a bench in a loop with the
+device. They happen at once, or within up to 1.5 watchdog times in any order; and by chance there
+are no further threads, no address space, no descriptors or no room for the latch on the disk, or
+nobody takes what the server prints. Afterwards all that was stopped goes on, and where there was no
+client one tries to command: the output has to stay at zero. `make
 hil-faults-all` tries every combination, with nothing lacking.
 
 *Median*, *95 %* and *longest* are of the time from the last event before it to the safe state, of
