@@ -8,8 +8,7 @@ from __future__ import annotations
 import posixpath
 import re
 import sys
-from collections.abc import Iterable, Mapping
-from hashlib import sha3_256
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
@@ -147,14 +146,14 @@ _RELATED = {
 }
 
 
-def _manifest(files: Mapping[str, bytes]) -> bytes:
-    """Write the manifest of FMI-LS-REF 1.0.0-alpha.1 for files, by path in the archive."""
+def _manifest(files: Collection[str]) -> bytes:
+    """Write the manifest of FMI-LS-REF 1.0.0-beta.1 for files, by paths in the archive."""
     manifest = Element(
         "fmiReferences",
         {
             "xmlns:fmi-ls": "http://fmi-standard.org/fmi-ls-manifest",
             "fmi-ls:fmi-ls-name": "org.fmi-standard.fmi-ls-ref",
-            "fmi-ls:fmi-ls-version": "1.0.0-alpha.1",
+            "fmi-ls:fmi-ls-version": "1.0.0-beta.1",
             "fmi-ls:fmi-ls-description": (
                 "Layered Standard providing information on related files included in an FMU."
             ),
@@ -169,8 +168,6 @@ def _manifest(files: Mapping[str, bytes]) -> bytes:
                 source=posixpath.relpath(path, _REFERENCES),
                 role=role,
                 description=description,
-                checksum=sha3_256(files[path]).hexdigest(),
-                checksumType="SHA3-256",
             )
     return serialized(manifest)
 
