@@ -232,6 +232,18 @@ def test_clients_that_keep_sending_hold_up_no_operator(monkeypatch, serve):
     assert max(b - a for a, b in pairwise(looks)) <= 6
 
 
+@pytest.mark.parametrize(("waiting", "expected"), [(1, 0), (450, 2)])
+def test_a_flood_leaves_processor_time_to_others(monkeypatch, serve, waiting, expected):
+    """As the front comes before all that has no real-time priority, such as an operator's stop."""
+    clock = iter(100.0 + 1e-9 * k for k in range(100_000))
+    monkeypatch.setattr(module, "monotonic", lambda: next(clock))
+    rests = []
+    monkeypatch.setattr(module, "sleep", rests.append)
+    handler, *_ = serve(*[STATUS] * waiting)
+    assert len(handler.done) == waiting
+    assert len(rests) == expected
+
+
 @pytest.mark.parametrize(("fresh", "most", "least"), [(True, 1 / 30, 1 / 31.5), (False, 0.2, 0.19)])
 def test_telemetry_has_a_pace_whatever_the_rig_has(monkeypatch, serve, fresh, most, least):
     """Clock of the test: a loop takes a millisecond; new samples come at every one, or never."""
