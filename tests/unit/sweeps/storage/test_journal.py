@@ -338,7 +338,7 @@ def test_a_disk_that_fills_while_cases_fail_loses_nothing(tmp_path, small_disk):
                     file.write(bytes(512))
 
     # Python FMUs of one name share a module in a process, so that this one has a name of its own
-    call = {"over": {"u": "1..200:200"}, "time": TIME[:3], "keep": ["last"]}
+    call = {"over": {"u": "1..60:60"}, "time": TIME[:3], "keep": ["last"]}
     with pytest.raises(UserError, match=r"No space left on device\); what is done stands there"):
         ppy.sweep(fragile, **call, folder=small_disk / "part", progress=fill)
     (small_disk / "other").unlink()
