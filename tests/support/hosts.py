@@ -34,9 +34,11 @@ import pytest
 from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ModelDescription, ScalarVariable
 
+from tests.support.machines import MACHINES, Machine
+
 TESTS = Path(__file__).resolve().parent
 HEADERS = Path(fmpy.__file__).parent / "c-code"
-LETTER = {"Real": "r", "Integer": "i", "Boolean": "b"}
+LETTER = {"Real": "r", "Float64": "r", "Integer": "i", "Int32": "i", "Boolean": "b"}
 TYPE: dict[str, type] = {"Real": float, "Integer": int, "Boolean": bool}
 NANOSECONDS = 1_000_000_000
 ECOS_COMPLAINT = re.compile(r"\] fmi2(Discard|Error|Fatal)\b")
@@ -558,21 +560,15 @@ def compiler() -> str:
 
 
 @functools.cache
-def _c_host() -> Path:
+def _c_host(version: int, machine: Machine) -> Path:
+    """Compile the program for a version of FMI and a platform."""
     folder = Path(tempfile.mkdtemp(prefix="c_host_"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    program = folder / "c_host"
-    command = [
-        compiler(),
-        "-std=c99",
-        "-O2",
-        f"-I{HEADERS}",
-        str(TESTS / "c" / "c_host.c"),
-        "-o",
-        str(program),
-        "-ldl",
-    ]
-    subprocess.run(command, check=True, capture_output=True)
+    program = folder / "c_host.exe"
+    zig = [sys.executable, "-m", "ziglang", "cc", "-target", machine.target]
+    command = [*(zig if machine.runners else [compiler()]), "-std=c99", "-O2", f"-DFMI={version}"]
+    command += [f"-I{HEADERS}", str(TESTS / "c" / "c_host.c"), "-o", str(program)]
+    subprocess.run([*command, *machine.libraries], check=True, capture_output=True)
     return program
 
 
@@ -584,12 +580,14 @@ def run_c_host(
     parameters: Mapping[str, float] | None = None,
     *,
     environment: Mapping[str, str] | None = None,
+    machine: Machine = MACHINES["linux64"],
 ) -> Result:
-    """Run an FMU in a small C program (`c/c_host.c`), in whose process there is no Python unless
-    the FMU brings it.
+    """Run an FMU of FMI 2.0 or 3.0 in a small C program (`c/c_host.c`), in whose process there is
+    no Python unless the FMU brings it.
 
     Arguments and result are those of `run_fmpy` with its defaults: free spacing, outputs read after
-    the inputs are set, stop time announced. `environment` adds variables to those of this process.
+    the inputs are set, stop time announced. `environment` adds variables to those of this process,
+    and `machine` is the platform whose binary is run.
 
     Raises
     ------
@@ -598,7 +596,6 @@ def run_c_host(
         fails.
     """
     time, columns = _table(times, inputs)
-    program = _c_host()
     with extracted(fmu) as folder:
         description = fmpy.read_model_description(str(folder), validate=False)
         variables = _variables(description)
@@ -618,18 +615,23 @@ def run_c_host(
         plan += [
             " ".join(map(repr, row)) for row in np.column_stack([time, *columns.values()]).tolist()
         ]
-        library = (
-            folder / "binaries" / fmpy.platform / (description.coSimulation.modelIdentifier + ".so")
-        )
-        command = [str(program), str(library), description.guid, (folder / "resources").as_uri()]
-        surroundings = {**os.environ, **(environment or {})}
+        version = int(description.fmiVersion[0])
+        binaries = folder / "binaries" / (machine.name if version == 2 else machine.tuple)
+        library = binaries / f"{description.coSimulation.modelIdentifier}{machine.extension}"
+        resources = folder / "resources"
         process = subprocess.run(
-            command,
+            [
+                *machine.runner(),
+                str(_c_host(version, machine)),
+                str(library),
+                description.guid,
+                resources.as_uri() if version == 2 else f"{resources}/",
+            ],
             input="\n".join(plan),
             capture_output=True,
             text=True,
             timeout=120,
-            env=surroundings,
+            env={**os.environ, **(environment or {})},
         )
     if process.returncode != 0:
         raise HostError("the C host", process.returncode, process.stderr)
