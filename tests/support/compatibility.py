@@ -1,7 +1,7 @@
-"""Compatibility of our FMUs: every tool is run on every component, and badges show the log.
+"""Compatibility of our FMUs: every tool is run on every component, and a page and badges show it.
 
 ``python -m tests.support.compatibility --out FOLDER`` writes ``tools.jsonl``, a line for each run
-with the digest of the FMU, and ``badges/TOOL-fmiN.svg``.
+with the digest of the FMU, and ``badges/TOOL-fmiN.svg``; ``--page FILE`` draws the page.
 """
 
 from __future__ import annotations
@@ -14,27 +14,55 @@ from functools import partial
 from hashlib import sha256
 from importlib import metadata
 from pathlib import Path
-from typing import Any
-from xml.sax.saxutils import escape
+from typing import Any, NamedTuple
 
 import numpy as np
 from fmpy import read_model_description
 from fmpy.validation import validate_fmu
 
 from fmus import COMPONENTS, component
-from fmus.kit.build import build_cached
+from fmus.kit.build import build, build_cached
+from fmus.kit.storage import scratch
 from tests.support import fmusim, hosts
+from tests.support.compatibility_page import FAILED, NOT_RUN, PASSED, badges, page
 from tests.support.exchange import BY_FMPY, both_ways, distance
+from tests.support.machines import MACHINES, Machine
 from tests.support.stimuli import STIMULI
 
 POINTS = 50
 SAME = 1e-9  # of an output's size: one FMU, stepped alike
 ROUNDED = 1e-7  # by a master that counts time in nanoseconds, over steps of some milliseconds
 SOLVED = 1e-5  # a solver of its own
-GOOD, BAD = "#2e7d32", "#b3261e"
-_Runs = Callable[[str], float]
-_Version = Callable[[], str]
-_Tool = tuple[str, _Version, int, str, _Runs, float]
+
+
+class Tool(NamedTuple):
+    """A tool, and one of the ways in which it runs FMUs.
+
+    Attributes
+    ----------
+    name : str
+    version : callable
+    fmi : {2, 3}
+        Version of FMI.
+    interface : str
+    runs : callable
+        Runs a component, and returns how far its results are off, relative to their size.
+    allowed : float
+        Largest deviation.
+    build : str
+        Build of the component, and its platform where that is another.
+    lacks : callable
+        Returns the reason why it does not run here; empty if it does.
+    """
+
+    name: str
+    version: Callable[[], str]
+    fmi: int
+    interface: str
+    runs: Callable[[str], float]
+    allowed: float
+    build: str = "native"
+    lacks: Callable[[], str] = str
 
 
 def _signals(name: str) -> tuple[np.ndarray, dict[str, float], list[str]]:
@@ -55,16 +83,32 @@ def _largest(found: Any, expected: Any, outputs: Sequence[str]) -> float:
     return max(distance(found[key][1:], expected[key][1:]) for key in outputs)
 
 
-def stepped_by(run: Callable[..., Any]) -> _Runs:
-    """Co-simulation of FMI 2.0 by a master, beside the same calls through fmpy's bare functions."""
+def stepped_by(
+    run: Callable[..., Any], build: str = "native", fmi: int = 2
+) -> Callable[[str], float]:
+    """Co-simulation by a master, beside the calls of FMI 2.0 through fmpy's bare functions."""
 
     def deviation(name: str) -> float:
         time, inputs, outputs = _signals(name)
-        path = build_cached(component(name), "native")
-        found = run(path, time, inputs, outputs)
-        return _largest(
-            found, hosts.run_fmpy(path, time, inputs, outputs, feedthrough=False), outputs
-        )
+        found = run(build_cached(component(name), build, fmi), time, inputs, outputs)
+        native = build_cached(component(name), "native")
+        expected = hosts.run_fmpy(native, time, inputs, outputs, feedthrough=False)
+        return _largest(found, expected, outputs)
+
+    return deviation
+
+
+def emulated(machine: Machine, fmi: int) -> Callable[[str], float]:
+    """Co-simulation of the binary for another platform, by a program in C, beside that of this."""
+
+    def deviation(name: str) -> float:
+        time, inputs, outputs = _signals(name)
+        with scratch.folder("compatibility") as folder:
+            path = folder / f"{name}.fmu"
+            path.write_bytes(build(component(name), "native", (machine.name,), fmi=fmi))
+            found = hosts.run_c_host(path, time, inputs, outputs, machine=machine)
+        native = build_cached(component(name), "native")
+        return _largest(found, hosts.run_fmpy(native, time, inputs, outputs), outputs)
 
     return deviation
 
@@ -77,7 +121,7 @@ def by_fmpy(path: str, **options: Any) -> Any:
     return BY_FMPY(path, **options)
 
 
-def co_simulated(simulate: Callable[..., Any], fmi: int) -> _Runs:
+def co_simulated(simulate: Callable[..., Any], fmi: int) -> Callable[[str], float]:
     """Co-simulation by a tool, beside fmpy's bare functions and the build of FMI 2.0."""
 
     def deviation(name: str) -> float:
@@ -97,7 +141,7 @@ def co_simulated(simulate: Callable[..., Any], fmi: int) -> _Runs:
     return deviation
 
 
-def solved(simulate: Callable[..., Any], fmi: int) -> _Runs:
+def solved(simulate: Callable[..., Any], fmi: int) -> Callable[[str], float]:
     """Model exchange by a tool's CVode, beside co-simulation."""
 
     def deviation(name: str) -> float:
@@ -109,104 +153,126 @@ def solved(simulate: Callable[..., Any], fmi: int) -> _Runs:
     return deviation
 
 
-def _all(tool: str, version: _Version, simulate: Callable[..., Any]) -> list[_Tool]:
+def _all(
+    name: str, version: Callable[[], str], simulate: Callable[..., Any], **more: Any
+) -> list[Tool]:
     """Both interfaces of both versions of FMI."""
     interfaces = [("co-simulation", co_simulated, SAME), ("model exchange", solved, SOLVED)]
     return [
-        (tool, version, fmi, interface, runs(simulate, fmi), allowed)
+        Tool(name, version, fmi, interface, runs(simulate, fmi), allowed, **more)
         for fmi in (2, 3)
         for interface, runs, allowed in interfaces
     ]
 
 
+def _masters() -> list[Tool]:
+    """Masters of co-simulation that have packages."""
+    libcosim = partial(metadata.version, "libcosimpy")
+    ecos = partial(metadata.version, "ecospy")
+    native = stepped_by(hosts.run_libcosim), stepped_by(hosts.run_ecos)
+    python = stepped_by(hosts.run_libcosim, "python"), stepped_by(hosts.run_ecos, "python")
+    of_3 = stepped_by(hosts.run_ecos, "native", 3)
+    crash = "any FMU of FMI 3.0 ends its process with a segmentation fault"
+    return [
+        Tool("libcosim", libcosim, 2, "co-simulation", native[0], ROUNDED),
+        Tool("libcosim", libcosim, 2, "co-simulation", python[0], ROUNDED, "python"),
+        Tool("libcosim", libcosim, 3, "co-simulation", native[0], ROUNDED, lacks=lambda: crash),
+        Tool("Ecos", ecos, 2, "co-simulation", native[1], SAME),
+        Tool("Ecos", ecos, 2, "co-simulation", python[1], SAME, "python"),
+        Tool("Ecos", ecos, 3, "co-simulation", of_3, SAME),
+    ]
+
+
+def _on_other_platforms() -> list[Tool]:
+    """A program in C, on platforms that are emulated here."""
+    return [
+        Tool(
+            f"C under {machine.runners[0]}",
+            lambda: "",
+            fmi,
+            "co-simulation",
+            emulated(machine, fmi),
+            SAME,
+            f"native, {machine.name}",
+            machine.lacks,
+        )
+        for machine in MACHINES.values()
+        if machine.runners
+        for fmi in (2, 3)
+    ]
+
+
+def _fmusim_is_missing() -> str:
+    return "" if fmusim.BINARY else fmusim.MISSING
+
+
+_FMPY = partial(metadata.version, "fmpy")
 _with_events = partial(fmusim.simulate_fmu, flags=fmusim.EVENT_MODE)
-_libcosim, _ecos = stepped_by(hosts.run_libcosim), stepped_by(hosts.run_ecos)
-# tool, its version, version of FMI, interface, what runs it and how far it may be off
 TOOLS = [
-    *_all("fmpy", partial(metadata.version, "fmpy"), by_fmpy),
-    ("libcosim", partial(metadata.version, "libcosimpy"), 2, "co-simulation", _libcosim, ROUNDED),
-    ("Ecos", partial(metadata.version, "ecospy"), 2, "co-simulation", _ecos, SAME),
-]
-FMUSIM = [
-    *_all("fmusim", fmusim.version, fmusim.simulate_fmu),
-    ("fmusim", fmusim.version, 3, "event mode", co_simulated(_with_events, 3), SAME),
+    *_all("fmpy", _FMPY, by_fmpy),
+    Tool("fmpy", _FMPY, 2, "co-simulation", stepped_by(hosts.run_fmpy, "python"), SAME, "python"),
+    *_masters(),
+    *_on_other_platforms(),
+    *_all("fmusim", fmusim.version, fmusim.simulate_fmu, lacks=_fmusim_is_missing),
+    Tool(
+        "fmusim",
+        fmusim.version,
+        3,
+        "event mode",
+        co_simulated(_with_events, 3),
+        SAME,
+        lacks=_fmusim_is_missing,
+    ),
 ]
 
 
-def log(names: Sequence[str] = COMPONENTS, tools: Sequence[_Tool] = TOOLS) -> list[dict[str, Any]]:
+def log(names: Sequence[str] = COMPONENTS, tools: Sequence[Tool] = TOOLS) -> list[dict[str, Any]]:
     """Run every tool on every component; an error is an outcome."""
-    entries = []
-    for tool, version_of, fmi, interface, run, allowed in tools:
-        for name in names:
-            entry = {
-                "tool": tool,
-                "version": version_of(),
-                "fmi": f"{fmi}.0",
-                "interface": interface,
-                "component": name,
-                "sha256": sha256(
-                    build_cached(component(name), "native", fmi).read_bytes()
-                ).hexdigest(),
-            }
-            try:
-                deviation = float(run(name))
-                outcome = "passed" if deviation <= allowed else "failed"
-                entry |= {"outcome": outcome, "deviation": deviation}
-            except Exception as error:  # whatever a tool raises
-                lines = str(error).splitlines() or [""]
-                entry |= {"outcome": "failed", "error": f"{type(error).__name__}: {lines[0]}"}
-            entries.append(entry)
-    return entries
+    return [_entry(tool, name) for tool in tools for name in names]
 
 
-def badges(entries: Sequence[dict[str, Any]]) -> dict[str, str]:
-    """Draw a badge for each tool and version of FMI, by file name."""
-    drawn = {}
-    for tool, version, fmi in sorted({(e["tool"], e["version"], e["fmi"]) for e in entries}):
-        of_it = [e["outcome"] for e in entries if (e["tool"], e["fmi"]) == (tool, fmi)]
-        passed = of_it.count("passed")
-        text = f"FMI {fmi}: {passed} of {len(of_it)}"
-        colour = GOOD if passed == len(of_it) else BAD
-        drawn[f"{tool.lower()}-fmi{fmi[0]}.svg"] = _svg(f"{tool} {version}", text, colour)
-    return drawn
-
-
-def _svg(left: str, right: str, colour: str) -> str:
-    """Draw two fields beside each other."""
-    a, b = (14 + 7 * len(text) for text in (left, right))
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{a + b}" height="20" role="img"'
-        f' aria-label="{escape(left)}: {escape(right)}">'
-        f'<rect width="{a}" height="20" fill="#444"/>'
-        f'<rect x="{a}" width="{b}" height="20" fill="{colour}"/>'
-        '<g fill="#fff" font-family="Verdana,DejaVu Sans,sans-serif" font-size="11"'
-        ' text-anchor="middle">'
-        f'<text x="{a / 2}" y="14">{escape(left)}</text>'
-        f'<text x="{a + b / 2}" y="14">{escape(right)}</text></g></svg>\n'
-    )
+def _entry(tool: Tool, name: str) -> dict[str, Any]:
+    """Run a tool on a component."""
+    lacking = tool.lacks()
+    entry = {
+        "tool": tool.name,
+        "version": "" if lacking else tool.version(),
+        "fmi": f"{tool.fmi}.0",
+        "interface": tool.interface,
+        "build": tool.build,
+        "component": name,
+        "allowed": tool.allowed,
+    }
+    if lacking:
+        return entry | {"outcome": NOT_RUN, "reason": lacking}
+    runtime = tool.build.partition(",")[0]
+    fmu = build_cached(component(name), runtime, tool.fmi)
+    entry["sha256"] = sha256(fmu.read_bytes()).hexdigest()
+    try:
+        deviation = float(tool.runs(name))
+    except Exception as error:  # whatever a tool raises
+        lines = str(error).splitlines() or [""]
+        return entry | {"outcome": FAILED, "reason": f"{type(error).__name__}: {lines[0]}"}
+    outcome = PASSED if deviation <= tool.allowed else FAILED
+    return entry | {"outcome": outcome, "deviation": deviation}
 
 
 def main() -> int:
     """Run all tools, write the log and the badges, and return 1 if a run failed, else 0."""
     parser = argparse.ArgumentParser(description="Run our FMUs in every tool that is here.")
     parser.add_argument("--out", type=Path, default=Path("dist/release"))
-    out = parser.parse_args().out
-    entries = log() + (log(tools=FMUSIM) if fmusim.BINARY else [])
-    folder = out / "badges"
+    parser.add_argument("--page", type=Path, help="page to write, such as docs/compatibility.md")
+    chosen = parser.parse_args()
+    entries = log()
+    folder = chosen.out / "badges"
     folder.mkdir(parents=True, exist_ok=True)
     lines = "".join(json.dumps(entry) + "\n" for entry in entries)
-    (out / "tools.jsonl").write_text(lines, encoding="utf-8")
+    (chosen.out / "tools.jsonl").write_text(lines, encoding="utf-8")
     for file, text in badges(entries).items():
         (folder / file).write_text(text, encoding="utf-8")
-    for entry in entries:
-        if entry["outcome"] != "passed":
-            print(*(entry.get(k, "") for k in ("tool", "fmi", "interface", "component")), end=": ")
-            print(entry.get("error", entry.get("deviation")))
-    passed = sum(entry["outcome"] == "passed" for entry in entries)
-    print(f"{passed} of {len(entries)} runs passed")
-    if not fmusim.BINARY:
-        print(f"fmusim is left out: {fmusim.MISSING}")
-    return int(passed < len(entries))
+    if chosen.page is not None:
+        chosen.page.write_text(page(entries), encoding="utf-8")
+    return int(any(entry["outcome"] == FAILED for entry in entries))
 
 
 if __name__ == "__main__":

@@ -63,7 +63,7 @@ MACHINES = {
     machine.name: machine
     for machine in (
         Machine("linux64", "x86_64-linux", ".so", "x86_64-linux-gnu.2.17"),
-        Machine("win64", "x86_64-windows", ".dll", "x86_64-windows-gnu", ("wine64", "wine")),
+        Machine("win64", "x86_64-windows", ".dll", "x86_64-windows-gnu", ("wine",)),
         Machine(
             "aarch64-linux",
             "aarch64-linux",
