@@ -39,7 +39,7 @@ from tests.support.machines import MACHINES, Machine
 TESTS = Path(__file__).resolve().parent
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 LETTER = {"Real": "r", "Float64": "r", "Integer": "i", "Int32": "i", "Boolean": "b"}
-TYPE: dict[str, type] = {"Real": float, "Integer": int, "Boolean": bool}
+TYPE: dict[str, type] = {"Real": float, "Float64": float, "Integer": int, "Boolean": bool}
 NANOSECONDS = 1_000_000_000
 ECOS_COMPLAINT = re.compile(r"\] fmi2(Discard|Error|Fatal)\b")
 
@@ -200,7 +200,7 @@ def _uniform_step(host: str, time: np.ndarray) -> float:
 def _real_only(host: str, description: ModelDescription, names: Sequence[str]) -> None:
     variables = _variables(description)
     for name in names:
-        if variables[name].type != "Real":
+        if variables[name].type not in ("Real", "Float64"):
             raise ValueError(
                 f"run_{host} handles Real variables only; {name} is {variables[name].type}"
             )

@@ -122,7 +122,8 @@ class Latch:
 
     def _close(self, record: LatchRecord) -> None:
         """Set the attributes to those of a closed latch."""
-        if self.state == SAFE:  # else the rig has been on its way since the stop before
+        # else the rig has been on its way since the stop before
+        if self.state == SAFE or self._is_opening:
             self.state = STOPPING
             self._lacking = monotonic()
         self.reached = None

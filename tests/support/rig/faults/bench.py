@@ -101,10 +101,11 @@ class Bench:
         return self.server
 
     def launch(self, backend: str = "Logged", *arguments: object, **more: Any) -> Server:
-        """Start a server, which whoever speaks to it may drive: the faults are others."""
-        usual = ("--watchdog", self.watchdog, "--no-keys")
+        """Start a server, which whoever speaks to it may drive unless keys are given."""
+        usual = ("--watchdog", self.watchdog)
+        access = () if "--keys" in arguments else ("--no-keys",)
         self.server = self._open.enter_context(
-            Server(self.folder, backend, *usual, *arguments, **more)
+            Server(self.folder, backend, *usual, *access, *arguments, **more)
         )
         return self.server
 

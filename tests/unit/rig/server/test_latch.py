@@ -250,6 +250,19 @@ def test_a_device_that_is_opened_anew_has_time_to_start(trial):
     assert trial.after(0.2) == "not reached"
 
 
+def test_what_fails_while_it_opens_has_the_whole_bound_to_be_safe_again(trial):
+    """As the device that is opened anew and cannot be read."""
+    trial.rig.safe = 1000.0
+    trial.latch.close("the cable is out")
+    trial.rig.waiting = "the device is being opened"
+    trial.latch.acknowledge(trial.latch.name, "lab")
+    trial.rig.safe = None
+    assert trial.after(0.4) == "stopping"
+    trial.latch.close("the cable is out")
+    assert trial.after(0.2) == "stopping"
+    assert trial.after(0.2) == "not reached"
+
+
 def test_what_stops_the_rig_while_it_opens_holds_it(trial):
     trial.rig.safe, trial.rig.waiting = 1000.0, "the device is being opened"
     trial.latch.close("stopped: smoke")
