@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from functools import partial
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 JOURNAL = ".part.csv"  # behind the name of the result
 _ON_TERMINAL = 0.2  # s between two lines
 _ELSEWHERE = 5.0
+_SILENCE = 0.4  # s without an answer of a rig, after which somebody has to look
 
 
 class IncompleteRecord(UserError):
@@ -160,9 +161,6 @@ def status_line(live: Live) -> Iterator[Live]:
     from orchestration.reporting import BackgroundWriter
     from orchestration.reporting.console import err, warn
 
-    if err.quiet:
-        yield live
-        return
     stream = sys.stderr
 
     def show(content: bytes) -> None:
@@ -171,7 +169,8 @@ def status_line(live: Live) -> Iterator[Live]:
 
     in_place = err.is_terminal
     writer = BackgroundWriter(show)
-    line = _StatusLine(writer, in_place)
+    every = _ON_TERMINAL if in_place else _ELSEWHERE
+    line = _StatusLine(writer, in_place, inf if err.quiet else every)
     try:
         yield replace(live, look=line.look)
     finally:
@@ -183,7 +182,7 @@ def status_line(live: Live) -> Iterator[Live]:
 
 
 class _StatusLine:
-    """Status line of a run, rewritten at intervals.
+    """Status line of a run, rewritten at intervals; and alarms, at once.
 
     Attributes
     ----------
@@ -191,24 +190,42 @@ class _StatusLine:
         First reason for which the journal could not be written; empty without one.
     """
 
-    def __init__(self, writer: BackgroundWriter, in_place: bool):
+    def __init__(self, writer: BackgroundWriter, in_place: bool, every: float):
         self._writer = writer
         self._in_place = in_place
+        self._every = every
         self._written = monotonic()
+        self._is_silent = False
         self.trouble = ""
 
     def look(self, moment: Moment) -> None:
         """Write the line if the last one is old, and at once at the first trouble."""
+        self._alarm(_worst(moment, "round_trip_time") or 0.0)
         if moment.trouble and not self.trouble:
             self.trouble = moment.trouble
             self._written = 0.0
         now = monotonic()
-        every = _ON_TERMINAL if self._in_place else _ELSEWHERE
-        if now - self._written < every or self._writer.is_behind:
+        if now - self._written < self._every or self._writer.is_behind:
             return
         self._written = now
-        line = status(moment) + (f", {moment.trouble}" if moment.trouble else "")
-        self._writer.put((f"\r{line}\x1b[K" if self._in_place else f"{line}\n").encode())
+        trouble = f", {moment.trouble}" if moment.trouble else ""
+        self._show(status(moment) + trouble, stays=False)
+
+    def _alarm(self, silence: float) -> None:
+        """Alarm the operator once if a rig does not answer, even in quiet mode."""
+        if silence > _SILENCE and not self._is_silent:
+            self._show(
+                f"ALARM: no answer from a rig for {silence:.1f} s: it goes to its safe state by"
+                " itself; see that it does",
+                stays=True,
+            )
+        self._is_silent = silence > _SILENCE
+
+    def _show(self, line: str, stays: bool) -> None:
+        """Show a line, in whose place the next one comes on a terminal, unless it stays."""
+        start, rest = ("\r", "\x1b[K") if self._in_place else ("", "")
+        end = "\n" if stays or not self._in_place else ""
+        self._writer.put(f"{start}{line}{rest}{end}".encode())
 
 
 def keep(data: xarray.Dataset, out: Path, live: Live) -> None:

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from fmus import component
-from orchestration.cli.real_time import _admit, status
+from orchestration.cli.real_time import _admit, _StatusLine, status
 from orchestration.experiment import results
 from orchestration.experiment.live import Moment, RigEnd
 from orchestration.master import RealTime
@@ -153,6 +153,21 @@ def test_status():
         "link lost, age 512 ms, round trip 4.0 ms"
     )
     assert "link 7" in status(Moment(0.0, 1.0, 0.0, 0, {"link_state": 7.0}, ""))
+
+
+@pytest.mark.parametrize(("in_place", "end"), [(True, "\x1b[K\n"), (False, "\n")])
+def test_every_silence_of_a_rig_is_an_alarm_once_in_quiet_mode_as_well(in_place, end):
+    written = []
+    writer = SimpleNamespace(put=written.append, is_behind=False)
+    line = _StatusLine(writer, in_place, np.inf)
+    for silence in (0.1, 0.41, 0.6, 0.01, 0.5):
+        line.look(Moment(0.0, 1.0, 0.0, 0, {"proxy.round_trip_time": silence}, ""))
+    texts = [text.decode() for text in written]
+    assert [re.search(r"ALARM: no answer from a rig for (.+) s:", text)[1] for text in texts] == [
+        "0.4",
+        "0.5",
+    ]
+    assert all(text.endswith(f"see that it does{end}") for text in texts)
 
 
 @pytest.mark.slow
