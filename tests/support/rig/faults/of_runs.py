@@ -117,6 +117,7 @@ def _of_link(what: str, treatment: Treatment) -> None:
     def disturbed(bench: Bench) -> None:
         _serve(bench)
         done = _run(bench, lambda: setattr(bench.link, "treatment", treatment))
+        assert bench.link.fresh, "no command was fresh"
         last = max(bench.link.fresh)
         bench.measure(last, bench.safe_after(last), "last fresh command")
         if done.returncode:
