@@ -23,7 +23,7 @@ from fmpy.validation import validate_fmu
 from fmus import COMPONENTS, component
 from fmus.kit.build import build, build_cached
 from fmus.kit.storage import scratch
-from tests.support import fmusim, hosts
+from tests.support import fmusim, hosts, pyfmi_host
 from tests.support.compatibility_page import FAILED, NOT_RUN, PASSED, badges, page
 from tests.support.exchange import BY_FMPY, both_ways, distance
 from tests.support.machines import MACHINES, Machine
@@ -206,6 +206,22 @@ def _fmusim_is_missing() -> str:
     return "" if fmusim.BINARY else fmusim.MISSING
 
 
+def _by_pyfmi() -> list[Tool]:
+    """PyFMI, by the interfaces that it imports."""
+
+    def lacks() -> str:
+        return "" if pyfmi_host.INTERPRETER else pyfmi_host.MISSING
+
+    ways = _all("PyFMI", pyfmi_host.version, pyfmi_host.simulate_fmu, lacks=lacks)
+    unknown = "PyFMI imports no co-simulation of FMI 3.0"
+    return [
+        way._replace(lacks=lambda: unknown)
+        if (way.fmi, way.interface) == (3, "co-simulation")
+        else way
+        for way in ways
+    ]
+
+
 _FMPY = partial(metadata.version, "fmpy")
 _with_events = partial(fmusim.simulate_fmu, flags=fmusim.EVENT_MODE)
 TOOLS = [
@@ -222,6 +238,16 @@ TOOLS = [
         co_simulated(_with_events, 3),
         SAME,
         lacks=_fmusim_is_missing,
+    ),
+    *_by_pyfmi(),
+    Tool(
+        "OMSimulator",
+        str,
+        2,
+        "co-simulation",
+        lambda name: 0.0,
+        SAME,
+        lacks=lambda: "its package holds no binaries, and was not built from source",
     ),
 ]
 
