@@ -180,12 +180,20 @@ def simulate(
 
 
 def points_of(
-    model: Model, time: ArrayLike | None, stop: float | str | None, step: float | str | None
+    model: Model,
+    time: ArrayLike | None,
+    stop: float | str | None,
+    step: float | str | None,
+    start: float | None = None,
 ) -> Array:
-    """Return the points in time (n,) in s of a simulation; arguments as those of `simulate`."""
+    """Return the points in time (n,) in s of a simulation; arguments as those of `simulate`.
+
+    The first one is that of the FMU unless `start` in s is given.
+    """
     if time is not None:
         return np.asarray(time, dtype=float)
-    first, own_stop, own_step = source_of(model).default_experiment
+    declared, own_stop, own_step = source_of(model).default_experiment
+    first = declared if start is None else start
     if stop is None:
         stop = first + 10.0 if own_stop is None else own_stop
     last = seconds(stop)

@@ -136,6 +136,8 @@ class Fmu:
         folder.
     tolerance : float, optional
         Relative tolerance of its integration; default the declared one.
+    calls : Path, optional
+        File to which its calls are appended, a line each.
 
     Raises
     ------
@@ -165,6 +167,7 @@ class Fmu:
         name: str | None = None,
         folder: str | None = None,
         tolerance: float | None = None,
+        calls: Path | None = None,
     ):
         self.path = path
         self.parameters = dict(parameters or {})
@@ -176,6 +179,7 @@ class Fmu:
         self._working_folder = ""
         self._shared_folder = folder
         self._folder = folder
+        self._calls = calls
         self._slave: Any = None
         declared = float(getattr(self.description.defaultExperiment, "tolerance", None) or 0.0)
         self._tolerance = tolerance or declared or None
@@ -215,7 +219,7 @@ class Fmu:
     def __enter__(self) -> Self:
         try:
             self._working_folder = os.getcwd()
-            self._folder = self._shared_folder or unpack(self.path)
+            self._folder = self._shared_folder or unpack(self.path, self._calls)
             exit_notice.note_opened(self.label)
             with activity(f"{self.label}: loading"):
                 self._instantiate()
@@ -456,6 +460,20 @@ class Fmu:
     def release(self, state: Any) -> None:
         """Free a saved state; UserError if the FMU refuses."""
         self._checked("releasing a state", self._slave.freeFMUstate, state)
+
+    def serialized_state(self) -> bytes:
+        """Return the FMU state as bytes; UserError if the FMU refuses."""
+        state = self.save()
+        contents: bytes = self._checked("writing the state", self._slave.serializeFMUstate, state)
+        self.release(state)
+        return contents
+
+    def resume(self, contents: bytes) -> None:
+        """Set an FMU that is not initialized to a state as bytes; UserError if it refuses."""
+        state = self._checked("reading a state", self._slave.deSerializeFMUstate, contents)
+        self.restore(state)
+        self.release(state)
+        self._is_initialized = True
 
     # --- values
 

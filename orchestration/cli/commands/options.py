@@ -197,6 +197,20 @@ class SignalsOption(TypedDict, total=False):
     ]
 
 
+class RunFilesOptions(TypedDict, total=False):
+    """Files of a simulation of one FMU beside its signals."""
+
+    log_calls: Annotated[
+        Path | None,
+        Option("Each call of the FMU, with arguments and status, a line each.", metavar="FILE"),
+    ]
+    state_in: Annotated[
+        Path | None,
+        Option("Go on from the state that --state-out wrote, at its time.", metavar="FILE"),
+    ]
+    state_out: Annotated[Path | None, Option("State of the FMU at the last point.", metavar="FILE")]
+
+
 class SimulateCommand(
     RunnableArgument,
     InputFileOption,
@@ -208,6 +222,7 @@ class SimulateCommand(
     OutputsOption,
     ToleranceOption,
     SignalsOption,
+    RunFilesOptions,
     PlotOption,
     RuntimeOption,
     IsolationOptions,

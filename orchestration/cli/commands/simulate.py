@@ -36,13 +36,17 @@ def simulate(options: SimulateCommand) -> None:
     if stated and options["input_file"] is None:
         raise UserError(f"{flag(stated[0])} is about a record; give the record with --input")
     Outputs(
-        {"the record": options["input_file"], "the model": model_file(options["model"])},
-        {"--out": options["out"], "--plot": options["plot"]},
-        {"--out": SIGNALS, "--plot": pictures.FORMATS},
+        {
+            "the record": options["input_file"],
+            "the model": model_file(options["model"]),
+            "the state to go on from": options["state_in"],
+        },
+        {flag(name): options[name] for name in ("out", "plot", "log_calls", "state_out")},
+        {"--out": SIGNALS, "--plot": pictures.FORMATS, "--log-calls": (), "--state-out": ()},
     ).check()
     name = options["model"]
     if Path(name).suffix.lower() in _SYSTEMS or (name in NAMES and name not in registry.models()):
-        for option in ("tolerance", "units", "outputs"):
+        for option in ("tolerance", "units", "outputs", "log_calls", "state_in", "state_out"):
             if options[option]:
                 raise UserError(f"{flag(option)} is for one FMU; this is a system")
         _simulate_system(options)
@@ -75,6 +79,7 @@ def _simulate_model(options: SimulateCommand) -> None:
     declared = found.with_options(options).with_texts(options["outputs"])
     parameters = values_of(declared, options["settings"], options["preset"])
     recorded = _read_inputs(declared, parameters, options)
+    _refuse_settings_of_state(declared, parameters, options)
     model = build_model(declared, options["runtime"])
     stimulus = _stimulus(model, recorded, parameters, options)
     try:
@@ -97,6 +102,23 @@ def _simulate_model(options: SimulateCommand) -> None:
     if plot is not None:
         pictures.save(draw_signals(model, time, {**inputs, **outputs}, model.title), plot)
         wrote(plot)
+    for path in (options["log_calls"], options["state_out"]):
+        if path is not None and path.exists():
+            wrote(path)
+
+
+def _refuse_settings_of_state(
+    model: Model, parameters: Mapping[str, Value], options: SimulateCommand
+) -> None:
+    """Raise UserError if a parameter is set that a state has already."""
+    if options["state_in"] is None:
+        return
+    for name in parameters:
+        if name not in model.inputs:
+            raise UserError(
+                f"--set {name}: it is part of the state in {options['state_in']}; only inputs can"
+                " be set beside --state-in"
+            )
 
 
 class _Stimulus(NamedTuple):
@@ -137,7 +159,7 @@ def _run(
     model: Model, stimulus: _Stimulus, parameters: Mapping[str, Value], options: SimulateCommand
 ) -> tuple[Array, dict[str, Array]]:
     """Run a model; return the points in time, fewer if it requests an end, and its outputs."""
-    from orchestration.fmu.simulation import EndedSimulation, simulate
+    from orchestration.fmu.simulation import EndedSimulation, RunFiles, simulate
     from orchestration.reporting.console import note, progress
 
     isolation = limits(model.foreign, options)
@@ -152,9 +174,12 @@ def _run(
                 progress=lambda done: tell.done(done, stimulus.time.size),
                 note=note,
                 isolation=isolation,
+                files=RunFiles(options["log_calls"], options["state_in"], options["state_out"]),
             )
     except EndedSimulation as ended:
         note(f"{ended}; the results end at {ended.time[-1]:g} s")
+        if options["state_out"] is not None:
+            note(f"no state is written to {options['state_out']}: the simulation has ended")
         return ended.time, ended.outputs
     return stimulus.wanted, stimulus.shown(outputs)
 
@@ -206,11 +231,20 @@ def _stimulus(
     from orchestration.fmu import simulation as work
 
     recorded: dict[str, Array] = {}
+    state = options["state_in"]
+    start = None if state is None else work.state_time(state)
     if record is None:
-        time = wanted = points_of(model, None, options["stop"], options["step"])
+        time = wanted = points_of(model, None, options["stop"], options["step"], start)
     else:
         stop, step = (forms.optional_seconds(options[name]) for name in ("stop", "step"))
         wanted = work.points(record.time, stop, step)
+        if start is not None:
+            if not wanted[0] <= start < wanted[-1]:
+                raise UserError(
+                    f"{state} is a state at {start:g} s, which is not within {wanted[0]:g} s to"
+                    f" {wanted[-1]:g} s, the times of the record"
+                )
+            wanted = np.append(start, wanted[wanted > start])
         time = work.with_changes(record, wanted)
         recorded = {signal: work.held(record, signal, time) for signal in record.signals}
     constant = {

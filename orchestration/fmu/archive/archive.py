@@ -27,6 +27,7 @@ from orchestration.fmu.wrapping import (
     DeclaredVariable,
     Translation,
     add_solver,
+    log_calls,
     solved,
     translate,
     wrap,
@@ -158,11 +159,20 @@ class Archive:
         return self._zip.infolist()
 
     def interfaces(self) -> list[Element]:
-        """Return the existing elements among ``CoSimulation`` and ``ModelExchange``."""
+        """Return the existing elements among ``CoSimulation`` and ``ModelExchange``.
+
+        Without them that of scheduled execution, which is run as co-simulation.
+        """
+        found = [node for node in self.description if node.tag in ("CoSimulation", "ModelExchange")]
+        return found or self.description.findall("ScheduledExecution")
+
+    @property
+    def idle_clocks(self) -> list[str]:
+        """Names of input clocks that never tick here, because nothing triggers them."""
         return [
-            element
-            for element in self.description
-            if element.tag in ("CoSimulation", "ModelExchange")
+            node.get("name", "")
+            for node in self.description.iterfind(f"{_VARIABLES}/Clock")
+            if (node.get("causality"), node.get("intervalVariability")) == ("input", "triggered")
         ]
 
     def check_interfaces(self) -> None:
@@ -172,11 +182,6 @@ class Archive:
         if not self.description.get(token):
             raise UserError(f"{where} has no attribute {token}")
         if not self.interfaces():
-            if self.description.find("ScheduledExecution") is not None:
-                raise UserError(
-                    f"{self.path}: an FMU for scheduled execution only; this program runs"
-                    " co-simulation"
-                )
             raise UserError(f"{where} has neither an element CoSimulation nor ModelExchange")
         for interface in self.interfaces():
             identifier = interface.get("modelIdentifier")
@@ -190,11 +195,6 @@ class Archive:
         variables = self.description.find(_VARIABLES)
         if variables is None:
             raise UserError(f"{where} has no element {_VARIABLES}")
-        clocks = [node.get("name", "") for node in variables.iterfind("Clock")]
-        if clocks:
-            raise UserError(
-                f"{self.path}: an FMU with clocks, such as {clocks[0]}; this program ticks none"
-            )
 
 
 def read_description(path: Path) -> Any:
@@ -241,11 +241,17 @@ def _packed(description: Element) -> io.BytesIO:
     return packed
 
 
-def unpack(path: Path) -> str:
+def unpack(path: Path, calls: Path | None = None) -> str:
     """Unzip an FMU, without sources and documentation, into a new folder of `scratch`.
 
     The library of an FMU of FMI 3.0 is wrapped by one of FMI 2.0, and one for model exchange alone
     gets another with a solver.
+
+    Parameters
+    ----------
+    path : Path
+    calls : Path, optional
+        File to which the calls of the FMU's own library are appended.
 
     Returns
     -------
@@ -267,6 +273,8 @@ def unpack(path: Path) -> str:
     folder = scratch.make("fmu")
     try:
         fmpy.extract(str(path), str(folder), include=lambda name: _is_needed(name, platform))
+        if calls is not None:
+            log_calls(folder / "binaries" / platform, archive.version, calls, str(path))
         if archive.version == 3:
             wrap(folder, archive.description, str(path))
         if archive.as_fmi2.find("CoSimulation") is None:

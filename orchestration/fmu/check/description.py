@@ -45,6 +45,9 @@ def check_description(archive: Archive) -> Iterator[Finding]:
     yield from _check_capabilities(root, original_names)
     if archive.version == 3:
         yield from _report_ignored_parts(archive.description)
+        if archive.idle_clocks:
+            names = listed(archive.idle_clocks)
+            yield Finding(1, "note", f"clocks that nothing triggers here never tick: {names}")
 
 
 def _fmpy_problems(archive: Archive) -> Iterator[str]:
@@ -73,8 +76,7 @@ def _report_ignored_parts(root: Element) -> Iterator[Finding]:
     """Report the parts of an FMU of FMI 3.0 that this program ignores."""
     variables = root.findall("ModelVariables/*")
     groups = {
-        "clocks, which keep it from being run here": "Clock",
-        "binary variables are left out here": "Binary",
+        "binary variables are hexadecimal texts here": "Binary",
         "structural parameters keep their start values here": "structuralParameter",
     }
     for remark, kind in groups.items():

@@ -499,6 +499,7 @@ def _read_signals(path: Path) -> Model:
     """Return the model of an FMU without its class."""
     with Archive(path) as archive:
         reasons = left_out(archive.description)
+        idle = archive.idle_clocks
         wide = {name for v in archive.declared.values() if v.is_wide for name in v.elements}
     groups: dict[str, Any] = {
         name: {} for name in ("starts", *(name for pair in _GROUPS.values() for name in pair))
@@ -520,7 +521,8 @@ def _read_signals(path: Path) -> Model:
         is_start = variable.initial in ("exact", "approx") and variable.variability != "constant"
         if is_start and role in ("output", "local"):
             groups["starts"][name] = signal
-    return Model(path.name, path, None, left_out=reasons, **groups)
+    notes = (f"{path.name}: never ticked, as nothing triggers them: {', '.join(idle)}",)
+    return Model(path.name, path, None, notes=notes if idle else (), left_out=reasons, **groups)
 
 
 def restore_class(

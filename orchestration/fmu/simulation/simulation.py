@@ -17,6 +17,7 @@ from orchestration.fmu.isolation import Ended, Limits, Process, allocate_rows
 from orchestration.fmu.kernel import library, one_fmu
 from orchestration.fmu.model import Model
 from orchestration.fmu.signal import Signal, Value, show, type_of
+from orchestration.fmu.simulation.run_files import RunFiles
 from orchestration.fmu.source import Source
 from orchestration.records import Record
 from orchestration.reporting import option
@@ -24,6 +25,7 @@ from orchestration.reporting import option
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_NO_FILES = RunFiles()
 _MOST_STEPS = 1e7
 _ROUNDING = 1e-9  # of a step, by which two times may differ and be the same point
 
@@ -161,6 +163,7 @@ def simulate(
     note: Callable[[str], None] = lambda line: None,
     *,
     isolation: Limits | None = None,
+    files: RunFiles = _NO_FILES,
 ) -> dict[str, Array]:
     """Simulate a model and return its outputs.
 
@@ -179,6 +182,8 @@ def simulate(
         Called with the warnings of an FMU that did not fail.
     isolation : Limits, optional
         Limits of a separate process for the run; default is this process.
+    files : RunFiles
+        Log of calls and states, for one FMU.
 
     Returns
     -------
@@ -196,7 +201,8 @@ def simulate(
     run = (outputs, time, dict(inputs), dict(parameters))
     if model.system is not None:
         return _simulate_system(model.system, *run, isolation)
-    arguments = (model.path.resolve(), *run, model.tolerance)
+    arguments = ((model.path.resolve(), model.tolerance), *run, files)
+    files.clear_log()
     if isolation is None:
         return _simulate(*arguments, progress=progress, note=note)
     with Process(isolation) as process:
@@ -219,20 +225,26 @@ def simulate(
 
 
 def _simulate(
-    path: Path,
+    source: tuple[Path, float | None],
     outputs: Sequence[str],
     time: Array,
     inputs: Mapping[str, Array],
     parameters: Mapping[str, Value],
-    tolerance: float | None,
+    files: RunFiles,
     *,
     progress: Callable[[int], None],
     note: Callable[[str], None],
 ) -> dict[str, Array]:
-    """Simulate an FMU in this process; see `simulate`."""
-    with Fmu(path, parameters, tolerance=tolerance) as fmu:
-        begin_run(fmu, time, inputs)
+    """Simulate the FMU of a path and a tolerance in this process; see `simulate`."""
+    path, tolerance = source
+    with Fmu(path, parameters, tolerance=tolerance, calls=files.calls) as fmu:
+        files.check(fmu)
+        if files.state_in is None:
+            begin_run(fmu, time, inputs)
+        else:
+            files.resume(fmu)
         results = simulate_instance(fmu, time, inputs, outputs, progress)
+        files.write_state(fmu, float(time[-1]))
         try:
             fmu.terminate()
         except UserError as error:

@@ -1,3 +1,4 @@
+from .calls import log_calls as log_calls
 from .solver import add_solver as add_solver
 from .solver import solved as solved
 from .translation import Translation as Translation

@@ -22,9 +22,10 @@ static int own_path(char *path, size_t room) {
     return WideCharToMultiByte(CP_UTF8, 0, wide, -1, path, (int)room, NULL, NULL) > 0;
 }
 
-static FILE *open_text(const char *path) {
+static FILE *open_file(const char *path, int appends) {
     wchar_t wide[MOST_PATH];
-    return MultiByteToWideChar(CP_UTF8, 0, path, -1, wide, MOST_PATH) > 0 ? _wfopen(wide, L"rb") : NULL;
+    if (MultiByteToWideChar(CP_UTF8, 0, path, -1, wide, MOST_PATH) <= 0) return NULL;
+    return _wfopen(wide, appends ? L"ab" : L"rb");
 }
 
 static void *open_library(const char *path, char *reason, size_t room) {
@@ -52,7 +53,7 @@ static int own_path(char *path, size_t room) {
     return snprintf(path, room, "%s", info.dli_fname) < (int)room;
 }
 
-static FILE *open_text(const char *path) { return fopen(path, "rb"); }
+static FILE *open_file(const char *path, int appends) { return fopen(path, appends ? "ab" : "rb"); }
 
 static void *open_library(const char *path, char *reason, size_t room) {
     void *library = dlopen(path, RTLD_NOW | RTLD_LOCAL);
@@ -80,5 +81,5 @@ static FILE *open_table(void) {
     char path[MOST_PATH];
     if (!own_path(path, sizeof path - 8) || !strrchr(path, '.')) return NULL;
     strcpy(strrchr(path, '.'), ".table");
-    return open_text(path);
+    return open_file(path, 0);
 }

@@ -34,6 +34,23 @@ static int read_variables(component *c, FILE *table) {
     return 1;
 }
 
+static int read_clocks(component *c, FILE *table) {
+    unsigned long count;
+    int kind;
+    if (fscanf(table, "%d %lu", &kind, &count) != 2 || count > MOST_VARIABLES) return 0;
+    c->kind = (interface)kind;
+    c->clocks = calloc(count + 1, sizeof *c->clocks);
+    if (!c->clocks) return 0;
+    for (; c->clock_count < count; c->clock_count++) {
+        ticking *k = &c->clocks[c->clock_count];
+        unsigned long reference;
+        if (fscanf(table, "%d %lu %lf %lf", &kind, &reference, &k->interval, &k->shift) != 4) return 0;
+        k->kind = kind;
+        k->reference = (fmi3ValueReference)reference;
+    }
+    return 1;
+}
+
 /* Room for the values of any selection; of no type are they wider than a pointer or a double. */
 static int make_room(component *c) {
     size_t elements = c->element_count + 1;
@@ -52,7 +69,7 @@ int load(component *c) {
     FILE *table = open_table();
     char *library = table ? read_line(table) : NULL;
     c->resources = library ? read_line(table) : NULL;
-    int complete = c->resources && read_variables(c, table) && make_room(c);
+    int complete = c->resources && read_variables(c, table) && read_clocks(c, table) && make_room(c);
     if (table) fclose(table);
     if (!complete)
         tell(c, fmi2Error, "the table of its variables, or the memory for them, is missing");
@@ -73,6 +90,8 @@ void unload(component *c) {
     free(c->places);
     free(c->values);
     free(c->derivatives);
+    free(c->digits);
+    free(c->clocks);
     free(c->row);
     free(c->late_elements);
     free(c->late_row);

@@ -1,8 +1,8 @@
 """The model description of FMI 3.0 in terms of FMI 2.0.
 
 Arrays become scalars, named by their indices from 1 and in row-major order: ``A[2,1]``. Structural
-parameters keep their start values, because the sizes of arrays depend on them. Binary variables and
-clocks are omitted, because FMI 2.0 has no such types.
+parameters keep their start values, because the sizes of arrays depend on them. Binary values are
+texts of hexadecimal digits. Clocks are no variables of FMI 2.0: the wrapper ticks those of time.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement
 
+from orchestration.fmu.wrapping.clocks import InputClock, input_clocks
 from orchestration.fmu.wrapping.variables import (
     NUMBERS,
     DeclaredVariable,
@@ -51,6 +52,7 @@ _OF_INTERFACE = {
     "canSerializeFMUState": "canSerializeFMUstate",
     "providesDirectionalDerivatives": "providesDirectionalDerivative",
 }
+_OF_STATES = ("canGetAndSetFMUstate", "canSerializeFMUstate")
 _OF_CO_SIMULATION = {
     "canHandleVariableCommunicationStepSize": "canHandleVariableCommunicationStepSize",
     "maxOutputDerivativeOrder": "maxOutputDerivativeOrder",
@@ -89,12 +91,18 @@ class Translation:
         ``fmiModelDescription`` of FMI 2.0, whose value references are indices of elements.
     table : list of TableRow
         The variables in the order of their elements.
+    interface : {0, 1, 2}
+        Number in `wrapper.h`: without clocks, with them, or for scheduled execution alone.
+    clocks : list of InputClock
+        Those that tick by time, of the highest priority first.
     declared : dict of str to DeclaredVariable
         The variables and their aliases by name.
     """
 
     root: Element
     table: list[TableRow]
+    interface: int
+    clocks: list[InputClock]
     declared: dict[str, DeclaredVariable]
 
 
@@ -134,6 +142,9 @@ class _Translator:
         }
         self._variables = self._description.variables
         self._aliases: dict[int, list[int]] = {}  # of outputs, by the index of an element
+        self._is_scheduled = not any(
+            root.find(tag) is not None for tag in ("CoSimulation", "ModelExchange")
+        )
 
     def translate(self) -> Translation:
         """Return the translated description."""
@@ -159,7 +170,9 @@ class _Translator:
             TableRow(NUMBERS.index(number_type(v.kind)), v.reference, v.count)
             for v in self._variables.values()
         ]
-        return Translation(root, table, self._description.declared_variables())
+        interface = 2 if self._is_scheduled else int(bool(self._description.clocks))
+        clocks = input_clocks(self._description)
+        return Translation(root, table, interface, clocks, self._description.declared_variables())
 
     @staticmethod
     def _copy(source: Element, target: Element, names: Mapping[str, str]) -> None:
@@ -175,8 +188,18 @@ class _Translator:
             self._copy(node, interface, _OF_INTERFACE)
             needed = node.get("needsCompletedIntegratorStep") in ("true", "1")
             interface.set("completedIntegratorStepNotNeeded", "false" if needed else "true")
+        names = _OF_INTERFACE | _OF_CO_SIMULATION
         for node in self._root.iterfind("CoSimulation"):
-            self._copy(node, SubElement(root, "CoSimulation"), _OF_INTERFACE | _OF_CO_SIMULATION)
+            self._copy(node, SubElement(root, "CoSimulation"), names)
+        if self._is_scheduled:
+            for node in self._root.iterfind("ScheduledExecution"):
+                interface = SubElement(root, "CoSimulation")
+                self._copy(node, interface, names)
+                interface.set("canHandleVariableCommunicationStepSize", "true")
+        if self._description.clocks:
+            for interface in root:
+                for name in _OF_STATES:  # the next ticks are not part of them
+                    interface.attrib.pop(name, None)
 
     def _add_units(self, root: Element) -> None:
         units = self._root.findall("UnitDefinitions/Unit")

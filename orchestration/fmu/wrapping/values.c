@@ -150,10 +150,11 @@ fmi2Status worse(fmi2Status a, fmi2Status b) { return a > b ? a : b; }
 
 /* Read numbers of any types. */
 static fmi2Status read_row(component *c, const fmi2ValueReference elements[], size_t count, double row[]) {
-    if (is_same(&c->reading, elements, count))
-        return CALL(c, GetFloat64, c->reading.references, c->reading.variables, row, count);
     unsigned types;
-    fmi2Status status = find_types(c, elements, count, &types);
+    fmi2Status status = settle(c);
+    if (status <= fmi2Warning && is_same(&c->reading, elements, count))
+        return worse(status, CALL(c, GetFloat64, c->reading.references, c->reading.variables, row, count));
+    if (status <= fmi2Warning) status = worse(status, find_types(c, elements, count, &types));
     for (type t = 0; t < TYPE_String && status <= fmi2Warning; t++) {
         if (!(types & 1u << t)) continue;
         selection s = select_type(c, t, elements, count);
@@ -205,10 +206,11 @@ static int all_hold(component *c, type t, const fmi2ValueReference elements[], s
 
 /* Write numbers of any types; elements of a variable that are not given keep their values. */
 static fmi2Status write_row(component *c, const fmi2ValueReference elements[], size_t count, const double row[]) {
-    if (!c->late_count && is_same(&c->writing, elements, count))
-        return CALL(c, SetFloat64, c->writing.references, c->writing.variables, row, count);
     unsigned types;
-    fmi2Status status = find_types(c, elements, count, &types);
+    fmi2Status status = enter_events(c);
+    if (status <= fmi2Warning && !c->late_count && is_same(&c->writing, elements, count))
+        return worse(status, CALL(c, SetFloat64, c->writing.references, c->writing.variables, row, count));
+    if (status <= fmi2Warning) status = worse(status, find_types(c, elements, count, &types));
     for (type t = 0; t < TYPE_String && status <= fmi2Warning; t++) {
         if (!(types & 1u << t)) continue;
         selection s = select_type(c, t, elements, count);
@@ -280,39 +282,102 @@ FMI2_Export fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference 
     return write_whole(c, r, n, values);
 }
 
-/* Select texts; returns a status. */
-static fmi2Status select_texts(component *c, const fmi2ValueReference elements[], size_t count, selection *s) {
-    unsigned types;
-    fmi2Status status = find_types(c, elements, count, &types);
-    if (status == fmi2OK) *s = select_type(c, TYPE_String, elements, count);
-    if (status == fmi2OK && s->given != count) {
-        tell(c, fmi2Error, "a variable among them is no text");
+/* ---- texts, and binary values as hexadecimal ones ------------------------------------------------- */
+
+static fmi2Status no_memory(const component *c, size_t count) {
+    tell(c, fmi2Error, "there is no memory for %lu characters", (unsigned long)count);
+    return fmi2Error;
+}
+
+/* Read binary values as texts, which stay until the next call. */
+static fmi2Status get_digits(component *c, const selection *s, char **texts) {
+    size_t needed = 1;
+    size_t *sizes = calloc(s->values + 1, sizeof *sizes);
+    fmi3Binary *bytes = calloc(s->values + 1, sizeof *bytes);
+    fmi2Status status = sizes && bytes ? fmi2OK : no_memory(c, s->values);
+    if (status == fmi2OK) status = CALL(c, GetBinary, c->references, s->variables, sizes, bytes, s->values);
+    for (size_t k = 0; k < s->values && status <= fmi2Warning; k++) needed += 2 * sizes[k] + 1;
+    char *digits = status <= fmi2Warning ? realloc(c->digits, needed) : NULL;
+    if (digits) c->digits = digits;
+    if (!digits && status <= fmi2Warning) status = no_memory(c, needed);
+    for (size_t k = 0; k < s->values && status <= fmi2Warning; k++) {
+        texts[k] = digits;
+        for (size_t i = 0; i < sizes[k]; i++) digits += sprintf(digits, "%02x", bytes[k][i]);
+        *digits++ = 0;
+    }
+    free(sizes);
+    free(bytes);
+    return status;
+}
+
+static int hexadecimal(char digit) {
+    static const char digits[] = "0123456789abcdef0123456789ABCDEF";
+    const char *found = digit ? strchr(digits, digit) : NULL;
+    return found ? (int)((found - digits) % 16) : -1;
+}
+
+/* Set binary values to hexadecimal texts. */
+static fmi2Status set_digits(component *c, const selection *s, const fmi3String *texts) {
+    size_t needed = 1;
+    for (size_t k = 0; k < s->values; k++) needed += strlen(texts[k]) / 2;
+    size_t *sizes = calloc(s->values + 1, sizeof *sizes);
+    fmi3Binary *bytes = calloc(s->values + 1, sizeof *bytes);
+    unsigned char *memory = malloc(needed), *end = memory;
+    fmi2Status status = sizes && bytes && memory ? fmi2OK : no_memory(c, needed);
+    for (size_t k = 0; k < s->values && status == fmi2OK; k++) {
+        const char *digit = texts[k];
+        bytes[k] = end;
+        for (; *digit && hexadecimal(digit[0]) >= 0 && hexadecimal(digit[1]) >= 0; digit += 2)
+            *end++ = (unsigned char)(16 * hexadecimal(digit[0]) + hexadecimal(digit[1]));
+        sizes[k] = (size_t)(end - bytes[k]);
+        if (!*digit) continue;
+        tell(c, fmi2Error, "%.40s is no binary value: two hexadecimal digits for each byte, such as 00ff", texts[k]);
         status = fmi2Error;
+    }
+    if (status == fmi2OK) status = CALL(c, SetBinary, c->references, s->variables, sizes, bytes, s->values);
+    free(sizes);
+    free(bytes);
+    free(memory);
+    return status;
+}
+
+/* Note the types of texts, as bits; returns a status. */
+static fmi2Status find_text_types(component *c, const fmi2ValueReference elements[], size_t count, unsigned *types) {
+    fmi2Status status = find_types(c, elements, count, types);
+    if (status != fmi2OK || !(*types & ~(1u << TYPE_String | 1u << TYPE_Binary))) return status;
+    tell(c, fmi2Error, "a variable among them is no text");
+    return fmi2Error;
+}
+
+static fmi2Status get_texts(component *c, type t, const selection *s) {
+    return t == TYPE_Binary ? get_digits(c, s, c->values) : get(c, t, s, c->values);
+}
+
+/* Binary values come first: of texts, the FMU's memory counts until it is called again. */
+FMI2_Export fmi2Status fmi2GetString(fmi2Component p, const fmi2ValueReference r[], size_t n, fmi2String values[]) {
+    component *c = p;
+    const fmi3String *texts = c->values;
+    unsigned types = 0;
+    fmi2Status status = settle(c);
+    if (status <= fmi2Warning) status = worse(status, find_text_types(c, r, n, &types));
+    for (type t = TYPE_Binary; t >= TYPE_String && status <= fmi2Warning; t--) {
+        if (!(types & 1u << t)) continue;
+        selection s = select_type(c, t, r, n);
+        status = worse(status, get_texts(c, t, &s));
+        for (size_t i = 0; i < n && status <= fmi2Warning; i++)
+            if (owner(c, r[i])->type == t) values[i] = texts[c->places[i]];
     }
     return status;
 }
 
-FMI2_Export fmi2Status fmi2GetString(fmi2Component p, const fmi2ValueReference r[], size_t n, fmi2String values[]) {
-    component *c = p;
-    const fmi3String *texts = c->values;
-    selection s;
-    fmi2Status status = select_texts(c, r, n, &s);
-    if (status <= fmi2Warning) status = get(c, TYPE_String, &s, c->values);
-    for (size_t i = 0; i < n && status <= fmi2Warning; i++) values[i] = texts[c->places[i]];
-    return status;
-}
-
 /* Texts that are not given are copied first: those of the FMU are gone as soon as it is called again. */
-FMI2_Export fmi2Status fmi2SetString(fmi2Component p, const fmi2ValueReference r[], size_t n,
-                                     const fmi2String values[]) {
-    component *c = p;
+static fmi2Status set_texts(component *c, type t, const fmi2ValueReference r[], size_t n, const fmi2String values[]) {
     fmi3String *texts = c->values;
     char **copies = NULL;
-    selection s;
-    fmi2Status status = select_texts(c, r, n, &s);
-    if (status > fmi2Warning) return status;
+    selection s = select_type(c, t, r, n);
+    fmi2Status status = fmi2OK;
     if (!s.in_order) {
-        status = get(c, TYPE_String, &s, c->values);
+        status = get_texts(c, t, &s);
         copies = calloc(s.values + 1, sizeof *copies);
         for (size_t k = 0; k < s.values && copies && status <= fmi2Warning; k++) {
             size_t room = texts[k] ? strlen(texts[k]) + 1 : 1;
@@ -322,10 +387,23 @@ FMI2_Export fmi2Status fmi2SetString(fmi2Component p, const fmi2ValueReference r
         }
         if (!copies) status = fmi2Error;
     }
-    for (size_t i = 0; i < n && status <= fmi2Warning; i++) texts[c->places[i]] = values[i];
-    if (status <= fmi2Warning) status = worse(status, set(c, TYPE_String, &s, c->values));
+    for (size_t i = 0; i < n && status <= fmi2Warning; i++)
+        if (owner(c, r[i])->type == t) texts[c->places[i]] = values[i];
+    if (status <= fmi2Warning)
+        status = worse(status, t == TYPE_Binary ? set_digits(c, &s, texts) : set(c, t, &s, texts));
     for (size_t k = 0; k < s.values && copies; k++) free(copies[k]);
     free(copies);
+    return status;
+}
+
+FMI2_Export fmi2Status fmi2SetString(fmi2Component p, const fmi2ValueReference r[], size_t n,
+                                     const fmi2String values[]) {
+    component *c = p;
+    unsigned types = 0;
+    fmi2Status status = enter_events(c);
+    if (status <= fmi2Warning) status = worse(status, find_text_types(c, r, n, &types));
+    for (type t = TYPE_String; t <= TYPE_Binary && status <= fmi2Warning; t++)
+        if (types & 1u << t) status = worse(status, set_texts(c, t, r, n, values));
     return status;
 }
 

@@ -24,8 +24,10 @@ NUMBERS = (
     "UInt64",
     "Boolean",
     "String",
+    "Binary",
 )
-_SCALARS = {"Float32": "Real", "Float64": "Real"}
+_TEXTS = ("String", "Binary")
+_SCALARS = {"Float32": "Real", "Float64": "Real", "Binary": "String"}
 _SCALARS |= {kind: kind for kind in ("Boolean", "String", "Enumeration")}
 _WIDE = ("UInt32", "Int64", "UInt64")  # exceed the integers of FMI 2.0
 _PARAMETERS = ("parameter", "calculatedParameter", "structuralParameter")
@@ -157,6 +159,7 @@ class Fmi3Description:
         Type definitions by name.
     variables : dict of int to Fmi3Variable
         Variables of the types in `NUMBERS`, by value reference.
+    clocks : list of Element
 
     Raises
     ------
@@ -169,6 +172,7 @@ class Fmi3Description:
         self.types = {node.get("name", ""): node for node in root.iterfind("TypeDefinitions/*")}
         self._where = f"{label}: modelDescription.xml"
         self.variables: dict[int, Fmi3Variable] = {}
+        self.clocks = root.findall("ModelVariables/Clock")
         self._read_variables()
 
     def error(self, name: str, problem: str) -> UserError:
@@ -235,7 +239,7 @@ class Fmi3Description:
 
     def starts(self, variable: Fmi3Variable) -> list[str]:
         """Return a start value for each element; an empty list if none are declared."""
-        if variable.kind == "String":
+        if variable.kind in _TEXTS:
             texts = [start.get("value", "") for start in variable.node.iterfind("Start")]
         else:
             texts = variable.node.get("start", "").split()

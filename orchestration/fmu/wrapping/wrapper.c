@@ -48,12 +48,19 @@ static char *copied(const char *text) {
 }
 
 /* Messages are asked for, since FMI 3.0 has no reasons of failures without them. Events inside of a step are the FMU's
- * own affair, as in FMI 2.0: inputs jump at communication points, and no event mode tells it so. */
+ * own affair, as in FMI 2.0: inputs jump at communication points, and no event mode tells it so, unless it has clocks,
+ * for which the standard demands that mode. */
 static void instantiate(component *c, fmi2Type kind, fmi2String token, fmi2Boolean visible) {
     const char *resources = c->resources[0] ? c->resources : NULL;
-    if (kind == fmi2CoSimulation && c->call.InstantiateCoSimulation)
-        c->instance = c->call.InstantiateCoSimulation(c->name, token, resources, visible != 0, fmi3True, fmi3False,
-                                                      fmi3False, NULL, 0, c, pass_on, NULL);
+    fmi3Boolean events = c->kind == WITH_EVENTS;
+    if (c->kind == SCHEDULED && c->call.InstantiateScheduledExecution)
+        c->instance = c->call.InstantiateScheduledExecution(c->name, token, resources, visible != 0, fmi3True, c, pass_on,
+                                                            note_update, lock, lock);
+    else if (c->kind == SCHEDULED)
+        lacking(c, "fmi3InstantiateScheduledExecution");
+    else if (kind == fmi2CoSimulation && c->call.InstantiateCoSimulation)
+        c->instance = c->call.InstantiateCoSimulation(c->name, token, resources, visible != 0, fmi3True, events, events,
+                                                      NULL, 0, c, pass_on, NULL);
     else if (kind == fmi2ModelExchange && c->call.InstantiateModelExchange)
         c->instance = c->call.InstantiateModelExchange(c->name, token, resources, visible != 0, fmi3True, c, pass_on);
     else
@@ -69,7 +76,9 @@ FMI2_Export fmi2Component fmi2Instantiate(fmi2String name, fmi2Type kind, fmi2St
     if (!c) return NULL;
     c->callbacks = callbacks;
     c->name = copied(name ? name : "");
-    if (c->name && load(c)) instantiate(c, kind, token, visible);
+    int loaded = c->name && load(c);
+    if (kind == fmi2ModelExchange) c->kind = PLAIN; /* whose host has an event mode itself */
+    if (loaded) instantiate(c, kind, token, visible);
     if (c->instance) return c;
     unload(c);
     return NULL;
@@ -96,7 +105,7 @@ FMI2_Export fmi2Status fmi2SetupExperiment(fmi2Component p, fmi2Boolean toleranc
 FMI2_Export fmi2Status fmi2EnterInitializationMode(fmi2Component p) {
     component *c = p;
     c->reached = c->start;
-    c->terminated = 0;
+    c->terminated = c->initialized = 0;
     fmi2Status status = CALL(c, EnterInitializationMode, c->tolerance_defined != 0, c->tolerance, c->start,
                              c->stop_defined != 0, c->stop);
     if (status > fmi2Warning) return status;
@@ -105,7 +114,12 @@ FMI2_Export fmi2Status fmi2EnterInitializationMode(fmi2Component p) {
 
 FMI2_Export fmi2Status fmi2ExitInitializationMode(fmi2Component p) {
     component *c = p;
-    return CALL_PLAIN(c, ExitInitializationMode);
+    fmi2Status status = CALL_PLAIN(c, ExitInitializationMode);
+    if (status <= fmi2Warning) status = worse(status, begin_clocks(c));
+    if (status > fmi2Warning) return status;
+    c->initialized = 1;
+    c->in_events = c->kind == WITH_EVENTS;
+    return worse(status, c->kind == SCHEDULED ? activate(c, c->start) : settle(c));
 }
 
 FMI2_Export fmi2Status fmi2Terminate(fmi2Component p) {
@@ -115,7 +129,7 @@ FMI2_Export fmi2Status fmi2Terminate(fmi2Component p) {
 
 FMI2_Export fmi2Status fmi2Reset(fmi2Component p) {
     component *c = p;
-    c->entered = 0;
+    c->entered = c->initialized = c->in_events = 0;
     c->late_count = 0;
     return CALL_PLAIN(c, Reset);
 }
@@ -169,6 +183,20 @@ static fmi2Status advance(component *c, double size, double end, fmi2Boolean no_
     return status;
 }
 
+/* One call, and Event Mode where it is used and the call ends at an event. */
+static fmi2Status advance_to(component *c, double size, double end, fmi2Boolean no_state_set_before, int *events) {
+    double before = c->reached;
+    int is_used = c->kind == WITH_EVENTS, stops = is_used && c->next_event < end - SAME * size, event = 0;
+    double until = stops ? c->next_event : end;
+    fmi2Status status = fmi2OK;
+    if (until > before) status = advance(c, stops ? until - before : size, until, no_state_set_before, &event);
+    *events |= event && !is_used;
+    if (!is_used || status > fmi2Warning || c->terminated) return status;
+    if (!event && c->reached < c->next_event && !any_due(c)) return status;
+    status = worse(status, enter_events(c));
+    return status > fmi2Warning ? status : worse(status, settle(c));
+}
+
 /* An FMU of FMI 3.0 may complete the step with which it ends the simulation; one of FMI 2.0 discards it. */
 static fmi2Status refuse_to_go_on(const component *c) {
     tell(c, fmi2Discard, "its simulation ends at %.10g s", c->reached);
@@ -178,21 +206,29 @@ static fmi2Status refuse_to_go_on(const component *c) {
 /* A step from which the FMU returns early goes on, to its end. */
 FMI2_Export fmi2Status fmi2DoStep(fmi2Component p, fmi2Real start, fmi2Real size, fmi2Boolean no_state_set_before) {
     component *c = p;
-    fmi2Status worst = fmi2OK;
+    fmi2Status worst = settle(c);
     double end = start + size;
-    int events = 0;
+    int events = 0, stays = 0;
+    if (worst > fmi2Warning) return worst;
     if (c->terminated) return refuse_to_go_on(c);
+    if (c->kind == SCHEDULED) {
+        worst = activate(c, end);
+        c->reached = end;
+        return worst;
+    }
     c->reached = start;
     do {
         double before = c->reached;
-        fmi2Status status = advance(c, before == start ? size : end - before, end, no_state_set_before, &events);
+        fmi2Status status = advance_to(c, before == start ? size : end - before, end, no_state_set_before, &events);
         if (status > fmi2Warning) return status;
         worst = worse(worst, status);
         if (c->terminated) {
             if (end - c->reached > 1e-6 * size) return refuse_to_go_on(c);
             break;
         }
-        if (c->reached < end && !(c->reached > before)) {
+        stays = c->reached > before ? 0 : stays + 1;
+        if (c->kind == WITH_EVENTS && stays == MOST_EVENTS) return endless(c);
+        if (c->reached < end && stays && c->kind == PLAIN) {
             tell(c, fmi2Error, "it returned early from a step at %.10g s, and got no further", before);
             return fmi2Error;
         }
@@ -268,19 +304,7 @@ FMI2_Export fmi2Status fmi2EnterEventMode(fmi2Component p) {
     return CALL_PLAIN(c, EnterEventMode);
 }
 
-FMI2_Export fmi2Status fmi2NewDiscreteStates(fmi2Component p, fmi2EventInfo *info) {
-    component *c = p;
-    fmi3Boolean again = fmi3False, terminate = fmi3False, nominals = fmi3False, values = fmi3False, next = fmi3False;
-    double time = 0.0;
-    fmi2Status status = CALL(c, UpdateDiscreteStates, &again, &terminate, &nominals, &values, &next, &time);
-    info->newDiscreteStatesNeeded = again;
-    info->terminateSimulation = terminate;
-    info->nominalsOfContinuousStatesChanged = nominals;
-    info->valuesOfContinuousStatesChanged = values;
-    info->nextEventTimeDefined = next;
-    info->nextEventTime = time;
-    return status;
-}
+FMI2_Export fmi2Status fmi2NewDiscreteStates(fmi2Component p, fmi2EventInfo *info) { return update(p, info); }
 
 FMI2_Export fmi2Status fmi2EnterContinuousTimeMode(fmi2Component p) {
     component *c = p;
@@ -299,6 +323,7 @@ FMI2_Export fmi2Status fmi2CompletedIntegratorStep(fmi2Component p, fmi2Boolean 
 
 FMI2_Export fmi2Status fmi2SetTime(fmi2Component p, fmi2Real time) {
     component *c = p;
+    c->reached = time;
     return CALL(c, SetTime, time);
 }
 

@@ -14,21 +14,25 @@
     X(Float32) X(Float64) X(Int8) X(UInt8) X(Int16) X(UInt16) X(Int32) X(UInt32) X(Int64) X(UInt64) X(Boolean)
 
 #define AS_CONSTANT(name) TYPE_##name,
-typedef enum { NUMBERS(AS_CONSTANT) TYPE_String, TYPES } type;
+typedef enum { NUMBERS(AS_CONSTANT) TYPE_String, TYPE_Binary, TYPES } type;
+
+/* Interfaces, in the order of the numbers in the table; one with events has clocks. */
+typedef enum { PLAIN, WITH_EVENTS, SCHEDULED } interface;
 
 /* Functions of FMI 3.0 that are called. */
 #define FUNCTIONS(X)                                                                                                   \
     X(InstantiateCoSimulation) X(InstantiateModelExchange) X(FreeInstance) X(SetDebugLogging)                          \
     X(EnterInitializationMode) X(ExitInitializationMode) X(Terminate) X(Reset)                                         \
     X(GetFloat32) X(GetFloat64) X(GetInt8) X(GetUInt8) X(GetInt16) X(GetUInt16) X(GetInt32) X(GetUInt32)               \
-    X(GetInt64) X(GetUInt64) X(GetBoolean) X(GetString)                                                                \
+    X(GetInt64) X(GetUInt64) X(GetBoolean) X(GetString) X(GetBinary)                                                   \
     X(SetFloat32) X(SetFloat64) X(SetInt8) X(SetUInt8) X(SetInt16) X(SetUInt16) X(SetInt32) X(SetUInt32)               \
-    X(SetInt64) X(SetUInt64) X(SetBoolean) X(SetString)                                                                \
+    X(SetInt64) X(SetUInt64) X(SetBoolean) X(SetString) X(SetBinary)                                                   \
     X(GetFMUState) X(SetFMUState) X(FreeFMUState) X(SerializedFMUStateSize) X(SerializeFMUState)                       \
     X(DeserializeFMUState) X(GetDirectionalDerivative) X(GetOutputDerivatives) X(DoStep)                               \
     X(EnterEventMode) X(UpdateDiscreteStates) X(EnterContinuousTimeMode) X(CompletedIntegratorStep) X(SetTime)         \
     X(SetContinuousStates) X(GetContinuousStateDerivatives) X(GetEventIndicators) X(GetContinuousStates)               \
-    X(GetNominalsOfContinuousStates)
+    X(GetNominalsOfContinuousStates) X(InstantiateScheduledExecution) X(ActivateModelPartition) X(EnterStepMode)       \
+    X(SetClock) X(GetIntervalDecimal) X(GetShiftDecimal)
 
 #define AS_POINTER(name) fmi3##name##TYPE *name;
 typedef struct {
@@ -42,6 +46,15 @@ typedef struct {
     size_t place;           /* of its first element among the selected values, ... */
     unsigned long selected; /* ... if this is the present selection */
 } variable;
+
+/* An input clock that ticks by time: kinds in the order of the numbers in the table. Intervals of the first are in the
+ * description, of the second computed at the start, of the others told from tick to tick. */
+typedef struct {
+    enum { CONSTANT, FIXED, CHANGING, COUNTDOWN } kind;
+    fmi3ValueReference reference;
+    double interval, shift, next; /* seconds; time of the next tick */
+    double ticks;
+} ticking;
 
 /* The last call that moved Float64 variables, whole and in their order, as most calls do: it is made again unseen. */
 typedef struct {
@@ -63,6 +76,7 @@ typedef struct {
     fmi3ValueReference *references;
     size_t *places, place_room;
     void *values, *derivatives;
+    char *digits; /* of binary values that were read */
     double *row;
     direct_call reading, writing;
     /* elements of arrays that were set before initialization mode, in which the others of their arrays can be read */
@@ -77,6 +91,12 @@ typedef struct {
     double tolerance, start, stop;
     double reached; /* time at the end of the last step */
     int terminated; /* whether the FMU asked to end the simulation */
+    interface kind;
+    ticking *clocks;
+    size_t clock_count;
+    int initialized, in_events; /* whether it is past initialization, and in Event Mode */
+    double next_event;          /* of those that have a time */
+    int asks;                   /* a partition has changed an interval */
 } component;
 
 /* Call a function of the FMU; one that its library lacks is an error. */
@@ -90,6 +110,8 @@ void tell(const component *c, fmi2Status status, const char *format, ...);
 int load(component *c); /* read the table and load the library of the FMU; tells why not */
 void unload(component *c);
 fmi2Status worse(fmi2Status a, fmi2Status b);
+fmi2Status enter_events(component *c); /* before values are set, ... */
+fmi2Status settle(component *c);       /* ... and before they are read */
 fmi2Status write_late(component *c); /* set what had to wait for initialization mode */
 
 #endif

@@ -14,7 +14,7 @@ from fmus.kit.build import cached_library, toolchain
 from fmus.kit.storage import scratch
 from orchestration.fmu.wrapping.translation import Translation, translate
 
-_SOURCES = ("all.c", "platform.c", "table.c", "values.c", "wrapper.c", "wrapper.h")
+_SOURCES = ("all.c", "events.c", "platform.c", "table.c", "values.c", "wrapper.c", "wrapper.h")
 _UNIT = "all.c"  # includes the other sources
 _LIBRARIES = {"linux64": ("dl",)}
 
@@ -74,9 +74,13 @@ def _encode_table(translation: Translation, library: Path, resources: Path) -> b
     """Return the table that the wrapper reads when it is instantiated.
 
     Its lines are the path of the library, that of the resources, the number of variables, and the
-    type, the value reference and the number of elements of each variable.
+    type, the value reference and the number of elements of each variable; then the interface and
+    the number of clocks, and the kind, value reference, interval and shift of each.
     """
     resource_path = f"{resources}{os.sep}" if resources.is_dir() else ""
     lines = [str(library), resource_path, str(len(translation.table))]
     lines += [f"{row.type} {row.reference} {row.elements}" for row in translation.table]
+    lines.append(f"{translation.interface} {len(translation.clocks)}")
+    for clock in translation.clocks:
+        lines.append(f"{clock.kind} {clock.reference} {clock.interval!r} {clock.shift!r}")
     return os.fsencode("\n".join([*lines, ""]))

@@ -1,4 +1,6 @@
 /* FMI 3.0: reading and writing of variables, all of which are scalars. */
+#include <math.h>
+
 #include "exchange.h"
 #include "values.h"
 #include "variables.h"
@@ -24,7 +26,11 @@ static fmi3Status get_own(Instance *instance, const char *function, Reference vr
     if (!indicate(instance, indicators))
         return report(instance, fmi3Error, "%s: the law of event indicators could not be evaluated", function);
     *value = indicators[vr - FIRST_INDICATOR];
-    return fmi3OK;
+    if (isfinite(*value))
+        return fmi3OK;
+    return report(instance, instance->now.mode == CONTINUOUS ? fmi3Discard : fmi3Error, /* a shorter step may help */
+                  "%s: the event indicator of value reference %u is not a finite number at t = %.10g s", function, vr,
+                  instance->now.time);
 }
 
 /* Variables some of which are of this version only. */

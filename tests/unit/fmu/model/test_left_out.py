@@ -5,7 +5,7 @@ import pytest
 from fmus.kit import UserError
 from orchestration.fmu import Archive, find_model
 from orchestration.fmu.model.left_out import left_out
-from tests.support.fmi3_fmus import foreign
+from tests.support.fmi3_fmus import changed, foreign
 from tests.support.hosts import build_one_state_fmu
 
 
@@ -14,7 +14,7 @@ def reasons(path):
         return left_out(archive.description)
 
 
-def test_arrays_sizes_and_binaries_are():
+def test_arrays_and_sizes_are():
     assert reasons(foreign("arrays")) == {
         "n": "is a structural parameter, which keeps its start value 3 here",
         **{
@@ -28,7 +28,12 @@ def test_arrays_sizes_and_binaries_are():
             }.items()
         },
     }
-    assert reasons(foreign("types"))["blob"] == "is binary, which is not exchanged here"
+
+
+def test_clocks_are(tmp_path):
+    clock = '<Clock name="c" valueReference="50" intervalVariability="triggered"/></ModelVariables>'
+    path = changed("lag", tmp_path, "</ModelVariables>", clock)
+    assert reasons(path) == {"c": "is a clock, which has no value here"}
 
 
 def test_nothing_is_in_an_fmu_of_fmi_2(tmp_path):
@@ -40,7 +45,6 @@ def test_nothing_is_in_an_fmu_of_fmi_2(tmp_path):
     [
         ("arrays", "n=2", "arrays.fmu: n is a structural parameter, which keeps its start value 3"),
         ("arrays", "A=2", "arrays.fmu: A is an array, whose elements .* such as A\\[1,1\\]"),
-        ("types", "blob=00", "types.fmu: blob is binary, which is not exchanged here"),
     ],
 )
 def test_setting_one_is_refused_with_the_reason(name, setting, told):
