@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 from orchestration import master
 from orchestration.system import Member, Port, System, connect, ssp
 from tests.support.command import refused, works
-from tests.support.fmi3_fmus import LAG, build, changed, foreign
+from tests.support.fmi3_fmus import LAG, build, changed, foreign, of_interface
 from tests.support.hosts import build_one_state_fmu
 
 STEP = 0.05
@@ -106,12 +106,15 @@ def test_what_a_sensor_does_is_named(tmp_path):
     assert cause["parameters"]["y_offset"]["value"] == pytest.approx(0.3, abs=0.005)
 
 
-def mixed(folder):
+def mixed(folder, interface=None):
     """Of 2.0 one lag, which drives one of 3.0, which drives an element of an array."""
     without_unit = LAG.replace(' unit="A" displayUnit="mA"', "").replace(' displayUnit="kA"', "")
+    new = build("lag", folder, body=without_unit)
+    if interface:
+        new = of_interface(new, interface, folder)
     members = (
         Member("old", build_one_state_fmu(folder), {"tau": 0.3}),
-        Member("new", build("lag", folder, body=without_unit), {"k": 1.5}),
+        Member("new", new, {"k": 1.5}),
         Member("rows", foreign("arrays"), {"u[2]": 0.5}),
     )
     links = connect("old.x -> new.u", "new.y -> rows.u[1]")
@@ -148,6 +151,14 @@ def test_members_of_both_versions_make_a_system(tmp_path, isolate):
     np.testing.assert_allclose(columns, by_hand(), rtol=0, atol=1e-12)
 
 
+def test_a_member_for_model_exchange_alone_runs_in_a_system(tmp_path):
+    system = mixed(tmp_path, "ModelExchange")
+    found = master.run(system, STEP * np.arange(41), {"drive": np.full(41, 2.0)}).signals
+    names = ("old.x", "new.y", "rows.y[1]", "rows.y[2]")
+    columns = np.column_stack([found[name] for name in names])
+    np.testing.assert_allclose(columns, by_hand(), rtol=0, atol=2e-5)
+
+
 def test_a_written_system_of_both_versions_runs_to_the_same_bits(tmp_path):
     system = mixed(tmp_path)
     read = ssp.read(tmp_path / "mixed.ssp", tmp_path / "unpacked")
@@ -171,9 +182,9 @@ def test_it_is_linearised_as_an_fmu_of_2_is(tmp_path):
         ('fmiVersion="3.0"', 'fmiVersion="1.0"', "FMI version 1.0; this program knows FMI 2.0 and"),
         (
             "</ModelVariables>",
-            '<Clock name="c" valueReference="50" intervalVariability="triggered"/>'
+            '<Clock name="c" valueReference="50" causality="input" intervalVariability="constant"/>'
             "</ModelVariables>",
-            "an FMU with clocks, such as c; this program ticks none",
+            "c: is a clock of a constant interval, which is not given",
         ),
         ('instantiationToken="lag"', 'instantiationToken="gal"', "instantiation token is another"),
     ],

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import fmpy
 
-from tests.support.archive import edited
+from tests.support.archive import contents, edited
 from tests.support.hosts import HEADERS, TESTS, compiler
 
 FRAME = TESTS / "c" / "fmi3"
@@ -150,7 +150,7 @@ def _pair(kind: str, name: str, reference: int) -> str:
 
 
 def _types() -> str:
-    outputs = [*range(2, 25, 2), 27, 29, 31, 32]
+    outputs = [*range(2, 25, 2), 27, 29, 31, 32, 34]
     structure = "".join(
         f'<{tag} valueReference="{reference}"/>'
         for tag in ("Output", "InitialUnknown")
@@ -179,6 +179,9 @@ def _types() -> str:
     <Boolean name="parity" valueReference="31" causality="output"/>
     <Float64 name="from_file" valueReference="32" causality="output"/>
     <Binary name="blob" valueReference="99" causality="parameter"><Start value="00ff"/></Binary>
+    <Binary name="blobs" valueReference="33" causality="parameter"><Dimension start="2"/>
+      <Start value="07"/><Start value="07"/></Binary>
+    <Binary name="mirrored" valueReference="34" causality="output"/>
   </ModelVariables>
   <ModelStructure>{structure}</ModelStructure>
 """
@@ -199,12 +202,55 @@ def wide_body(count: int) -> str:
 """
 
 
-_BODIES = {"lag": LAG, "arrays": _ARRAYS, "sawtooth": _SAWTOOTH, "types": _types()}
+_CLOCKED = f"""
+  <DefaultExperiment startTime="0" stopTime="1" stepSize="0.07"/>
+  <ModelVariables>
+    {_TIME}
+    <Clock name="every" valueReference="10" causality="input" intervalVariability="constant"
+        intervalDecimal="0.1" priority="1"/>
+    <Clock name="once" valueReference="11" causality="input" intervalVariability="countdown"/>
+    <Clock name="slower" valueReference="12" causality="input" intervalVariability="changing"/>
+    <Clock name="idle" valueReference="13" causality="input" intervalVariability="triggered"/>
+    <Int32 name="u" valueReference="1" causality="input" start="1"/>
+    <Int32 name="sum" valueReference="2" causality="output"/>
+    <Int32 name="count" valueReference="3" causality="output"/>
+    <Float64 name="fired" valueReference="4" causality="output" variability="discrete"/>
+    <Int32 name="changes" valueReference="5" causality="output"/>
+  </ModelVariables>
+  <ModelStructure>
+    <Output valueReference="2"/><Output valueReference="3"/><Output valueReference="4"/>
+    <Output valueReference="5"/>
+  </ModelStructure>
+"""
+
+_ROBERTS = f"""
+  <DefaultExperiment startTime="0" stopTime="1e11" stepSize="1e9" tolerance="1e-7"/>
+  <ModelVariables>
+    {_TIME}
+    <Float64 name="y" valueReference="1" causality="output" initial="exact" start="1 0 0">
+      <Dimension start="3"/></Float64>
+    <Float64 name="der(y)" valueReference="2" derivative="1"><Dimension start="3"/></Float64>
+  </ModelVariables>
+  <ModelStructure>
+    <Output valueReference="1"/><ContinuousStateDerivative valueReference="2"/>
+    <InitialUnknown valueReference="2"/>
+  </ModelStructure>
+"""
+
+_BODIES = {
+    "clocked": _CLOCKED,
+    "roberts": _ROBERTS,
+    "lag": LAG,
+    "arrays": _ARRAYS,
+    "sawtooth": _SAWTOOTH,
+    "types": _types(),
+}
 
 
 def description(name: str, body: str | None = None) -> str:
     """The model description of one of the models."""
-    events = ' hasEventMode="true" mightReturnEarlyFromDoStep="true"' * (name == "sawtooth")
+    has_events = name in ("sawtooth", "clocked")
+    events = ' hasEventMode="true" mightReturnEarlyFromDoStep="true"' * has_events
     head = _HEAD.format(name=name, flags=_FLAGS, events=events)
     return head + (body or _BODIES[name]) + _TAIL
 
@@ -251,14 +297,30 @@ def foreign(name: str) -> Path:
     return build(name, folder)
 
 
+def of_interface(path: Path, interface: str, folder: Path) -> Path:
+    """A copy of a model with ``CoSimulation``, ``ModelExchange`` or ``ScheduledExecution`` only."""
+    text = contents(path)["modelDescription.xml"].decode()
+    for tag in {"CoSimulation", "ModelExchange"} - {interface}:
+        start = text.index(f"<{tag}")
+        end = text.index("/>", start) + 2
+        is_replaced = interface == "ScheduledExecution" and tag == "CoSimulation"
+        put = f'<ScheduledExecution modelIdentifier="{path.stem}"/>' if is_replaced else ""
+        text = text[:start] + put + text[end:]
+    return _described(path, folder / f"{interface}.fmu", text)
+
+
+def _described(path: Path, target: Path, text: str) -> Path:
+    """A copy of an FMU with another description."""
+
+    def edit(member: str, data: bytes) -> tuple[str, bytes]:
+        return member, text.encode() if member == "modelDescription.xml" else data
+
+    made: Path = edited(path, target, edit)
+    return made
+
+
 def changed(name: str, folder: Path, old: str, new: str) -> Path:
     """One of the models with a text of its description replaced, which must be there."""
     text = description(name)
     assert old in text
-
-    def edit(member: str, contents: bytes) -> tuple[str, bytes]:
-        is_description = member == "modelDescription.xml"
-        return member, text.replace(old, new).encode() if is_description else contents
-
-    path: Path = edited(foreign(name), folder / "changed.fmu", edit)
-    return path
+    return _described(foreign(name), folder / "changed.fmu", text.replace(old, new))

@@ -240,7 +240,7 @@ def _simulate(
     with Fmu(path, parameters, tolerance=tolerance, calls=files.calls) as fmu:
         files.check(fmu)
         if files.state_in is None:
-            begin_run(fmu, time, inputs)
+            begin_run(fmu, time, inputs, goes_on=files.state_out is not None)
         else:
             files.resume(fmu)
         results = simulate_instance(fmu, time, inputs, outputs, progress)
@@ -254,7 +254,7 @@ def _simulate(
         return results
 
 
-def begin_run(fmu: Fmu, time: Array, inputs: Mapping[str, Array]) -> None:
+def begin_run(fmu: Fmu, time: Array, inputs: Mapping[str, Array], *, goes_on: bool = False) -> None:
     """Initialize an instance for a run, with the first inputs.
 
     Parameters
@@ -264,6 +264,9 @@ def begin_run(fmu: Fmu, time: Array, inputs: Mapping[str, Array]) -> None:
         Seconds; the stop time is the last one, or the end of the step of an FMU's own size there.
     inputs : Mapping of str to ndarray, shape (n,)
         In the FMU's units.
+    goes_on : bool
+        Whether another run goes on from the state at the end: then no stop time is told, beyond
+        which FMUs refuse to step.
 
     Raises
     ------
@@ -273,7 +276,7 @@ def begin_run(fmu: Fmu, time: Array, inputs: Mapping[str, Array]) -> None:
     check_inputs(fmu, inputs)
     first = {name: values[0] for name, values in inputs.items()}
     last = stepping.communication_points(fmu.description, time)[-1]
-    fmu.start(float(time[0]), float(last), first)
+    fmu.start(float(time[0]), None if goes_on else float(last), first)
 
 
 def _simulate_system(

@@ -393,11 +393,18 @@ HANDED_ON(HAND_ON)
 
 /* ---- steps --------------------------------------------------------------------------------------- */
 
+/* Of a step, by which two times may differ and be the same; CVode cannot integrate that little. */
+static const double SAME = 1e-9;
+
 /* Integrate to a time, or to an event before it, at which *event becomes true. */
-static fmi2Status integrate(component *c, double end, int *event) {
+static fmi2Status integrate(component *c, double end, double size, int *event) {
     fmi2Boolean step_event = fmi2False, ends = fmi2False;
     fmi2Status status;
     double before = c->time;
+    if (end - before <= SAME * size) {
+        c->time = end;
+        return c->call.SetTime(c->instance, end);
+    }
     c->sun.CVodeSetStopTime(c->solver, end);
     int flag = c->sun.CVode(c->solver, end, c->x, &c->time, ONE_STEP);
     if (flag < 0) {
@@ -424,9 +431,9 @@ FMI2_Export fmi2Status fmi2DoStep(fmi2Component p, fmi2Real start, fmi2Real size
     (void)no_state_set_before;
     while (worst <= fmi2Warning && c->time < end && !c->terminated) {
         double before = c->time;
-        int is_time_event = c->has_time_event && c->time_event <= end, event = 0;
-        double until = is_time_event ? c->time_event : end;
-        if (until > c->time) worst = worse(worst, integrate(c, until, &event));
+        int is_time_event = c->has_time_event && c->time_event <= end + SAME * size, event = 0;
+        double until = is_time_event && c->time_event < end ? c->time_event : end;
+        if (until > c->time) worst = worse(worst, integrate(c, until, size, &event));
         if (worst > fmi2Warning || c->terminated) break;
         if (event || (is_time_event && c->time >= until)) {
             worst = worse(worst, enter_events(c));

@@ -162,8 +162,14 @@ static fmi2Status read_row(component *c, const fmi2ValueReference elements[], si
         if (direct) remember(c, &c->reading, elements, &s);
         status = worse(status, get(c, t, &s, direct ? row : c->values));
         if (direct || status > fmi2Warning) continue;
-        for (size_t i = 0; i < count; i++)
-            if (owner(c, elements[i])->type == t) row[i] = number(t, c->values, c->places[i]);
+        for (size_t i = 0; i < count; i++) {
+            if (owner(c, elements[i])->type != t) continue;
+            row[i] = number(t, c->values, c->places[i]);
+            if ((t == TYPE_Int64 || t == TYPE_UInt64) && !holds(t, row[i])) {
+                tell(c, fmi2Warning, "%.17g is beyond 2^53 and rounded", row[i]);
+                status = fmi2Warning;
+            }
+        }
     }
     return status;
 }
@@ -196,8 +202,8 @@ static int all_hold(component *c, type t, const fmi2ValueReference elements[], s
     for (size_t i = 0; i < count; i++) {
         const variable *v = owner(c, elements[i]);
         if (v->type == t && !holds(t, row[i])) {
-            tell(c, fmi2Error, "%.17g is no value of the type of value reference %lu", row[i],
-                 (unsigned long)v->reference);
+            tell(c, fmi2Error, "%.17g is no value of the type of value reference %lu%s", row[i],
+                 (unsigned long)v->reference, t == TYPE_Int64 || t == TYPE_UInt64 ? ", or beyond 2^53, where it is not exact here" : "");
             return 0;
         }
     }

@@ -43,14 +43,19 @@ _REALS = dict.fromkeys(("Float32", "Float64", "Real"), ("real",))
 _INTEGERS = dict.fromkeys(("Int8", "UInt8", "Int16", "UInt16", "Int32", "Integer"), ("integer",))
 # reals if they can only be read, see `orchestration.fmu.wrapping`
 _WIDE = dict.fromkeys(("UInt32", "Int64", "UInt64"), ("integer", "real"))
-_OTHERS = {"Boolean": ("boolean",), "String": ("string",), "Enumeration": ("integer",)}
+_OTHERS = {
+    "Boolean": ("boolean",),
+    "String": ("string",),
+    "Binary": ("string",),
+    "Enumeration": ("integer",),
+}
 TYPES: dict[str, tuple[str, ...]] = {**_REALS, **_INTEGERS, **_WIDE, **_OTHERS}
 BOOLEANS = {"true": 1.0, "1": 1.0, "false": 0.0, "0": 0.0}
 
 
 WHOLE = re.compile(r"[0-9]{1,18}")  # an index or a size
 _VERSION = re.compile(r"[12]\.\d+(\.\d+)?(-.+)?")
-_NOT_EXCHANGED = ("Binary", "Clock")
+_NOT_EXCHANGED = ("Clock",)
 
 
 def tag(name: str) -> str:
@@ -165,7 +170,7 @@ def check_exchanged(element: Element, where: str) -> None:
     Raises
     ------
     UserError
-        If it is binary or a clock, beginning with `where`.
+        If it is a clock, beginning with `where`.
     """
     for node in element:
         if local_name(node) in _NOT_EXCHANGED:

@@ -7,7 +7,12 @@
 
 #include "fmi3Functions.h"
 
-enum { FLOAT32, FLOAT64, INT8, UINT8, INT16, UINT16, INT32, UINT32, INT64, UINT64, BOOLEAN, STRING, TEXT = 64 };
+enum { FLOAT32, FLOAT64, INT8, UINT8, INT16, UINT16, INT32, UINT32, INT64, UINT64, BOOLEAN, STRING, BINARY, TEXT = 64 };
+
+typedef struct {
+    size_t size;
+    unsigned char bytes[TEXT];
+} Blob;
 
 typedef struct {
     fmi3ValueReference reference;
@@ -27,6 +32,12 @@ static void tangent(struct Model *m);               /* states, inputs and offset
 
 #include MODEL
 
+/* A model with clocks defines CLOCKS, and: */
+#ifdef CLOCKS
+static void tick(struct Model *m, fmi3ValueReference clock);
+static int tell_interval(struct Model *m, fmi3ValueReference clock, double *seconds); /* whether it is another */
+#endif
+
 enum { SLOT_COUNT = sizeof SLOTS / sizeof *SLOTS };
 enum { INSTANTIATED, INITIALIZATION, EVENT, STEP, CONTINUOUS, ENDED };
 
@@ -35,6 +46,7 @@ typedef struct {
     int mode, exchange, event_mode, early_return;
     fmi3InstanceEnvironment environment;
     fmi3LogMessageCallback log;
+    fmi3ClockUpdateCallback update; /* of scheduled execution */
 } Instance;
 
 static fmi3Status complain(Instance *i, const char *message) {
@@ -54,6 +66,9 @@ static fmi3Status move(Instance *i, int type, const fmi3ValueReference r[], size
     size_t done = 0;
 #ifdef STRICT
     if (!writes && i->mode == INSTANTIATED) return complain(i, "nothing can be read yet");
+#endif
+#ifdef CLOCKS
+    if (writes && i->mode == STEP && !i->update) return complain(i, "inputs jump in event mode");
 #endif
     if (!writes && i->mode != INSTANTIATED) evaluate(&i->model);
     for (size_t k = 0; k < n; k++) {
@@ -115,6 +130,41 @@ fmi3Status fmi3SetString(fmi3Instance p, const fmi3ValueReference r[], size_t n,
             snprintf((char *)&i->model + slot->offset + e * TEXT, TEXT, "%s", v[done++]);
     }
     return done == count ? fmi3OK : complain(i, "too many texts");
+}
+
+fmi3Status fmi3GetBinary(fmi3Instance p, const fmi3ValueReference r[], size_t n, size_t sizes[], fmi3Binary v[],
+                         size_t count) {
+    Instance *i = p;
+    size_t done = 0;
+    evaluate(&i->model);
+    for (size_t k = 0; k < n; k++) {
+        const Slot *slot = find(r[k], BINARY);
+        if (!slot || done + slot->count > count) return complain(i, "no such binary");
+        const Blob *own = (const Blob *)((char *)&i->model + slot->offset);
+        for (size_t e = 0; e < slot->count; e++, done++) {
+            sizes[done] = own[e].size;
+            v[done] = own[e].bytes;
+        }
+    }
+    return done == count ? fmi3OK : complain(i, "too many binaries");
+}
+
+fmi3Status fmi3SetBinary(fmi3Instance p, const fmi3ValueReference r[], size_t n, const size_t sizes[],
+                         const fmi3Binary v[], size_t count) {
+    Instance *i = p;
+    size_t done = 0;
+    for (size_t k = 0; k < n; k++) {
+        const Slot *slot = find(r[k], BINARY);
+        if (!slot || !slot->settable || done + slot->count > count) return complain(i, "no such binary");
+        Blob *own = (Blob *)((char *)&i->model + slot->offset);
+        memset(own, 0, slot->count * sizeof *own);
+        for (size_t e = 0; e < slot->count; e++, done++) {
+            if (sizes[done] > TEXT) return complain(i, "a binary is too large");
+            own[e].size = sizes[done];
+            memcpy(own[e].bytes, v[done], sizes[done]);
+        }
+    }
+    return done == count ? fmi3OK : complain(i, "too many binaries");
 }
 
 /* ---- life ---- */
@@ -285,7 +335,12 @@ fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance p, fmi3Float64 rates[]
 
 fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance p, fmi3Float64 nominals[], size_t n) {
     (void)p;
+#ifdef NOMINALS
+    static const double own[] = NOMINALS;
+    for (size_t k = 0; k < n; k++) nominals[k] = own[k];
+#else
     for (size_t k = 0; k < n; k++) nominals[k] = 1.0;
+#endif
     return fmi3OK;
 }
 
@@ -378,14 +433,10 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance p, const fmi3ValueReference
     fmi3Status fmi3##name(fmi3Instance i, __VA_ARGS__) { return complain(i, "fmi3" #name " is not there"); }
 UNUSED(GetAdjointDerivative, const fmi3ValueReference a[], size_t b, const fmi3ValueReference c[], size_t d,
        const fmi3Float64 e[], size_t f, fmi3Float64 g[], size_t h)
-UNUSED(GetBinary, const fmi3ValueReference a[], size_t b, size_t c[], fmi3Binary d[], size_t e)
-UNUSED(SetBinary, const fmi3ValueReference a[], size_t b, const size_t c[], const fmi3Binary d[], size_t e)
 UNUSED(GetClock, const fmi3ValueReference a[], size_t b, fmi3Clock c[])
-UNUSED(SetClock, const fmi3ValueReference a[], size_t b, const fmi3Clock c[])
 UNUSED(GetNumberOfVariableDependencies, fmi3ValueReference a, size_t *b)
 UNUSED(GetVariableDependencies, fmi3ValueReference a, size_t b[], fmi3ValueReference c[], size_t d[],
        fmi3DependencyKind e[], size_t f)
-UNUSED(GetIntervalDecimal, const fmi3ValueReference a[], size_t b, fmi3Float64 c[], fmi3IntervalQualifier d[])
 UNUSED(GetIntervalFraction, const fmi3ValueReference a[], size_t b, fmi3UInt64 c[], fmi3UInt64 d[],
        fmi3IntervalQualifier e[])
 UNUSED(GetShiftDecimal, const fmi3ValueReference a[], size_t b, fmi3Float64 c[])
@@ -395,7 +446,6 @@ UNUSED(SetIntervalFraction, const fmi3ValueReference a[], size_t b, const fmi3UI
 UNUSED(SetShiftDecimal, const fmi3ValueReference a[], size_t b, const fmi3Float64 c[])
 UNUSED(SetShiftFraction, const fmi3ValueReference a[], size_t b, const fmi3UInt64 c[], const fmi3UInt64 d[])
 UNUSED(GetOutputDerivatives, const fmi3ValueReference a[], size_t b, const fmi3Int32 c[], fmi3Float64 d[], size_t e)
-UNUSED(ActivateModelPartition, fmi3ValueReference a, fmi3Float64 b)
 
 fmi3Status fmi3SetDebugLogging(fmi3Instance i, fmi3Boolean on, size_t n, const fmi3String categories[]) {
     (void)i, (void)on, (void)n, (void)categories;
@@ -411,6 +461,52 @@ fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance i) {
     return fmi3OK;
 }
 
+/* ---- clocks ---- */
+
+#ifdef CLOCKS
+
+fmi3Status fmi3SetClock(fmi3Instance p, const fmi3ValueReference r[], size_t n, const fmi3Clock ticks[]) {
+    Instance *i = p;
+    if (i->mode != EVENT) return complain(i, "a clock ticks outside of event mode");
+    for (size_t k = 0; k < n; k++)
+        if (ticks[k]) tick(&i->model, r[k]);
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetIntervalDecimal(fmi3Instance p, const fmi3ValueReference r[], size_t n, fmi3Float64 seconds[],
+                                  fmi3IntervalQualifier known[]) {
+    Instance *i = p;
+    for (size_t k = 0; k < n; k++)
+        known[k] = tell_interval(&i->model, r[k], &seconds[k]) ? fmi3IntervalChanged : fmi3IntervalUnchanged;
+    return fmi3OK;
+}
+
+fmi3Status fmi3ActivateModelPartition(fmi3Instance p, fmi3ValueReference clock, fmi3Float64 time) {
+    Instance *i = p;
+    if (time < i->model.time) return complain(i, "a partition is activated in the past");
+    i->model.time = time;
+    tick(&i->model, clock);
+    i->update(i->environment);
+    return fmi3OK;
+}
+
+fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token, fmi3String resources,
+                                               fmi3Boolean visible, fmi3Boolean logging,
+                                               fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
+                                               fmi3ClockUpdateCallback update, fmi3LockPreemptionCallback lock,
+                                               fmi3UnlockPreemptionCallback unlock) {
+    (void)name, (void)resources, (void)visible, (void)logging, (void)lock, (void)unlock;
+    Instance *i = make(token, environment, log);
+    if (i) i->update = update;
+    return i;
+}
+
+#else
+
+UNUSED(SetClock, const fmi3ValueReference a[], size_t b, const fmi3Clock c[])
+UNUSED(GetIntervalDecimal, const fmi3ValueReference a[], size_t b, fmi3Float64 c[], fmi3IntervalQualifier d[])
+UNUSED(ActivateModelPartition, fmi3ValueReference a, fmi3Float64 b)
+
 fmi3Instance fmi3InstantiateScheduledExecution(fmi3String a, fmi3String b, fmi3String c, fmi3Boolean d, fmi3Boolean e,
                                                fmi3InstanceEnvironment f, fmi3LogMessageCallback g,
                                                fmi3ClockUpdateCallback h, fmi3LockPreemptionCallback i,
@@ -418,3 +514,5 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String a, fmi3String b, fmi3S
     (void)a, (void)b, (void)c, (void)d, (void)e, (void)f, (void)g, (void)h, (void)i, (void)j;
     return NULL;
 }
+
+#endif

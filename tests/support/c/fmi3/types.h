@@ -14,6 +14,7 @@ typedef struct Model {
     fmi3Boolean bool_in, bool_out, bits[3], parity;
     char word[TEXT], words[2][TEXT];
     int32_t length;
+    Blob blob, blobs[2], mirrored;
 } Model;
 enum { COUNT_OF_STATES = 0, STATES_AT = 0, RATES_AT = 0 };
 #define PAIR(reference, type, name)                                                                                    \
@@ -40,12 +41,17 @@ static const Slot SLOTS[] = {
     {30, BOOLEAN, 3, offsetof(Model, bits), 1},
     {31, BOOLEAN, 1, offsetof(Model, parity), 0},
     {32, FLOAT64, 1, offsetof(Model, from_file), 0},
+    {99, BINARY, 1, offsetof(Model, blob), 1},
+    {33, BINARY, 2, offsetof(Model, blobs), 1},
+    {34, BINARY, 1, offsetof(Model, mirrored), 0},
 };
 static void start(Model *m) {
     strcpy(m->word, "abc");
     strcpy(m->words[0], "de");
     strcpy(m->words[1], "f");
     m->mood_in = 1;
+    m->blob = (Blob){2, {0x00, 0xff}};
+    m->blobs[0] = m->blobs[1] = (Blob){1, {0x07}};
     for (int k = 0; k < 6; k++) m->whole[k / 3][k % 3] = k + 1;
 }
 static void evaluate(Model *m) {
@@ -64,6 +70,11 @@ static void evaluate(Model *m) {
     m->length = (int32_t)(strlen(m->word) + 10 * strlen(m->words[0]) + 100 * strlen(m->words[1]));
     m->sum = 0;
     for (int k = 0; k < 6; k++) m->sum += (k + 1) * m->whole[k / 3][k % 3];
+    m->mirrored.size = m->blob.size + m->blobs[0].size + m->blobs[1].size;
+    unsigned char *end = m->mirrored.bytes + m->mirrored.size;
+    for (size_t k = 0; k < m->blob.size; k++) *--end = m->blob.bytes[k];
+    for (int b = 0; b < 2; b++)
+        for (size_t k = 0; k < m->blobs[b].size; k++) *--end = m->blobs[b].bytes[k];
     m->parity = m->bits[0] ^ m->bits[1] ^ m->bits[2];
 }
 static void advance(Model *m, double h) { (void)m, (void)h; }

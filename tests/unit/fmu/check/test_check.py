@@ -200,7 +200,7 @@ FAULTS_OF_FMI_3: dict[str, tuple[Change, str]] = {
             '<Clock name="tick" valueReference="99" causality="input"'
             ' intervalVariability="triggered"/></ModelVariables>',
         ),
-        r"1 note: clocks, which keep it from being run here: tick",
+        r"1 note: clocks that nothing triggers here never tick: tick",
     ),
     "function": (
         lambda files: files.update(

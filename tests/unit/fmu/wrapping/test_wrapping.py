@@ -202,6 +202,8 @@ TYPES = {
     "whole[2,1]": -7,
     "bits[2]": 1,
     "bits[3]": 0,
+    "blob": "00fFAb",
+    "blobs[2]": "",
 }
 ANSWERS = {
     "f32_out": float(np.float32(0.1) * np.float32(2.0)),
@@ -220,12 +222,29 @@ ANSWERS = {
     "sum": 91 - 4 * 11,
     "parity": 1,
     "from_file": 4.25,
+    "mirrored": "07abff00",
 }
 
 
 def test_every_type_is_exchanged_exactly():
     found = run(foreign("types"), TYPES, time=TIME[:2])
     assert {name: values[-1] for name, values in found.items()} == ANSWERS
+
+
+def test_texts_and_binaries_are_read_by_one_call():
+    names = ("mirrored", "word", "blob", "blobs[1]")
+    with Fmu(foreign("types")) as fmu:
+        fmu.start()
+        texts = fmu._slave.getString([fmu.variable(name).valueReference for name in names])
+    assert texts == [b"0707ff00", b"abc", b"00ff", b"07"]
+
+
+def test_an_integer_that_a_real_rounds_is_warned_of():
+    with Fmu(foreign("types"), {"u64_in": 2**53 - 1}) as fmu:
+        fmu.start()
+        row = np.empty(1)
+        fmu.reader(["u64_out"])(row)
+        assert "is beyond 2^53 and rounded" in fmu.complaints
 
 
 @pytest.mark.parametrize("smallest", [-(2**31), 2**31 - 1])
@@ -260,6 +279,8 @@ def test_texts_are_read_whole():
         ({"i8_in": 1.5}, "i8_in: 1.5 is not a whole number"),
         ({"bool_in": 2}, "bool_in: 2 is neither true"),
         ({"n": 4}, "no variable named 'n'"),
+        ({"blob": "0g"}, "setting blob failed.*: 0g is no binary value: two hexadecimal digits"),
+        ({"blob": "00f"}, "setting blob failed.*: 00f is no binary value"),
         ({"word": 1.0}, "word: 1.0 is a number; the parameter is a text"),
     ],
 )
@@ -431,7 +452,7 @@ def test_the_table_lists_types_references_and_sizes(tmp_path):
     library = f"arrays{fmpy.sharedLibraryExtension}"
     assert Path(table[0]).parts[-2:] == (fmpy.platform_tuple, library)
     rows = ["1 0 1", "9 1 1", "1 2 9", "1 3 6", "1 4 6", "1 5 2", "1 6 3", "1 7 3", "1 8 2"]
-    assert table[1:] == ["", str(len(rows)), *rows]
+    assert table[1:] == ["", str(len(rows)), *rows, "0 0"]
 
 
 @pytest.mark.slow

@@ -112,7 +112,7 @@ def test_values_of_the_system_go_over_those_of_the_member(archive, tmp_path):
         ),
         (
             '<ssv:Parameter name="gain"><ssv:Binary value="1"/></ssv:Parameter>',
-            ["parameter gain is Binary"],
+            ["given as string", "has it as real"],
         ),
         ('<ssv:Parameter name="gain"/>', ["parameter gain is nothing"]),
     ],

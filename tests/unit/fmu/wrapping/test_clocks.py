@@ -1,0 +1,63 @@
+"""Claims: input clocks tick by time, in every interface. Oracle: the ticks on paper."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fmus.kit import UserError
+from orchestration.fmu import find_model
+from orchestration.fmu.simulation import RepeatedFmu
+from tests.support.fmi3_fmus import changed, foreign, of_interface
+
+TIME = 0.07 * np.arange(14)  # of which 0 and 0.7 s are ticks
+OUTPUTS = ["count", "fired", "changes", "sum"]
+INTERFACES = ("CoSimulation", "ModelExchange", "ScheduledExecution")
+
+
+@pytest.mark.parametrize("interface", INTERFACES)
+def test_clocks_tick_when_they_are_due(interface, tmp_path):
+    u = np.where(TIME < 0.5, 1, 10)  # jumps at 0.56 s
+    with RepeatedFmu(of_interface(foreign("clocked"), interface, tmp_path)) as fmu:
+        for _ in range(3):  # the second and third after a reset
+            found = fmu.run(TIME, {"u": u}, {}, OUTPUTS)
+    slower = np.cumsum(0.1 * np.arange(1, 6))
+    count = np.floor(TIME / 0.1 + 1e-9) + 1
+    np.testing.assert_array_equal(found[:, 0], count)
+    np.testing.assert_allclose(found[:, 1], np.where(TIME > 0.25, 0.25, 0.0), atol=1e-12)
+    np.testing.assert_array_equal(found[:, 2], [(slower <= t + 1e-9).sum() for t in TIME])
+    np.testing.assert_array_equal(found[:, 3], count + 9 * np.maximum(count - 6, 0))
+
+
+@pytest.mark.parametrize("interface", INTERFACES)
+def test_a_tick_at_a_communication_point_is_before_what_is_read_there(interface, tmp_path):
+    time = 0.1 * np.arange(11)
+    with RepeatedFmu(of_interface(foreign("clocked"), interface, tmp_path)) as fmu:
+        found = fmu.run(time, {}, {}, ["count"])
+    assert found[:, 0].tolist() == list(range(1, 12))
+
+
+def test_a_clock_that_nothing_triggers_is_told_of(tmp_path):
+    model = find_model(str(of_interface(foreign("clocked"), "CoSimulation", tmp_path)))
+    assert model.notes == ("CoSimulation.fmu: never ticked, as nothing triggers them: idle",)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"0.1"', '"soon"', "every: intervalDecimal 'soon' is no time in s"),
+        ('"0.1"', '"-1"', "every: intervalDecimal '-1' is no time in s"),
+        ('intervalDecimal="0.1"', "", "every: is a clock of a constant interval, which is not"),
+        ('priority="1"', 'priority="high"', "every: priority 'high' is no whole number"),
+    ],
+)
+def test_a_clock_that_makes_no_sense_is_refused(old, new, message, tmp_path):
+    with pytest.raises(UserError, match=message):
+        find_model(str(changed("clocked", tmp_path, old, new)))
+
+
+def test_an_interval_may_be_a_ratio(tmp_path):
+    ratio = 'intervalCounter="2" resolution="10"'
+    with RepeatedFmu(changed("clocked", tmp_path, 'intervalDecimal="0.1"', ratio)) as fmu:
+        found = fmu.run(0.1 * np.arange(5), {}, {}, ["count"])
+    assert found[:, 0].tolist() == [1, 1, 2, 2, 3]
