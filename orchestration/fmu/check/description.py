@@ -45,6 +45,8 @@ def check_description(archive: Archive) -> Iterator[Finding]:
     yield from _check_capabilities(root, original_names)
     if archive.version == 3:
         yield from _report_ignored_parts(archive.description)
+        if [node.tag for node in archive.interfaces()] == ["ScheduledExecution"]:
+            yield Finding(1, "note", "for scheduled execution alone: run here as co-simulation")
         if archive.idle_clocks:
             names = listed(archive.idle_clocks)
             yield Finding(1, "note", f"clocks that nothing triggers here never tick: {names}")
@@ -261,11 +263,14 @@ def _check_start_value(
 
 
 def _check_capabilities(root: Element, original_names: Mapping[str, str]) -> Iterator[Finding]:
-    """Check the interface for co-simulation and the default experiment."""
+    """Check the interface for co-simulation, or else for model exchange, and the experiment."""
     interface = root.find("CoSimulation")
     if interface is None:
-        yield Finding(1, "error", "not for co-simulation: there is no element CoSimulation")
-        return
+        interface = root.find("ModelExchange")
+        if interface is None:
+            yield Finding(1, "error", "there is neither CoSimulation nor ModelExchange")
+            return
+        yield Finding(1, "warning", "for model exchange alone: its hosts need a solver")
     identifier = interface.get("modelIdentifier", "")
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", identifier):
         yield Finding(1, "error", f"modelIdentifier {identifier!r} is no identifier of C")
@@ -281,12 +286,12 @@ def _check_capabilities(root: Element, original_names: Mapping[str, str]) -> Ite
 
 
 def _check_flags(interface: Element, original_names: Mapping[str, str]) -> Iterator[Finding]:
-    """Check the capability flags of co-simulation.
+    """Check the capability flags of an interface.
 
     Parameters
     ----------
     interface : Element
-        Element ``CoSimulation`` of FMI 2.0.
+        Element ``CoSimulation`` or ``ModelExchange`` of FMI 2.0.
     original_names : Mapping of str to str
         Names of its attributes in the archive, if they differ.
     """
@@ -306,7 +311,8 @@ def _check_flags(interface: Element, original_names: Mapping[str, str]) -> Itera
             "warning",
             "canBeInstantiatedOnlyOncePerProcess is true: no two instances in one process",
         )
-    if not can("canHandleVariableCommunicationStepSize"):
+    varies = can("canHandleVariableCommunicationStepSize") or interface.tag == "ModelExchange"
+    if not varies:
         yield Finding(
             8,
             "warning",

@@ -1,6 +1,7 @@
 /* A log of the calls of an FMU: this library is in its place, calls it, and writes a line for each call.
  *
- * Beside it lies its table, a text file that `calls.py` writes: the library of the FMU, and the file of the log. `calls2.c`
+ * Beside it lies its table, a text file that `calls.py` writes: the library of the FMU, the file of the log, and how many
+ * lines it may have. `calls2.c`
  * and `calls3.c` list the functions of FMI 2.0 and 3.0. What is before an FMU's return is in the file while it works, so
  * that the last line of one that crashes names what it was asked.
  */
@@ -8,19 +9,19 @@
 
 #include <stdarg.h>
 
-enum { MOST_LINES = 1000000, MOST_ELEMENTS = 20, MOST_CHARACTERS = 200, LINE = 8192 };
+enum { MOST_ELEMENTS = 20, MOST_CHARACTERS = 200, LINE = 8192 };
 
 static FILE *log_file;
 static void *library;
 static int instances;
-static unsigned long lines;
+static unsigned long lines, most_lines;
 static char line[LINE];
 static size_t length;
 static int is_first; /* of the arguments */
 
 static void add(const char *format, ...) {
     va_list arguments;
-    if (!log_file || lines > MOST_LINES) return;
+    if (!log_file || lines > most_lines) return;
     va_start(arguments, format);
     int count = vsnprintf(line + length, LINE - length, format, arguments);
     va_end(arguments);
@@ -35,7 +36,7 @@ static void write_line(void) {
 }
 
 static void begin(const char *function) {
-    if (lines <= MOST_LINES) lines++;
+    if (lines <= most_lines) lines++;
     add("%s(", function);
     is_first = 1;
 }
@@ -43,7 +44,7 @@ static void begin(const char *function) {
 static void end(int status) {
     static const char *const names[] = {"OK", "Warning", "Discard", "Error", "Fatal", "Pending"};
     add(") -> %s\n", status >= 0 && status < 6 ? names[status] : "an unknown status");
-    if (lines == MOST_LINES) add("(no more than %d calls are logged)\n", MOST_LINES);
+    if (lines == most_lines) add("(no more than %lu calls are logged)\n", most_lines);
     write_line();
 }
 
@@ -116,8 +117,9 @@ static int load_own(void) {
     char reason[MOST_PATH] = "";
     FILE *table = instances++ ? NULL : open_table();
     char *path = table ? read_line(table) : NULL, *log_path = path ? read_line(table) : NULL;
+    int is_bounded = log_path && fscanf(table, "%lu", &most_lines) == 1;
     if (table) fclose(table);
-    if (log_path) {
+    if (is_bounded) {
         library = open_library(path, reason, sizeof reason);
         log_file = open_file(log_path, 1);
     }

@@ -11,6 +11,8 @@ from fmus.kit import UserError
 from fmus.kit.build import cached_library, toolchain
 from fmus.kit.storage import scratch
 
+_MOST_LINES = 1_000_000  # some 100 MB
+
 
 def log_calls(binaries: Path, version: int, log: Path, label: str) -> None:
     """Put a library that logs calls in the place of each library of an unpacked FMU.
@@ -46,5 +48,5 @@ def log_calls(binaries: Path, version: int, log: Path, label: str) -> None:
         for library in list(binaries.glob(f"*{fmpy.sharedLibraryExtension}")):
             own = library.rename(library.with_stem(f"{library.stem}_logged"))
             library.write_bytes(compiled.read_bytes())
-            table = f"{own}\n{log.resolve()}\n"
+            table = f"{own}\n{log.resolve()}\n{_MOST_LINES}\n"
             library.with_suffix(".table").write_bytes(os.fsencode(table))

@@ -24,7 +24,7 @@ FAULTS: dict[str, tuple[Change, str]] = {
     "bad index": (text('<Unknown index="', '<Unknown index="99'), r"1 error: "),
     "no co-simulation": (
         pattern(r"<CoSimulation .*</CoSimulation>", ""),
-        r"1 error: not for co-simulation",
+        r"1 warning: for model exchange alone",
     ),
     "identifier": (
         pattern('modelIdentifier="ppy_actuator"', 'modelIdentifier="ppy actuator"'),
