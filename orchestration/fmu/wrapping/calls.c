@@ -29,10 +29,14 @@ static void add(const char *format, ...) {
 }
 
 static void write_line(void) {
-    if (!length) return;
-    fwrite(line, 1, length, log_file);
-    fflush(log_file);
+    if (length) fwrite(line, 1, length, log_file);
     length = 0;
+}
+
+/* Have all in the file that is known before the FMU works. */
+static void let_go(void) {
+    write_line();
+    if (log_file && lines <= most_lines) fflush(log_file);
 }
 
 static void begin(const char *function) {
@@ -144,7 +148,7 @@ static void *unload_own(void) {
         int status = 3; /* Error, of a function that the FMU lacks */                                                  \
         begin("fmi" #version #name);                                                                                   \
         before;                                                                                                        \
-        write_line();                                                                                                  \
+        let_go();                                                                                                      \
         if (own.name) status = (int)own.name arguments;                                                                \
         if (status <= 1) {                                                                                             \
             after;                                                                                                     \

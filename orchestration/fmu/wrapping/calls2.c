@@ -102,7 +102,7 @@ FMI2_Export fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2St
     text("fmuResourceLocation", resources);
     truth("visible", visible);
     truth("loggingOn", logging);
-    write_line();
+    let_go();
     fmi2Component c = own.Instantiate ? own.Instantiate(name, type, guid, resources, callbacks, visible, logging) : NULL;
     end(c ? 0 : 3);
     return c ? c : unload_own();
@@ -110,7 +110,7 @@ FMI2_Export fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2St
 
 FMI2_Export void fmi2FreeInstance(fmi2Component c) {
     begin("fmi2FreeInstance");
-    write_line();
+    let_go();
     if (own.FreeInstance) own.FreeInstance(c);
     end(0);
     unload_own();

@@ -140,7 +140,7 @@ FMI3_Export const char *fmi3GetVersion(void) { return fmi3Version; }
         truth("visible", visible);                                                                                     \
         truth("loggingOn", logging);                                                                                   \
         before;                                                                                                        \
-        write_line();                                                                                                  \
+        let_go();                                                                                                      \
         fmi3Instance c = own.Instantiate##interface ? own.Instantiate##interface arguments : NULL;                     \
         end(c ? 0 : 3);                                                                                                \
         return c ? c : unload_own();                                                                                   \
@@ -158,7 +158,7 @@ INSTANTIATED(ScheduledExecution,
 
 FMI3_Export void fmi3FreeInstance(fmi3Instance c) {
     begin("fmi3FreeInstance");
-    write_line();
+    let_go();
     if (own.FreeInstance) own.FreeInstance(c);
     end(0);
     unload_own();

@@ -5,14 +5,17 @@ down their calls themselves.
 from __future__ import annotations
 
 import re
+import sys
 
 import numpy as np
 import pytest
 
 from fmus.kit import UserError
 from orchestration.fmu import find_model
+from orchestration.fmu.isolation import Limits
 from orchestration.fmu.simulation import RunFiles, simulate
 from orchestration.fmu.wrapping import calls
+from tests.support import misbehaving
 from tests.support.fmi3_fmus import foreign
 from tests.support.recording import INTERFACES, recorded, recorder
 
@@ -75,6 +78,16 @@ def test_a_call_that_fails_is_in_it_with_its_status(tmp_path):
         logged(recorder(2), {}, {"fails": 0.0}, log)
     last = [line for line in log.read_text().split("\n") if "DoStep" in line][-1]
     assert last.endswith("noSetFMUStatePriorToCurrentPoint=true) -> Error")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the FMU is written for POSIX")
+def test_the_last_line_of_one_that_crashes_is_the_call(tmp_path):
+    model = find_model(str(misbehaving.build("writes_to_nothing", tmp_path)))
+    files = RunFiles(calls=tmp_path / "calls.txt")
+    with pytest.raises(UserError, match="SIGSEGV"):
+        simulate(model, TIME + 1.0, {}, {}, files=files, isolation=Limits())
+    *_, last = files.calls.read_text().split("\n")
+    assert re.match(r"fmi2DoStep\(currentCommunicationPoint=[\d.]+, communicationStep.*true$", last)
 
 
 def test_a_log_begins_empty_and_is_bounded(tmp_path, monkeypatch):
