@@ -365,7 +365,7 @@ class OutputsOption(TypedDict, total=False):
 
 
 class ToleranceOption(UnitsOption, total=False):
-    """Accuracy of the integration inside of an FMU, and units that it does not declare."""
+    """Accuracy and solver of the integration of an FMU, and units that it does not declare."""
 
     tolerance: Annotated[
         float | None,
@@ -373,6 +373,13 @@ class ToleranceOption(UnitsOption, total=False):
             "Relative tolerance that the FMU is told; default the one that it declares.",
             "Relative tolerance that the FMU is told; by default the one that it declares.",
             metavar="NUMBER",
+        ),
+    ]
+    model_exchange: Annotated[
+        bool,
+        Option(
+            "Integrate an FMU file by CVode, though it has a solver of its own, too.",
+            default=False,
         ),
     ]
 

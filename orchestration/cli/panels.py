@@ -43,6 +43,7 @@ _PANELS = {
         "stop",
         "step",
         "tolerance",
+        "model_exchange",
         "rate",
         "max_age",
         "duration",

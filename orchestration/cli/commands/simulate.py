@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from orchestration.records import Record
 
 
+_OF_ONE_FMU = (
+    *("tolerance", "model_exchange", "units", "outputs"),
+    *("log_calls", "state_in", "state_out"),
+)
 _SYSTEMS = (".ssp", ".ssd")  # as in system.ssp, which takes half a second to load
 
 
@@ -46,8 +50,9 @@ def simulate(options: SimulateCommand) -> None:
     ).check()
     name = options["model"]
     if Path(name).suffix.lower() in _SYSTEMS or (name in NAMES and name not in registry.models()):
-        for option in ("tolerance", "units", "outputs", "log_calls", "state_in", "state_out"):
-            if options[option]:
+        given: Mapping[str, object] = options
+        for option in _OF_ONE_FMU:
+            if given[option]:
                 raise UserError(f"{flag(option)} is for one FMU; this is a system")
         _simulate_system(options)
     else:

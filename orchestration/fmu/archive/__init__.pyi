@@ -1,5 +1,6 @@
 from .archive import Archive as Archive
 from .archive import first_line as first_line
+from .archive import for_model_exchange as for_model_exchange
 from .archive import read_description as read_description
 from .archive import unpack as unpack
 from .bounded import TEXT as TEXT

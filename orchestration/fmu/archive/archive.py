@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import re
 import zipfile
@@ -12,7 +13,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from fmus.kit import UserError
-from fmus.kit.storage import scratch
+from fmus.kit.storage import cache, scratch
 from orchestration.fmu.archive.bounded import (
     FILE,
     TEXT,
@@ -230,6 +231,34 @@ def read_description(path: Path) -> Any:
     if interface is not None:  # FMI 2.0 has no place for it
         description.coSimulation.fixedInternalStepSize = interface.get("fixedInternalStepSize")
     return description
+
+
+def for_model_exchange(path: Path) -> Path:
+    """Return a copy of an FMU that has its interface for model exchange alone, in the cache.
+
+    Raises
+    ------
+    UserError
+        If it has none.
+    """
+
+    def copied() -> bytes:
+        packed = io.BytesIO()
+        with zipfile.ZipFile(path) as source, zipfile.ZipFile(packed, "w") as target:
+            for entry in source.infolist():
+                contents = root if entry.filename == _DESCRIPTION else source.read(entry)
+                target.writestr(entry, contents, zipfile.ZIP_DEFLATED)
+        return packed.getvalue()
+
+    with Archive(path) as archive:
+        description = archive.description
+    if description.find("ModelExchange") is None:
+        raise UserError(f"{path}: it has no model exchange; {_DESCRIPTION} lacks ModelExchange")
+    for interface in description.findall("CoSimulation"):
+        description.remove(interface)
+    root = ElementTree.tostring(description)
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    return cache.cached_file(f"model_exchange_{digest}/{path.name}", copied)
 
 
 def _packed(description: Element) -> io.BytesIO:

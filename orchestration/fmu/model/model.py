@@ -18,7 +18,7 @@ from fmus.kit.errors import UserError, find, suggestion
 from fmus.kit.files import is_file, is_folder
 from fmus.kit.law_terms import LawTerm, check_term, law_term_effect
 from fmus.kit.units import check as check_unit
-from orchestration.fmu.archive import Archive, read_description
+from orchestration.fmu.archive import Archive, for_model_exchange, read_description
 from orchestration.fmu.model.effects import check_catalogue, find_effects
 from orchestration.fmu.model.left_out import left_out
 from orchestration.fmu.model.loading import load_class, names_class, remarks_on
@@ -168,6 +168,18 @@ class Model(Displayable):
             raise UserError(f"{given}: {self.name} is a system; its FMUs have those they declare")
         return replace(self, tolerance=tolerance)
 
+    def by_model_exchange(self) -> Model:
+        """Return the model with its FMU's interface for model exchange, which CVode integrates.
+
+        Raises
+        ------
+        UserError
+            If it is no FMU file, or has no such interface.
+        """
+        if self.system is not None or self.path == _NOT_BUILT:
+            raise UserError(f"{option('model_exchange', True)}: {self.name} is no FMU file")
+        return replace(self, path=for_model_exchange(self.path), cls=None)
+
     def settings(self, texts: Sequence[str], preset: str | None = None) -> dict[str, Value]:
         """Read ``name=value[unit]`` settings, which override those of a preset.
 
@@ -224,8 +236,10 @@ class Model(Displayable):
         return replace(self, outputs=outputs, kept=())
 
     def with_options(self, options: Mapping[str, Any]) -> Model:
-        """Return the model with units, tolerance and outputs as options state them, if they do."""
+        """Return the model with what options state of units, solver, tolerance and outputs."""
         known = self.with_units(options.get("units") or {})
+        if options.get("model_exchange"):
+            known = known.by_model_exchange()
         stated = known.with_tolerance(options.get("tolerance"))
         return stated.recording(options.get("outputs") or ())
 

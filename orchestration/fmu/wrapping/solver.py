@@ -15,11 +15,9 @@ import fmpy
 from fmpy.model_description import CoSimulation
 
 from fmus.kit import UserError
-from fmus.kit.build import cached_library, toolchain
 from fmus.kit.storage import scratch
+from orchestration.fmu.wrapping.compiled import compiled
 
-_SOURCES = ("platform.c", "solver.c")
-_UNIT = "solver.c"  # includes the other
 _SUNDIALS = ("core", "nvecserial", "sunmatrixdense", "sunlinsoldense", "cvode")  # each needs others
 
 
@@ -67,15 +65,7 @@ def add_solver(folder: Path, root: Element, label: str) -> None:
     solver = [sundials / f"sundials_{name}{fmpy.sharedLibraryExtension}" for name in _SUNDIALS]
     if not all(path.is_file() for path in solver):
         raise UserError(f"{label}: an FMU for model exchange needs CVode, which fmpy lacks here")
-    try:
-        target = toolchain.host_platform()
-        sources = {name: (Path(__file__).parent / name).read_bytes() for name in _SOURCES}
-        for header in sorted(toolchain.fmi_headers(2).glob("*.h")):
-            sources[header.name] = header.read_bytes()
-        libraries = ("dl",) if target == "linux64" else ()
-        compiled = cached_library(sources, _UNIT, target, libraries)
-    except UserError as error:
-        raise UserError(f"{label}: model exchange needs a C compiler here: {error}") from error
+    library = compiled(("solver.c", "platform.c"), [2], f"{label}: model exchange")
     binaries = folder / "binaries" / fmpy.platform
     states = len(root.findall("ModelStructure/Derivatives/Unknown"))
     indicators = int(root.get("numberOfEventIndicators", "0"))
@@ -84,5 +74,5 @@ def add_solver(folder: Path, root: Element, label: str) -> None:
     lines = [*map(str, paths), f"{states} {indicators} {int(tells_steps)}", ""]
     name = _identifier(own)
     with scratch.written(folder):
-        (binaries / f"{name}{fmpy.sharedLibraryExtension}").write_bytes(compiled.read_bytes())
+        (binaries / f"{name}{fmpy.sharedLibraryExtension}").write_bytes(library.read_bytes())
         (binaries / f"{name}.table").write_bytes(os.fsencode("\n".join(lines)))

@@ -10,13 +10,11 @@ from xml.etree.ElementTree import Element
 import fmpy
 
 from fmus.kit import UserError
-from fmus.kit.build import cached_library, toolchain
 from fmus.kit.storage import scratch
+from orchestration.fmu.wrapping.compiled import compiled
 from orchestration.fmu.wrapping.translation import Translation, translate
 
 _SOURCES = ("all.c", "events.c", "platform.c", "table.c", "values.c", "wrapper.c", "wrapper.h")
-_UNIT = "all.c"  # includes the other sources
-_LIBRARIES = {"linux64": ("dl",)}
 
 
 def wrap(folder: Path, root: Element, label: str) -> None:
@@ -38,10 +36,7 @@ def wrap(folder: Path, root: Element, label: str) -> None:
         compiled.
     """
     translation = translate(root, label)
-    try:
-        wrapper = _compiled_wrapper()
-    except UserError as error:
-        raise UserError(f"{label}: an FMU of FMI 3.0 needs a C compiler here: {error}") from error
+    wrapper = compiled(_SOURCES, [2, 3], f"{label}: an FMU of FMI 3.0")
     binaries = folder / "binaries" / fmpy.platform
     resources = folder / "resources"
     for node in translation.root:
@@ -57,17 +52,6 @@ def wrap(folder: Path, root: Element, label: str) -> None:
             shutil.copyfile(wrapper, binaries / name)
             table = _encode_table(translation, library, resources)
             (binaries / f"{identifier}.table").write_bytes(table)
-
-
-def _compiled_wrapper() -> Path:
-    """Return the path of the wrapper's library, which is compiled if it is not in the cache."""
-    here = Path(__file__).parent
-    sources = {name: (here / name).read_bytes() for name in _SOURCES}
-    for version in (2, 3):
-        for header in sorted(toolchain.fmi_headers(version).glob("*.h")):
-            sources[header.name] = header.read_bytes()
-    target = toolchain.host_platform()
-    return cached_library(sources, _UNIT, target, _LIBRARIES.get(target, ()))
 
 
 def _encode_table(translation: Translation, library: Path, resources: Path) -> bytes:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from fmus.kit import UserError
+from fmus.kit.build import toolchain
 from orchestration.fmu import find_model
 from orchestration.fmu.isolation import Limits
 from orchestration.fmu.simulation import RunFiles, simulate
@@ -102,10 +103,10 @@ def test_a_log_begins_empty_and_is_bounded(tmp_path, monkeypatch):
 
 
 def test_without_a_compiler_it_says_what_is_needed(tmp_path, monkeypatch):
-    def fail(*arguments):
+    def none_here(target):
         raise UserError("no compiler")
 
-    monkeypatch.setattr(calls, "cached_library", fail)
+    monkeypatch.setattr(toolchain, "find_compiler", none_here)
     with pytest.raises(UserError, match=r"a log of calls needs a C compiler here: no compiler"):
         logged(recorder(2), {}, {}, tmp_path / "calls.txt")
 

@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orchestration.fmu.simulation import FmuSource, RepeatedFmu
+from fmus.kit import UserError
+from orchestration.fmu import find_model
+from orchestration.fmu.model import declared_model
+from orchestration.fmu.simulation import FmuSource, RepeatedFmu, simulate
 from tests.support.fmi3_fmus import foreign, of_interface
 
 
@@ -27,3 +30,17 @@ def test_robertsons_problem_is_solved_over_eleven_decades(tmp_path):
         found = fmu.run(np.arange(start, stop + step, step), {}, {}, ["y[1]", "y[2]", "y[3]"])
     expected = [0.2083340149701255e-7, 0.8333360770334713e-13, 0.9999999791665050]
     assert found[-1] == pytest.approx(expected, rel=1e-4)
+
+
+def test_of_both_interfaces_model_exchange_is_taken_if_asked_for(tmp_path):
+    """The FMU's own solver stands still."""
+    model = find_model(str(foreign("roberts"))).with_options({"model_exchange": True})
+    found = simulate(model, np.array([0.0, 0.4]), {}, {})
+    # A. C. Hindmarsh and others, the example cvRoberts_dns of SUNDIALS, at t = 0.4
+    expected = [9.8517e-01, 3.3864e-05, 1.4794e-02]
+    assert [found[f"y[{k}]"][-1] for k in (1, 2, 3)] == pytest.approx(expected, rel=1e-4)
+    alone = find_model(str(of_interface(foreign("lag"), "CoSimulation", tmp_path)))
+    with pytest.raises(UserError, match="it has no model exchange"):
+        alone.by_model_exchange()
+    with pytest.raises(UserError, match="ppy_actuator is no FMU file"):
+        declared_model("ppy_actuator").by_model_exchange()

@@ -21,7 +21,7 @@ from orchestration.fmu.check.shared_library import read_library
 from orchestration.fmu.exchange import ExchangeFmu
 from orchestration.fmu.kernel import library
 from orchestration.fmu.simulation import EndedSimulation, RepeatedFmu, simulate_instance
-from orchestration.fmu.wrapping import wrapping
+from orchestration.fmu.wrapping import compiled
 from tests.support.archive import edited
 from tests.support.fmi3_fmus import build, build_wide, foreign
 
@@ -458,13 +458,21 @@ def test_the_table_lists_types_references_and_sizes(tmp_path):
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("platform", sorted(toolchain.ZIG_TARGETS))
-def test_the_wrapper_is_compiled_for_every_platform(platform):
-    """On Windows it takes other functions of the system."""
+@pytest.mark.parametrize(
+    ("source", "versions", "functions"),
+    [
+        ("all.c", (2, 3), {"fmi2DoStep", "fmi2NewDiscreteStates"}),
+        ("solver.c", (2,), {"fmi2DoStep"}),
+        ("calls2.c", (2,), {"fmi2DoStep", "fmi2NewDiscreteStates"}),
+        ("calls3.c", (3,), {"fmi3DoStep", "fmi3UpdateDiscreteStates"}),
+    ],
+)
+def test_libraries_are_compiled_for_every_platform(platform, source, versions, functions):
+    """On Windows they take other functions of the system."""
     if importlib.util.find_spec("ziglang") is None:
         pytest.skip("only zig compiles for every platform")
-    folder = Path(wrapping.__file__).parent
-    headers = [toolchain.fmi_headers(version) for version in (2, 3)]
-    libraries = wrapping._LIBRARIES.get(platform, ())
-    sources = [folder / "all.c"]
+    headers = [toolchain.fmi_headers(version) for version in versions]
+    libraries = compiled.LIBRARIES.get(platform, ())
+    sources = [Path(compiled.__file__).parent / source]
     built = toolchain.compile_library(sources, headers, platform, libraries=libraries)
-    assert {"fmi2DoStep", "fmi2NewDiscreteStates"} <= read_library(built).exports
+    assert functions <= read_library(built).exports
