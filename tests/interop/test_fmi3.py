@@ -19,7 +19,7 @@ from fmpy.validation import validate_fmu
 
 import fmus
 from fmus import component, effects
-from fmus.kit import Component, Output, State, stack
+from fmus.kit import Component, Input, Output, State, maximum, sqrt, stack
 from fmus.kit.build.building import build
 from fmus.kit.build.toolchain import host_platform
 from tests.support.exchange import both_ways, distance
@@ -473,6 +473,39 @@ def test_time_and_indicators_are_variables(fmu, tmp_path):
         values = np.empty(count)
         one.getEventIndicators(values.ctypes.data_as(ctypes.POINTER(ctypes.c_double)), count)
         assert one.getFloat64(listed) == list(values)
+
+
+class Rooted(Component):
+    """A law that switches at the root of an input, and an output."""
+
+    name = "rooted"
+
+    u = Input("1", start=4.0, doc="whose root is taken")
+    x = State("1", rate="beyond", output=True, doc="integral of what is beyond one")
+
+    def beyond(self):
+        return maximum(sqrt(self.u) - 1.0, 0.0)
+
+
+@pytest.mark.parametrize(("is_continuous", "status"), [(False, "error"), (True, "discard")])
+def test_an_indicator_that_is_no_number_is_no_value(tmp_path, is_continuous, status):
+    """A host that integrates may try a shorter step; then what is read is a number again."""
+    path = tmp_path / "rooted.fmu"
+    path.write_bytes(build(Rooted, "native", [host_platform()], fmi=3))
+    with opened(path, tmp_path / "unpacked", exchange=True) as (one, names, described):
+        (indicator,) = (u.variable.valueReference for u in described.eventIndicators)
+        initialized(one)
+        if is_continuous:
+            one.updateDiscreteStates()
+            one.enterContinuousTimeMode()
+        one.setFloat64([names["u"]], [-1.0])
+        for asked in ([indicator], [names["time"], indicator, names["u"]]):
+            with pytest.raises(FMICallException) as caught:
+                one.getFloat64(asked)
+            assert caught.value.status == {"discard": 2, "error": 3}[status]
+        if is_continuous:
+            one.setFloat64([names["u"]], [9.0])
+            assert one.getFloat64([indicator])[0] > 0.0
 
 
 @pytest.mark.slow

@@ -8,9 +8,9 @@ from xml.etree.ElementTree import Element
 
 from orchestration.fmu.wrapping.variables import Fmi3Description
 
-_CONSTANT = 0
-# kinds by ``intervalVariability``, in the order of their numbers in `wrapper.h`
-_KINDS = {"constant": _CONSTANT, "fixed": 1, "tunable": 2, "changing": 2, "countdown": 3}
+# kinds by ``intervalVariability``, as numbers in `wrapper.h`; the first also if it is declared
+_CONSTANT, _FIXED = 0, 1
+_KINDS = {"constant": _CONSTANT, "fixed": _FIXED, "tunable": _FIXED, "changing": 2, "countdown": 3}
 
 
 class InputClock(NamedTuple):
@@ -52,6 +52,8 @@ def input_clocks(description: Fmi3Description) -> list[InputClock]:
         shift = _seconds(description, node, "shift")
         if kind == _CONSTANT and interval == 0.0:
             raise description.error(name, "is a clock of a constant interval, which is not given")
+        if kind == _FIXED and interval > 0.0:
+            kind = _CONSTANT
         found.append((priority, InputClock(kind, reference, interval, shift)))
     return [clock for _, clock in sorted(found, key=lambda pair: pair[0])]
 

@@ -50,7 +50,7 @@ static fmi2Status ask(component *c) {
     return worst;
 }
 
-/* Begin all clocks at the start time, where those with an interval that is fixed have computed it. */
+/* Begin all clocks, in Initialization Mode, in which those of a fixed interval have computed it. */
 static fmi2Status begin_clocks(component *c) {
     fmi2Status status = fmi2OK;
     for (size_t i = 0; i < c->clock_count && status <= fmi2Warning; i++) {
@@ -148,7 +148,7 @@ static fmi2Status activate(component *c, double end) {
         c->asks = 0;
         worst = worse(worst, CALL(c, ActivateModelPartition, k->reference, time));
         pass(c, k);
-        if (c->asks && worst <= fmi2Warning) worst = worse(worst, ask(c));
+        if ((c->asks || k->kind == CHANGING) && worst <= fmi2Warning) worst = worse(worst, ask(c));
     }
     return worst;
 }

@@ -114,8 +114,8 @@ FMI2_Export fmi2Status fmi2EnterInitializationMode(fmi2Component p) {
 
 FMI2_Export fmi2Status fmi2ExitInitializationMode(fmi2Component p) {
     component *c = p;
-    fmi2Status status = CALL_PLAIN(c, ExitInitializationMode);
-    if (status <= fmi2Warning) status = worse(status, begin_clocks(c));
+    fmi2Status status = begin_clocks(c);
+    if (status <= fmi2Warning) status = worse(status, CALL_PLAIN(c, ExitInitializationMode));
     if (status > fmi2Warning) return status;
     c->initialized = 1;
     c->in_events = c->kind == WITH_EVENTS;

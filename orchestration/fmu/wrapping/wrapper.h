@@ -47,8 +47,8 @@ typedef struct {
     unsigned long selected; /* ... if this is the present selection */
 } variable;
 
-/* An input clock that ticks by time: kinds in the order of the numbers in the table. Intervals of the first are in the
- * description, of the second computed at the start, of the others told from tick to tick. */
+/* An input clock that ticks by time: kinds in the order of the numbers in the table. The interval of the first is in the
+ * description, that of the second computed at the start, those of the others are told from tick to tick. */
 typedef struct {
     enum { CONSTANT, FIXED, CHANGING, COUNTDOWN } kind;
     fmi3ValueReference reference;

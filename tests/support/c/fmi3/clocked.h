@@ -1,4 +1,4 @@
-/* Clocks: one every 0.1 s, which adds up the input; one once, 0.05 s after the third tick of the first; and one whose
+/* Clocks: one every 0.1 s, or 0.05 s later if its description does not say so, which adds up the input; one once, 0.05 s after the third tick of the first; and one whose
  * intervals are 0.1, 0.2, 0.3, ... s. */
 #define TOKEN "clocked"
 #define CLOCKS
@@ -34,7 +34,10 @@ static void tick(Model *m, fmi3ValueReference clock) {
     m->sum += m->u;
     m->is_armed = ++m->count == 3;
 }
+static double shift_of(fmi3ValueReference clock) { return clock == EVERY ? 0.05 : 0.0; }
 static int tell_interval(Model *m, fmi3ValueReference clock, double *seconds) {
+    *seconds = 0.1;
+    if (clock == EVERY) return 1;
     int *is_told = clock == ONCE ? NULL : &m->is_told;
     *seconds = clock == ONCE ? 0.05 : 0.1 * (m->changes + 1);
     int changed = is_told ? !*is_told : m->is_armed;

@@ -36,6 +36,7 @@ static void tangent(struct Model *m);               /* states, inputs and offset
 #ifdef CLOCKS
 static void tick(struct Model *m, fmi3ValueReference clock);
 static int tell_interval(struct Model *m, fmi3ValueReference clock, double *seconds); /* whether it is another */
+static double shift_of(fmi3ValueReference clock);
 #endif
 
 enum { SLOT_COUNT = sizeof SLOTS / sizeof *SLOTS };
@@ -439,7 +440,6 @@ UNUSED(GetVariableDependencies, fmi3ValueReference a, size_t b[], fmi3ValueRefer
        fmi3DependencyKind e[], size_t f)
 UNUSED(GetIntervalFraction, const fmi3ValueReference a[], size_t b, fmi3UInt64 c[], fmi3UInt64 d[],
        fmi3IntervalQualifier e[])
-UNUSED(GetShiftDecimal, const fmi3ValueReference a[], size_t b, fmi3Float64 c[])
 UNUSED(GetShiftFraction, const fmi3ValueReference a[], size_t b, fmi3UInt64 c[], fmi3UInt64 d[])
 UNUSED(SetIntervalDecimal, const fmi3ValueReference a[], size_t b, const fmi3Float64 c[])
 UNUSED(SetIntervalFraction, const fmi3ValueReference a[], size_t b, const fmi3UInt64 c[], const fmi3UInt64 d[])
@@ -476,8 +476,16 @@ fmi3Status fmi3SetClock(fmi3Instance p, const fmi3ValueReference r[], size_t n, 
 fmi3Status fmi3GetIntervalDecimal(fmi3Instance p, const fmi3ValueReference r[], size_t n, fmi3Float64 seconds[],
                                   fmi3IntervalQualifier known[]) {
     Instance *i = p;
+    int allowed = i->mode == INITIALIZATION || i->mode == EVENT || (i->mode == STEP && i->update);
+    if (!allowed) return complain(i, "an interval is asked for in another mode");
     for (size_t k = 0; k < n; k++)
         known[k] = tell_interval(&i->model, r[k], &seconds[k]) ? fmi3IntervalChanged : fmi3IntervalUnchanged;
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetShiftDecimal(fmi3Instance p, const fmi3ValueReference r[], size_t n, fmi3Float64 shifts[]) {
+    if (((Instance *)p)->mode != INITIALIZATION) return complain(p, "a shift is asked for in another mode");
+    for (size_t k = 0; k < n; k++) shifts[k] = shift_of(r[k]);
     return fmi3OK;
 }
 
@@ -505,6 +513,7 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token
 
 UNUSED(SetClock, const fmi3ValueReference a[], size_t b, const fmi3Clock c[])
 UNUSED(GetIntervalDecimal, const fmi3ValueReference a[], size_t b, fmi3Float64 c[], fmi3IntervalQualifier d[])
+UNUSED(GetShiftDecimal, const fmi3ValueReference a[], size_t b, fmi3Float64 c[])
 UNUSED(ActivateModelPartition, fmi3ValueReference a, fmi3Float64 b)
 
 fmi3Instance fmi3InstantiateScheduledExecution(fmi3String a, fmi3String b, fmi3String c, fmi3Boolean d, fmi3Boolean e,

@@ -56,6 +56,20 @@ def test_a_clock_that_makes_no_sense_is_refused(old, new, message, tmp_path):
         find_model(str(changed("clocked", tmp_path, old, new)))
 
 
+@pytest.mark.parametrize("kind", ["fixed", "tunable"])
+def test_an_interval_may_be_that_of_the_fmu_or_of_its_description(kind, tmp_path):
+    """The FMU has 0.1 s and a shift of 0.05 s."""
+    declared = 'intervalVariability="constant"\n        intervalDecimal="0.1"'
+    time = 0.05 * np.arange(7)
+    for more, counts in (
+        ("", [0, 1, 1, 2, 2, 3, 3]),
+        (' intervalDecimal="0.2" shiftDecimal="0.1"', [0, 0, 1, 1, 1, 1, 2]),
+    ):
+        other = f'intervalVariability="{kind}"{more}'
+        with RepeatedFmu(changed("clocked", tmp_path, declared, other)) as fmu:
+            assert fmu.run(time, {}, {}, ["count"])[:, 0].tolist() == counts
+
+
 def test_an_interval_may_be_a_ratio(tmp_path):
     ratio = 'intervalCounter="2" resolution="10"'
     with RepeatedFmu(changed("clocked", tmp_path, 'intervalDecimal="0.1"', ratio)) as fmu:
