@@ -268,6 +268,9 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance p, fmi3Boolean *again, fmi3Bool
     int due = next_event(&i->model) <= i->model.time;
     if (due) handle_event(&i->model);
     *again = *terminate = *nominals = 0;
+#ifdef ENDS
+    *terminate = due && ENDS(&i->model);
+#endif
     *values = due && COUNT_OF_STATES > 0;
     *next = next_event(&i->model);
     *defined = *next < INFINITY;

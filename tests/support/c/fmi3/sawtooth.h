@@ -38,3 +38,4 @@ static int misbehave(Model *m, fmi3Boolean *events, fmi3Boolean *terminate, fmi3
     return 0;
 }
 #define RUDE misbehave
+#define ENDS(m) ((m)->manner == 3)

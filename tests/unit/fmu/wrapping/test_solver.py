@@ -8,7 +8,7 @@ import pytest
 from fmus.kit import UserError
 from orchestration.fmu import find_model
 from orchestration.fmu.model import declared_model
-from orchestration.fmu.simulation import FmuSource, RepeatedFmu, simulate
+from orchestration.fmu.simulation import EndedSimulation, FmuSource, RepeatedFmu, simulate
 from tests.support.fmi3_fmus import foreign, of_interface
 
 
@@ -20,6 +20,18 @@ def test_events_of_model_exchange_are_found(tmp_path):
         found = fmu.run(time, {}, {"slope": 2.0}, ["x", "count"])
     assert found[:, 0] == pytest.approx(2.0 * (time % 0.3), abs=1e-5)
     assert found[:, 1].tolist() == (time // 0.3).tolist()
+
+
+@pytest.mark.parametrize(("step", "count"), [(0.1, 4), (0.2, 2)])
+def test_one_that_ends_its_simulation_has_values_at_its_end(step, count, tmp_path):
+    """It ends at 0.3 s, at the end of a step and within one."""
+    model = find_model(str(of_interface(foreign("sawtooth"), "ModelExchange", tmp_path)))
+    points = step * np.arange(8)
+    with pytest.raises(EndedSimulation, match=r"its simulation ends at 0\.3 s") as ended:
+        simulate(model, points, {}, {"manner": 3})
+    reached = points[:count] if step == 0.1 else [*points[:count], 0.3]
+    np.testing.assert_allclose(ended.value.time, reached, rtol=0, atol=1e-12)
+    assert ended.value.outputs["count"][-1] == 1
 
 
 def test_robertsons_problem_is_solved_over_eleven_decades(tmp_path):
