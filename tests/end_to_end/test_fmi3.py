@@ -16,6 +16,7 @@ from scipy.signal import lfilter
 
 from orchestration import master
 from orchestration.system import Member, Port, System, connect, ssp
+from tests.support.archive import contents
 from tests.support.command import refused, works
 from tests.support.fmi3_fmus import LAG, build, changed, foreign, of_interface
 from tests.support.hosts import build_one_state_fmu
@@ -153,6 +154,11 @@ def test_members_of_both_versions_make_a_system(tmp_path, isolate):
 
 def test_a_member_for_model_exchange_alone_runs_in_a_system(tmp_path):
     system = mixed(tmp_path, "ModelExchange")
+    assert (
+        'implementation="ModelExchange"'
+        in contents(tmp_path / "mixed.ssp")["SystemStructure.ssd"].decode()
+    )
+    system = ssp.read(tmp_path / "mixed.ssp", tmp_path / "unpacked")
     found = master.run(system, STEP * np.arange(41), {"drive": np.full(41, 2.0)}).signals
     names = ("old.x", "new.y", "rows.y[1]", "rows.y[2]")
     columns = np.column_stack([found[name] for name in names])

@@ -168,6 +168,12 @@ class Archive:
         return found or self.description.findall("ScheduledExecution")
 
     @property
+    def implementation(self) -> str:
+        """The name of the element of the interface by which it is run."""
+        tags = [node.tag for node in self.interfaces()]
+        return "CoSimulation" if "CoSimulation" in tags or not tags else tags[0]
+
+    @property
     def idle_clocks(self) -> list[str]:
         """Names of input clocks that never tick here, because nothing triggers them."""
         return [

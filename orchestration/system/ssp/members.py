@@ -9,7 +9,8 @@ from xml.etree.ElementTree import Element
 
 from fmus.kit import units
 from fmus.kit.errors import UserError, error_context, find
-from orchestration.fmu import Signal, Value
+from orchestration.fmu import Archive, Signal, Value
+from orchestration.fmu.archive import for_model_exchange
 from orchestration.system.checking import variable
 from orchestration.system.model import Member, owner_of
 from orchestration.system.ssp.arrays import enumeration_items, variable_of
@@ -31,10 +32,6 @@ from orchestration.system.ssp.vocabulary import (
 )
 
 _PARAMETER_TYPES = {tag(f"ssv:{name}"): kinds for name, kinds in TYPES.items()}
-_OTHER_IMPLEMENTATIONS = {
-    "ModelExchange": "model exchange",
-    "ScheduledExecution": "scheduled execution",
-}
 
 
 def read_members(structure: Structure, package: Package, folder: Path) -> dict[str, Member]:
@@ -83,11 +80,15 @@ def _read_member(name: str, element: Element, package: Package, folder: Path) ->
     kind = element.get("type", FMU)
     if kind != FMU:
         raise UserError(f"{where} is of type {kind}; this program runs FMUs")
-    other = _OTHER_IMPLEMENTATIONS.get(element.get("implementation", "any"))
-    if other is not None:
-        raise UserError(f"{where} is to be run by {other}; this program runs co-simulation")
+    asked = element.get("implementation", "any")
     with error_context(where):
-        member = Member(name, package.fmu(attribute(element, "source"), folder))
+        fmu = package.fmu(attribute(element, "source"), folder)
+        if asked == "ModelExchange":
+            fmu = for_model_exchange(fmu)
+        with Archive(fmu) as archive:
+            if asked not in ("any", archive.implementation):
+                raise UserError(f"{fmu.name} is run by {archive.implementation}, not by {asked}")
+        member = Member(name, fmu)
         check_connectors(element, member)
     return member
 

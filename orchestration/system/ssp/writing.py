@@ -16,6 +16,7 @@ import numpy as np
 
 from fmus.kit import UserError, files
 from fmus.kit.build import archive, serialized
+from orchestration.fmu import Archive
 from orchestration.system.checking import check, interface
 from orchestration.system.model import Member, System
 from orchestration.system.ssp.arrays import End, Wire, declared, end_of, variable_of, wires
@@ -155,6 +156,8 @@ def _component(
     if member.parameters:
         source = _store(resources, member.name, ".ssv", write_parameters(member))
         bindings = [node("ssd:ParameterBinding", type=PARAMETERS, source=source)]
+    with Archive(member.fmu) as fmu_archive:
+        implementation = fmu_archive.implementation
     return node(
         "ssd:Component",
         *_group("ssd:Connectors", connectors),
@@ -162,7 +165,7 @@ def _component(
         name=member.name,
         type=FMU,
         source=fmu,
-        implementation="CoSimulation",
+        implementation=implementation,
     )
 
 

@@ -85,7 +85,7 @@ def test_a_size_that_is_left_open_is_that_of_the_variable(mixed, archive, tmp_pa
         (
             'implementation="CoSimulation"',
             'implementation="ScheduledExecution"',
-            "is to be run by scheduled execution",
+            "new: types.fmu is run by CoSimulation, not by ScheduledExecution",
         ),
         ("</ssd:System>", "</ssd:System><ssd:SSDVariant/>", "SSDVariant, in SystemStructureDesc"),
     ],
