@@ -309,7 +309,10 @@ def unpack(path: Path, calls: Path | None = None) -> str:
     try:
         fmpy.extract(str(path), str(folder), include=lambda name: _is_needed(name, platform))
         if calls is not None:
-            log_calls(folder / "binaries" / platform, archive.version, calls, str(path))
+            binaries = folder / "binaries" / platform
+            names = {node.get("modelIdentifier", "") for node in archive.interfaces()}
+            libraries = [binaries / f"{name}{fmpy.sharedLibraryExtension}" for name in names]
+            log_calls(filter(Path.is_file, libraries), archive.version, calls, str(path))
         if archive.version == 3:
             wrap(folder, archive.description, str(path))
         if archive.as_fmi2.find("CoSimulation") is None:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
-
-import fmpy
 
 from fmus.kit.storage import scratch
 from orchestration.fmu.wrapping.compiled import compiled
@@ -13,13 +12,13 @@ from orchestration.fmu.wrapping.compiled import compiled
 _MOST_LINES = 1_000_000  # some 100 MB
 
 
-def log_calls(binaries: Path, version: int, log: Path, label: str) -> None:
+def log_calls(libraries: Iterable[Path], version: int, log: Path, label: str) -> None:
     """Put a library that logs calls in the place of each library of an unpacked FMU.
 
     Parameters
     ----------
-    binaries : Path
-        Folder of the libraries.
+    libraries : iterable of Path
+        Those with functions of FMI.
     version : {2, 3}
         Major version of FMI.
     log : Path
@@ -34,8 +33,8 @@ def log_calls(binaries: Path, version: int, log: Path, label: str) -> None:
     """
     sources = (f"calls{version}.c", "calls.c", "platform.c")
     logging = compiled(sources, [version], f"{label}: a log of calls").read_bytes()
-    with scratch.written(binaries):
-        for library in list(binaries.glob(f"*{fmpy.sharedLibraryExtension}")):
+    for library in libraries:
+        with scratch.written(library.parent):
             own = library.rename(library.with_stem(f"{library.stem}_logged"))
             library.write_bytes(logging)
             table = f"{own}\n{log.resolve()}\n{_MOST_LINES}\n"

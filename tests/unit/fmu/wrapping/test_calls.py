@@ -6,18 +6,21 @@ from __future__ import annotations
 
 import re
 import sys
+import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fmus.kit import UserError
 from fmus.kit.build import toolchain
-from orchestration.fmu import find_model
+from fmus.kit.storage import scratch
+from orchestration.fmu import find_model, unpack
 from orchestration.fmu.isolation import Limits
 from orchestration.fmu.simulation import RunFiles, simulate
 from orchestration.fmu.wrapping import calls
 from tests.support import misbehaving
-from tests.support.fmi3_fmus import foreign
+from tests.support.fmi3_fmus import foreign, pack
 from tests.support.recording import INTERFACES, recorded, recorder
 
 TIME = 0.25 * np.arange(-4, 5)
@@ -89,6 +92,19 @@ def test_the_last_line_of_one_that_crashes_is_the_call(tmp_path):
         simulate(model, TIME + 1.0, {}, {}, files=files, isolation=Limits())
     *_, last = files.calls.read_text().split("\n")
     assert re.match(r"fmi2DoStep\(currentCommunicationPoint=[\d.]+, communicationStep.*true$", last)
+
+
+def test_a_library_that_the_fmu_needs_beside_its_own_stays(tmp_path):
+    folder = Path(unpack(recorder(2), tmp_path / "calls.txt"))
+    (library,) = (path for path in folder.rglob("recorder_logged.*"))
+    scratch.remove(folder)
+    with zipfile.ZipFile(recorder(2)) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    other = f"binaries/{library.parent.name}/other{library.suffix}"
+    path = pack(tmp_path / "recorder.fmu", {**files, other: b"needed"})
+    folder = Path(unpack(path, tmp_path / "calls.txt"))
+    assert (folder / other).read_bytes() == b"needed"
+    scratch.remove(folder)
 
 
 def test_a_log_begins_empty_and_is_bounded(tmp_path, monkeypatch):
