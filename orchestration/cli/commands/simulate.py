@@ -168,6 +168,9 @@ def _run(
     from orchestration.reporting.console import note, progress
 
     isolation = limits(model.foreign, options)
+    given = (options["log_calls"], options["state_in"], options["state_out"])
+    # an FMU may change the working folder
+    files = RunFiles(*(path and path.absolute() for path in given))
     try:
         with hearing_ctrl_c(isolation), progress() as tell:
             tell(f"simulating {model.title}")
@@ -179,7 +182,7 @@ def _run(
                 progress=lambda done: tell.done(done, stimulus.time.size),
                 note=note,
                 isolation=isolation,
-                files=RunFiles(options["log_calls"], options["state_in"], options["state_out"]),
+                files=files,
             )
     except EndedSimulation as ended:
         note(f"{ended}; the results end at {ended.time[-1]:g} s")
