@@ -240,7 +240,7 @@ def _stimulus(
 
     recorded: dict[str, Array] = {}
     state = options["state_in"]
-    start = None if state is None else work.state_time(state)
+    start = work.RunFiles(state_in=state).start
     if record is None:
         time = wanted = points_of(model, None, options["stop"], options["step"], start)
     else:

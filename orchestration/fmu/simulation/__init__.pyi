@@ -4,7 +4,6 @@ from .repeated import RepeatedFmu as RepeatedFmu
 from .repeated import source_of as source_of
 from .repeated import steps_of_its_own as steps_of_its_own
 from .run_files import RunFiles as RunFiles
-from .run_files import state_time as state_time
 from .simulation import EndedSimulation as EndedSimulation
 from .simulation import UnfinishedSimulation as UnfinishedSimulation
 from .simulation import draw_signals as draw_signals

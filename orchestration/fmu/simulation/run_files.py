@@ -32,6 +32,11 @@ class RunFiles(NamedTuple):
     state_in: Path | None = None
     state_out: Path | None = None
 
+    @property
+    def start(self) -> float | None:
+        """Time in s of the state to go on from, if there is one; UserError if the file has none."""
+        return None if self.state_in is None else float(_read(self.state_in)[0]["time"])
+
     def clear_log(self) -> None:
         """Begin an empty log of calls; UserError if it cannot be written."""
         if self.calls is not None:
@@ -71,11 +76,6 @@ class RunFiles(NamedTuple):
             return
         header = {"form": _FORM, "time": time, **_identity(fmu)}
         _write(self.state_out, json.dumps(header).encode() + b"\n" + fmu.serialized_state())
-
-
-def state_time(path: Path) -> float:
-    """Return the time in s of a state in a file; UserError if it is none."""
-    return float(_read(path)[0]["time"])
 
 
 def _identity(fmu: Fmu) -> dict[str, str]:

@@ -7,7 +7,7 @@ import pytest
 
 from fmus.kit import UserError
 from orchestration.fmu import find_model
-from orchestration.fmu.simulation import RunFiles, simulate, state_time
+from orchestration.fmu.simulation import RunFiles, simulate
 from tests.support.command import refused, works
 from tests.support.fmi3_fmus import changed, foreign
 from tests.support.recording import recorder
@@ -21,7 +21,7 @@ def test_a_run_goes_on_to_the_closed_form(tmp_path):
     model = find_model(str(foreign("lag")))
     state = tmp_path / "folder" / "one.state"
     simulate(model, TIME[:21], {"u": np.full(21, 1.0)}, {}, files=RunFiles(state_out=state))
-    assert state_time(state) == 1.0
+    assert RunFiles(state_in=state).start == 1.0
     found = simulate(model, TIME[20:], {"u": np.full(21, 3.0)}, {}, files=RunFiles(state_in=state))
     middle = 2.0 - 1.75 * np.exp(-2.0)
     expected = 6.0 + (middle - 6.0) * np.exp(-2.0 * (TIME[20:] - 1.0))
@@ -79,7 +79,7 @@ def test_what_is_no_state_is_refused(contents, tmp_path):
     path = tmp_path / "other"
     path.write_bytes(contents)
     with pytest.raises(UserError, match="other: no state of an FMU, as --state-out writes it"):
-        state_time(path)
+        assert RunFiles(state_in=path).start is None
 
 
 def test_a_state_that_is_cut_is_refused_by_the_fmu(state, tmp_path):

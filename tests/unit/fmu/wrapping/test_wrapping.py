@@ -5,7 +5,6 @@ Oracles: fmpy, which calls the FMU without the wrapper, and closed forms.
 
 from __future__ import annotations
 
-import importlib.util
 import time
 from pathlib import Path
 
@@ -15,13 +14,10 @@ import pytest
 from scipy.linalg import expm
 
 from fmus.kit import UserError
-from fmus.kit.build import toolchain
-from orchestration.fmu import Fmu, find_model, unpack
-from orchestration.fmu.check.shared_library import read_library
+from orchestration.fmu import Fmu, find_model
 from orchestration.fmu.exchange import ExchangeFmu
 from orchestration.fmu.kernel import library
 from orchestration.fmu.simulation import EndedSimulation, RepeatedFmu, simulate_instance
-from orchestration.fmu.wrapping import compiled
 from tests.support.archive import edited
 from tests.support.fmi3_fmus import build, build_wide, foreign
 
@@ -401,16 +397,6 @@ def test_what_cannot_be_loaded_is_a_line(tmp_path, scratch, edit, message):
     assert list(scratch.iterdir()) == []
 
 
-def test_without_a_compiler_it_says_what_is_needed(monkeypatch, scratch):
-    def none_here(target: str) -> None:
-        raise UserError("no C compiler")
-
-    monkeypatch.setattr(toolchain, "find_compiler", none_here)
-    with pytest.raises(UserError, match=r"FMI 3\.0 needs a C compiler here: no C compiler"):
-        unpack(foreign("lag"))
-    assert list(scratch.iterdir()) == []
-
-
 def test_several_instances_in_one_process_do_not_meet():
     with Fmu(foreign("lag"), {"k": 1.0}) as one, Fmu(foreign("lag"), {"k": 5.0}) as other:
         for fmu in (one, other):
@@ -453,26 +439,3 @@ def test_the_table_lists_types_references_and_sizes(tmp_path):
     assert Path(table[0]).parts[-2:] == (fmpy.platform_tuple, library)
     rows = ["1 0 1", "9 1 1", "1 2 9", "1 3 6", "1 4 6", "1 5 2", "1 6 3", "1 7 3", "1 8 2"]
     assert table[1:] == ["", str(len(rows)), *rows, "0 0"]
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(900)
-@pytest.mark.parametrize("platform", sorted(toolchain.ZIG_TARGETS))
-@pytest.mark.parametrize(
-    ("source", "versions", "functions"),
-    [
-        ("all.c", (2, 3), {"fmi2DoStep", "fmi2NewDiscreteStates"}),
-        ("solver.c", (2,), {"fmi2DoStep"}),
-        ("calls2.c", (2,), {"fmi2DoStep", "fmi2NewDiscreteStates"}),
-        ("calls3.c", (3,), {"fmi3DoStep", "fmi3UpdateDiscreteStates"}),
-    ],
-)
-def test_libraries_are_compiled_for_every_platform(platform, source, versions, functions):
-    """On Windows they take other functions of the system."""
-    if importlib.util.find_spec("ziglang") is None:
-        pytest.skip("only zig compiles for every platform")
-    headers = [toolchain.fmi_headers(version) for version in versions]
-    libraries = compiled.LIBRARIES.get(platform, ())
-    sources = [Path(compiled.__file__).parent / source]
-    built = toolchain.compile_library(sources, headers, platform, libraries=libraries)
-    assert functions <= read_library(built).exports
