@@ -364,7 +364,8 @@ def unfinished(
     done = failure.point
     if not isinstance(end, EndRequested):
         return _unfinished(str(failure), time, names, result[:done], fmu.as_values)
-    if end.reached is not None and done and time[done - 1] < end.reached < time[done]:
+    latest = time[done] + _ROUNDING * (time[done] - time[done - 1])
+    if end.reached is not None and done and time[done - 1] < end.reached <= latest:
         fmu.reader(names)(result[done])
         time = np.append(time[:done], end.reached)
         done += 1

@@ -445,8 +445,7 @@ FMI2_Export fmi2Status fmi2DoStep(fmi2Component p, fmi2Real start, fmi2Real size
             return fmi2Error;
         }
     }
-    /* one that ends at the end of a step has values there; the next step is refused */
-    if (worst > fmi2Warning || !c->terminated || c->time >= end - SAME * size) return worst;
+    if (worst > fmi2Warning || !c->terminated) return worst;
     tell(c, fmi2Discard, "its simulation ends at %.10g s", c->time);
     return fmi2Discard;
 }
