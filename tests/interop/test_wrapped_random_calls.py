@@ -29,7 +29,7 @@ SANITIZED = (
     "-fno-sanitize-recover=all",
     "-fno-omit-frame-pointer",
 )
-MODELS = ("types", "arrays", "sawtooth", "lag")
+MODELS = ("types", "arrays", "sawtooth", "lag", "clocked")
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc brings the sanitizers")
 
 
