@@ -57,7 +57,8 @@ enum { BDF = 2, ONE_STEP = 2, TSTOP_RETURN = 1, ROOT_RETURN = 2, SUNDIALS = 7 };
     X(Instantiate) X(FreeInstance) X(SetupExperiment) X(EnterInitializationMode) X(ExitInitializationMode)             \
     X(Terminate) X(Reset) X(GetReal) X(GetInteger) X(GetBoolean) X(SetReal) X(SetInteger) X(SetBoolean)                \
     X(EnterEventMode) X(NewDiscreteStates) X(EnterContinuousTimeMode) X(CompletedIntegratorStep) X(SetTime)            \
-    X(SetContinuousStates) X(GetDerivatives) X(GetEventIndicators) X(GetContinuousStates)                              \
+    X(GetFMUstate) X(SetFMUstate) X(FreeFMUstate) X(SerializedFMUstateSize) X(SerializeFMUstate)                       \
+    X(DeSerializeFMUstate) X(SetContinuousStates) X(GetDerivatives) X(GetEventIndicators) X(GetContinuousStates)                              \
     X(GetNominalsOfContinuousStates) X(SetDebugLogging) X(GetString) X(SetString) X(GetDirectionalDerivative)
 
 #define FMI_POINTER(name) fmi2##name##TYPE *name;
@@ -65,6 +66,19 @@ enum { BDF = 2, ONE_STEP = 2, TSTOP_RETURN = 1, ROOT_RETURN = 2, SUNDIALS = 7 };
 
 enum { LIBRARIES = 5, MOST_EVENTS = 1000 };
 typedef enum { BEFORE, CONTINUOUS, EVENT, ENDED } mode;
+
+/* What is part of a state beside that of the FMU. */
+typedef struct {
+    mode mode;
+    double time, tolerance;
+    int terminated, has_time_event;
+    double time_event;
+} progress;
+
+typedef struct {
+    progress now;
+    fmi2FMUstate own;
+} saved_state;
 
 /* The last values that were set by one call, which is often made again with the same ones. */
 typedef struct {
@@ -86,10 +100,7 @@ typedef struct {
     char *name;
     size_t states, indicators;
     int tells_steps;
-    mode mode;
-    double time, tolerance;
-    int terminated, has_time_event;
-    double time_event;
+    progress now;
     void *context, *solver, *matrix, *linear;
     vector x, absolute;
     last_call set[3]; /* reals, integers, booleans */
@@ -202,7 +213,7 @@ static fmi2Status take(component *c) {
         if (status <= fmi2Warning)
             status = worse(status, c->call.GetNominalsOfContinuousStates(c->instance, absolute, c->states));
     }
-    for (size_t i = 0; i < size(c); i++) absolute[i] = c->tolerance * (absolute[i] != 0.0 ? fabs(absolute[i]) : 1.0);
+    for (size_t i = 0; i < size(c); i++) absolute[i] = c->now.tolerance * (absolute[i] != 0.0 ? fabs(absolute[i]) : 1.0);
     return status;
 }
 
@@ -228,8 +239,8 @@ static fmi2Status begin_solver(component *c) {
     c->solver = c->sun.CVodeCreate(BDF, c->context);
     fmi2Status status = take(c);
     if (status > fmi2Warning) return status;
-    int failed = c->sun.CVodeInit(c->solver, rates_of, c->time, c->x) ||
-                 c->sun.CVodeSVtolerances(c->solver, c->tolerance, c->absolute) ||
+    int failed = c->sun.CVodeInit(c->solver, rates_of, c->now.time, c->x) ||
+                 c->sun.CVodeSVtolerances(c->solver, c->now.tolerance, c->absolute) ||
                  c->sun.CVodeSetLinearSolver(c->solver, c->linear, c->matrix) ||
                  c->sun.CVodeSetUserData(c->solver, c) || c->sun.CVodeSetNoInactiveRootWarn(c->solver) ||
                  (c->indicators && c->sun.CVodeRootInit(c->solver, (int)c->indicators, indicators_of));
@@ -248,35 +259,35 @@ static fmi2Status leave_events(component *c) {
         if (status > fmi2Warning) return status;
         worst = worse(worst, status);
         if (info.terminateSimulation) {
-            c->terminated = 1;
-            c->mode = ENDED;
+            c->now.terminated = 1;
+            c->now.mode = ENDED;
             return worst;
         }
         if (k == MOST_EVENTS) {
-            tell(c, fmi2Error, "its event iteration does not converge at %.10g s", c->time);
+            tell(c, fmi2Error, "its event iteration does not converge at %.10g s", c->now.time);
             return fmi2Error;
         }
     }
-    c->has_time_event = info.nextEventTimeDefined;
-    c->time_event = info.nextEventTime;
+    c->now.has_time_event = info.nextEventTimeDefined;
+    c->now.time_event = info.nextEventTime;
     fmi2Status status = c->call.EnterContinuousTimeMode(c->instance);
     if (status > fmi2Warning) return status;
-    c->mode = CONTINUOUS;
+    c->now.mode = CONTINUOUS;
     worst = worse(worst, status);
     if (!c->solver) return worse(worst, begin_solver(c));
     worst = worse(worst, take(c));
     if (worst > fmi2Warning) return worst;
-    return c->sun.CVodeReInit(c->solver, c->time, c->x) ? fmi2Error : worst;
+    return c->sun.CVodeReInit(c->solver, c->now.time, c->x) ? fmi2Error : worst;
 }
 
 static fmi2Status enter_events(component *c) {
-    if (c->mode != CONTINUOUS) return fmi2OK;
-    c->mode = EVENT;
+    if (c->now.mode != CONTINUOUS) return fmi2OK;
+    c->now.mode = EVENT;
     return c->call.EnterEventMode(c->instance);
 }
 
 /* Leave Event Mode if an input has led into it. */
-static fmi2Status settle(component *c) { return c->mode == EVENT ? leave_events(c) : fmi2OK; }
+static fmi2Status settle(component *c) { return c->now.mode == EVENT ? leave_events(c) : fmi2OK; }
 
 /* Whether a call sets the values of the last one; they are kept. */
 static int is_same(last_call *last, const fmi2ValueReference r[], size_t n, const void *values, size_t width) {
@@ -333,8 +344,8 @@ enum { USUAL_TOLERANCE = 1000000 }; /* its reciprocal, as long as no tolerance i
 FMI2_Export fmi2Status fmi2SetupExperiment(fmi2Component p, fmi2Boolean has_tolerance, fmi2Real tolerance,
                                            fmi2Real start, fmi2Boolean has_stop, fmi2Real stop) {
     component *c = p;
-    c->time = start;
-    c->tolerance = has_tolerance ? tolerance : 1.0 / USUAL_TOLERANCE;
+    c->now.time = start;
+    c->now.tolerance = has_tolerance ? tolerance : 1.0 / USUAL_TOLERANCE;
     return c->call.SetupExperiment(c->instance, has_tolerance, tolerance, start, has_stop, stop);
 }
 
@@ -347,21 +358,21 @@ FMI2_Export fmi2Status fmi2ExitInitializationMode(fmi2Component p) {
     component *c = p;
     fmi2Status status = c->call.ExitInitializationMode(c->instance);
     if (status > fmi2Warning) return status;
-    c->mode = EVENT;
+    c->now.mode = EVENT;
     return worse(status, leave_events(c));
 }
 
 FMI2_Export fmi2Status fmi2Terminate(fmi2Component p) {
     component *c = p;
-    c->mode = ENDED;
+    c->now.mode = ENDED;
     return c->call.Terminate(c->instance);
 }
 
 FMI2_Export fmi2Status fmi2Reset(fmi2Component p) {
     component *c = p;
     end_solver(c);
-    c->mode = BEFORE;
-    c->terminated = 0;
+    c->now.mode = BEFORE;
+    c->now.terminated = 0;
     for (int i = 0; i < 3; i++) c->set[i].count = 0;
     return c->call.Reset(c->instance);
 }
@@ -391,6 +402,65 @@ VALUES(Boolean, 2)
     FMI2_Export fmi2Status fmi2##name arguments { return ((component *)c)->call.name(((component *)c)->instance, REST values); }
 HANDED_ON(HAND_ON)
 
+/* ---- states -------------------------------------------------------------------------------------- */
+
+static saved_state *room_for(fmi2FMUstate *state) {
+    if (!*state) *state = calloc(1, sizeof(saved_state));
+    return *state;
+}
+
+FMI2_Export fmi2Status fmi2GetFMUstate(fmi2Component p, fmi2FMUstate *state) {
+    component *c = p;
+    saved_state *saved = c->call.GetFMUstate ? room_for(state) : NULL;
+    if (!saved) return fmi2Error;
+    saved->now = c->now;
+    return c->call.GetFMUstate(c->instance, &saved->own);
+}
+
+/* The solver begins anew there, as after an event. */
+FMI2_Export fmi2Status fmi2SetFMUstate(fmi2Component p, fmi2FMUstate state) {
+    component *c = p;
+    const saved_state *saved = state;
+    fmi2Status status = c->call.SetFMUstate(c->instance, saved->own);
+    c->now = saved->now;
+    for (int i = 0; i < 3; i++) c->set[i].count = 0;
+    return status > fmi2Warning || c->now.mode != CONTINUOUS ? status : worse(status, begin_solver(c));
+}
+
+FMI2_Export fmi2Status fmi2FreeFMUstate(fmi2Component p, fmi2FMUstate *state) {
+    component *c = p;
+    saved_state *saved = *state;
+    if (!saved) return fmi2OK;
+    fmi2Status status = c->call.FreeFMUstate(c->instance, &saved->own);
+    free(saved);
+    *state = NULL;
+    return status;
+}
+
+FMI2_Export fmi2Status fmi2SerializedFMUstateSize(fmi2Component p, fmi2FMUstate state, size_t *size) {
+    component *c = p;
+    fmi2Status status = c->call.SerializedFMUstateSize(c->instance, ((saved_state *)state)->own, size);
+    *size += sizeof(progress);
+    return status;
+}
+
+FMI2_Export fmi2Status fmi2SerializeFMUstate(fmi2Component p, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
+    component *c = p;
+    saved_state *saved = state;
+    if (size < sizeof(progress)) return fmi2Error;
+    memcpy(bytes, &saved->now, sizeof(progress));
+    return c->call.SerializeFMUstate(c->instance, saved->own, bytes + sizeof(progress), size - sizeof(progress));
+}
+
+FMI2_Export fmi2Status fmi2DeSerializeFMUstate(fmi2Component p, const fmi2Byte bytes[], size_t size,
+                                               fmi2FMUstate *state) {
+    component *c = p;
+    saved_state *saved = size < sizeof(progress) || !c->call.DeSerializeFMUstate ? NULL : room_for(state);
+    if (!saved) return fmi2Error;
+    memcpy(&saved->now, bytes, sizeof(progress));
+    return c->call.DeSerializeFMUstate(c->instance, bytes + sizeof(progress), size - sizeof(progress), &saved->own);
+}
+
 /* ---- steps --------------------------------------------------------------------------------------- */
 
 /* Of a step, by which two times may differ and be the same; CVode cannot integrate that little. */
@@ -400,25 +470,25 @@ static const double SAME = 1e-9;
 static fmi2Status integrate(component *c, double end, double size, int *event) {
     fmi2Boolean step_event = fmi2False, ends = fmi2False;
     fmi2Status status;
-    double before = c->time;
+    double before = c->now.time;
     if (end - before <= SAME * size) {
-        c->time = end;
+        c->now.time = end;
         return c->call.SetTime(c->instance, end);
     }
     c->sun.CVodeSetStopTime(c->solver, end);
-    int flag = c->sun.CVode(c->solver, end, c->x, &c->time, ONE_STEP);
+    int flag = c->sun.CVode(c->solver, end, c->x, &c->now.time, ONE_STEP);
     if (flag < 0) {
         tell(c, fmi2Error, "CVode gives up at %.10g s (code %d)", before, flag);
         return fmi2Error;
     }
-    if (flag == TSTOP_RETURN) c->time = end;
-    status = place(c, c->time, c->x);
+    if (flag == TSTOP_RETURN) c->now.time = end;
+    status = place(c, c->now.time, c->x);
     if (status > fmi2Warning) return status;
     if (c->tells_steps) {
         status = worse(status, c->call.CompletedIntegratorStep(c->instance, fmi2True, &step_event, &ends));
         if (status > fmi2Warning) return status;
     }
-    c->terminated = ends;
+    c->now.terminated = ends;
     *event = flag == ROOT_RETURN || step_event;
     return status;
 }
@@ -429,36 +499,36 @@ FMI2_Export fmi2Status fmi2DoStep(fmi2Component p, fmi2Real start, fmi2Real size
     int events = 0;
     fmi2Status worst = settle(c);
     (void)no_state_set_before;
-    while (worst <= fmi2Warning && c->time < end && !c->terminated) {
-        double before = c->time;
-        int is_time_event = c->has_time_event && c->time_event <= end + SAME * size, event = 0;
-        double until = is_time_event && c->time_event < end ? c->time_event : end;
-        if (until > c->time) worst = worse(worst, integrate(c, until, size, &event));
-        if (worst > fmi2Warning || c->terminated) break;
-        if (event || (is_time_event && c->time >= until)) {
+    while (worst <= fmi2Warning && c->now.time < end && !c->now.terminated) {
+        double before = c->now.time;
+        int is_time_event = c->now.has_time_event && c->now.time_event <= end + SAME * size, event = 0;
+        double until = is_time_event && c->now.time_event < end ? c->now.time_event : end;
+        if (until > c->now.time) worst = worse(worst, integrate(c, until, size, &event));
+        if (worst > fmi2Warning || c->now.terminated) break;
+        if (event || (is_time_event && c->now.time >= until)) {
             worst = worse(worst, enter_events(c));
             if (worst <= fmi2Warning) worst = worse(worst, leave_events(c));
         }
-        events = c->time > before ? 0 : events + 1;
+        events = c->now.time > before ? 0 : events + 1;
         if (events > MOST_EVENTS) {
-            tell(c, fmi2Error, "its events do not end at %.10g s", c->time);
+            tell(c, fmi2Error, "its events do not end at %.10g s", c->now.time);
             return fmi2Error;
         }
     }
-    if (worst > fmi2Warning || !c->terminated) return worst;
-    tell(c, fmi2Discard, "its simulation ends at %.10g s", c->time);
+    if (worst > fmi2Warning || !c->now.terminated) return worst;
+    tell(c, fmi2Discard, "its simulation ends at %.10g s", c->now.time);
     return fmi2Discard;
 }
 
 FMI2_Export fmi2Status fmi2GetRealStatus(fmi2Component p, const fmi2StatusKind kind, fmi2Real *value) {
     if (kind != fmi2LastSuccessfulTime) return fmi2Discard;
-    *value = ((component *)p)->time;
+    *value = ((component *)p)->now.time;
     return fmi2OK;
 }
 
 FMI2_Export fmi2Status fmi2GetBooleanStatus(fmi2Component p, const fmi2StatusKind kind, fmi2Boolean *value) {
     if (kind != fmi2Terminated) return fmi2Discard;
-    *value = ((component *)p)->terminated;
+    *value = ((component *)p)->now.terminated;
     return fmi2OK;
 }
 
@@ -466,12 +536,6 @@ FMI2_Export fmi2Status fmi2GetBooleanStatus(fmi2Component p, const fmi2StatusKin
 
 #define ABSENT(name, arguments)                                                                                        \
     FMI2_Export fmi2Status fmi2##name arguments { return fmi2Error; }
-ABSENT(GetFMUstate, (fmi2Component c, fmi2FMUstate *s))
-ABSENT(SetFMUstate, (fmi2Component c, fmi2FMUstate s))
-ABSENT(FreeFMUstate, (fmi2Component c, fmi2FMUstate *s))
-ABSENT(SerializedFMUstateSize, (fmi2Component c, fmi2FMUstate s, size_t *n))
-ABSENT(SerializeFMUstate, (fmi2Component c, fmi2FMUstate s, fmi2Byte b[], size_t n))
-ABSENT(DeSerializeFMUstate, (fmi2Component c, const fmi2Byte b[], size_t n, fmi2FMUstate *s))
 ABSENT(CancelStep, (fmi2Component c))
 ABSENT(SetRealInputDerivatives,
        (fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2Integer o[], const fmi2Real v[]))

@@ -32,6 +32,8 @@ def solved(exchange: Any) -> CoSimulation:
         modelIdentifier=_identifier(exchange.modelIdentifier),
         needsExecutionTool=exchange.needsExecutionTool,
         canBeInstantiatedOnlyOncePerProcess=exchange.canBeInstantiatedOnlyOncePerProcess,
+        canGetAndSetFMUstate=exchange.canGetAndSetFMUstate,
+        canSerializeFMUstate=exchange.canSerializeFMUstate,
         providesDirectionalDerivative=exchange.providesDirectionalDerivative,
         canHandleVariableCommunicationStepSize=True,
     )

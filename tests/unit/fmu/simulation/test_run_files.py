@@ -9,23 +9,24 @@ from fmus.kit import UserError
 from orchestration.fmu import find_model
 from orchestration.fmu.simulation import RunFiles, simulate
 from tests.support.command import refused, works
-from tests.support.fmi3_fmus import changed, foreign
+from tests.support.fmi3_fmus import changed, foreign, of_interface
 from tests.support.recording import recorder
 
 STEP = 0.05
 TIME = STEP * np.arange(41)
 
 
-def test_a_run_goes_on_to_the_closed_form(tmp_path):
+@pytest.mark.parametrize(("interface", "error"), [("CoSimulation", 1e-12), ("ModelExchange", 1e-5)])
+def test_a_run_goes_on_to_the_closed_form(interface, error, tmp_path):
     """x(0) = 0.25, 0.5 dx/dt = 2 u - x, with u of 1 until 1 s and of 3 after it."""
-    model = find_model(str(foreign("lag")))
+    model = find_model(str(of_interface(foreign("lag"), interface, tmp_path)))
     state = tmp_path / "folder" / "one.state"
     simulate(model, TIME[:21], {"u": np.full(21, 1.0)}, {}, files=RunFiles(state_out=state))
     assert RunFiles(state_in=state).start == 1.0
     found = simulate(model, TIME[20:], {"u": np.full(21, 3.0)}, {}, files=RunFiles(state_in=state))
     middle = 2.0 - 1.75 * np.exp(-2.0)
     expected = 6.0 + (middle - 6.0) * np.exp(-2.0 * (TIME[20:] - 1.0))
-    np.testing.assert_allclose(found["y"], expected, rtol=1e-12)
+    np.testing.assert_allclose(found["y"], expected, rtol=error)
 
 
 def test_the_command_goes_on_as_one_run_would(tmp_path):

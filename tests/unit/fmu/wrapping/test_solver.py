@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fmus.kit import UserError
-from orchestration.fmu import find_model
+from orchestration.fmu import Fmu, find_model
 from orchestration.fmu.model import declared_model
 from orchestration.fmu.simulation import EndedSimulation, FmuSource, RepeatedFmu, simulate
 from tests.support.fmi3_fmus import foreign, of_interface
@@ -20,6 +20,24 @@ def test_events_of_model_exchange_are_found(tmp_path):
         found = fmu.run(time, {}, {"slope": 2.0}, ["x", "count"])
     assert found[:, 0] == pytest.approx(2.0 * (time % 0.3), abs=1e-5)
     assert found[:, 1].tolist() == (time // 0.3).tolist()
+
+
+def test_a_state_brings_back_time_events_and_inputs(tmp_path):
+    """A sawtooth that is stepped from a state at 0.5 s a second time, and from its bytes."""
+    path = of_interface(foreign("sawtooth"), "ModelExchange", tmp_path)
+    with Fmu(path) as fmu:
+        fmu.start()
+        fmu.step(0.0, 0.5)
+        state, contents = fmu.save(), fmu.serialized_state()
+        rows = []
+        for go_on in (lambda: None, lambda: fmu.restore(state), lambda: fmu.resume(contents)):
+            go_on()
+            fmu.step(0.5, 0.25)
+            row = np.empty(2)
+            fmu.reader(["x", "count"])(row)
+            rows.append(row)
+        fmu.release(state)
+    np.testing.assert_allclose(rows, 3 * [[0.15, 2.0]], atol=1e-5)
 
 
 @pytest.mark.parametrize(("step", "count"), [(0.15, 3), (0.2, 2)])
