@@ -10,9 +10,14 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from fmus.kit import Component, Input, Output, State
+from fmus.kit.build.building import build
+from fmus.kit.build.toolchain import host_platform
 from fmus.kit.errors import UserError
+from orchestration.fmu.archive import for_model_exchange
 from orchestration.master import run
 from orchestration.master.algebraic_loops import FixedPoint
+from orchestration.system import Member, System, connect
 from tests.support.master.circle import DECAY, TIME, lag
 from tests.support.master.samples import ring
 
@@ -128,3 +133,34 @@ def test_an_updated_jacobian_explains_the_step_and_nothing_else():
     across = np.cross(step, [1.0, 2.0, 3.0])
     assert loop._jacobian @ step == pytest.approx(change)
     assert loop._jacobian @ across == pytest.approx(before @ across)
+
+
+class Decay(Component):
+    """A state that decays, and a feedthrough."""
+
+    name = "decay"
+
+    u = Input("1", doc="of which one half passes through")
+    x = State("1", rate="rate", start=1.0, doc="decays")
+
+    def rate(self):
+        return -self.x
+
+    @Output("1")
+    def y(self):
+        """The state and half of the input."""
+        return 0.5 * self.u + self.x
+
+
+def test_a_loop_through_members_for_model_exchange_alone(tmp_path):
+    """y_a = y_b / 2 + x_a and y_b = y_a / 2 + x_b, with states of exp(-t) and 3 exp(-t)."""
+    path = tmp_path / "decay.fmu"
+    path.write_bytes(build(Decay, "native", [host_platform()]))
+    alone = for_model_exchange(path)
+    members = (Member("a", alone), Member("b", alone, {"x_start": 3.0}))
+    system = System("loop", members, connect("a.y -> b.u", "b.y -> a.u"))
+    time = 0.1 * np.arange(11)
+    found = run(system, time).signals
+    states = np.exp(-time) * np.array([[1.0], [3.0]])
+    expected = np.linalg.solve([[1.0, -0.5], [-0.5, 1.0]], states)
+    np.testing.assert_allclose([found["a.y"], found["b.y"]], expected, rtol=1e-5)
