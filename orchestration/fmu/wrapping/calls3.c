@@ -126,14 +126,14 @@ static struct {
 FMI3_Export const char *fmi3GetVersion(void) { return fmi3Version; }
 
 /* An instantiation, which has more arguments in some interfaces. */
-#define INSTANTIATED(interface, parameters, arguments, before)                                                         \
-    FMI3_Export fmi3Instance fmi3Instantiate##interface parameters {                                                   \
+#define INSTANTIATED(kind, parameters, arguments, before)                                                              \
+    FMI3_Export fmi3Instance fmi3Instantiate##kind parameters {                                                        \
         void *address_found;                                                                                           \
         if (!load_own()) return unload_own();                                                                          \
-        BIND(3, Instantiate##interface, , , , )                                                                        \
+        BIND(3, Instantiate##kind, , , , )                                                                             \
         BIND(3, FreeInstance, , , , )                                                                                  \
         FUNCTIONS(BIND)                                                                                                \
-        begin("fmi3Instantiate" #interface);                                                                           \
+        begin("fmi3Instantiate" #kind);                                                                                \
         text("instanceName", name);                                                                                    \
         text("instantiationToken", token);                                                                             \
         text("resourcePath", resources);                                                                               \
@@ -141,7 +141,7 @@ FMI3_Export const char *fmi3GetVersion(void) { return fmi3Version; }
         truth("loggingOn", logging);                                                                                   \
         before;                                                                                                        \
         let_go();                                                                                                      \
-        fmi3Instance c = own.Instantiate##interface ? own.Instantiate##interface arguments : NULL;                     \
+        fmi3Instance c = own.Instantiate##kind ? own.Instantiate##kind arguments : NULL;                               \
         end(c ? 0 : 3);                                                                                                \
         return c ? c : unload_own();                                                                                   \
     }

@@ -28,10 +28,10 @@ static int any_due(const component *c) {
 /* Set the time of the tick after one that happens now; a clock that tells its intervals may change it. */
 static void pass(component *c, ticking *k) {
     k->ticks++;
-    if (k->kind <= FIXED)
+    if (k->kind <= CLOCK_FIXED)
         k->next = c->start + k->shift + k->ticks * k->interval;
     else
-        k->next = k->kind == COUNTDOWN ? NEVER : c->reached + k->interval;
+        k->next = k->kind == CLOCK_COUNTDOWN ? NEVER : c->reached + k->interval;
 }
 
 /* Ask the clocks that tell their intervals, each from now on. */
@@ -41,7 +41,7 @@ static fmi2Status ask(component *c) {
         ticking *k = &c->clocks[i];
         fmi3IntervalQualifier known = fmi3IntervalNotYetKnown;
         double interval = 0.0;
-        if (k->kind <= FIXED) continue;
+        if (k->kind <= CLOCK_FIXED) continue;
         worst = worse(worst, CALL(c, GetIntervalDecimal, &k->reference, 1, &interval, &known));
         if (known != fmi3IntervalChanged) continue;
         k->interval = interval;
@@ -58,8 +58,8 @@ static fmi2Status begin_clocks(component *c) {
         fmi3IntervalQualifier known = fmi3IntervalUnchanged;
         k->ticks = 0;
         k->next = NEVER;
-        if (k->kind > FIXED) continue;
-        if (k->kind == FIXED) {
+        if (k->kind > CLOCK_FIXED) continue;
+        if (k->kind == CLOCK_FIXED) {
             status = CALL(c, GetIntervalDecimal, &k->reference, 1, &k->interval, &known);
             if (status <= fmi2Warning) status = worse(status, CALL(c, GetShiftDecimal, &k->reference, 1, &k->shift));
         }
@@ -148,7 +148,7 @@ static fmi2Status activate(component *c, double end) {
         c->asks = 0;
         worst = worse(worst, CALL(c, ActivateModelPartition, k->reference, time));
         pass(c, k);
-        if ((c->asks || k->kind == CHANGING) && worst <= fmi2Warning) worst = worse(worst, ask(c));
+        if ((c->asks || k->kind == CLOCK_CHANGING) && worst <= fmi2Warning) worst = worse(worst, ask(c));
     }
     return worst;
 }

@@ -38,7 +38,7 @@ static int read_clocks(component *c, FILE *table) {
     unsigned long count;
     int kind;
     if (fscanf(table, "%d %lu", &kind, &count) != 2 || count > MOST_VARIABLES) return 0;
-    c->kind = (interface)kind;
+    c->kind = (interface_type)kind;
     c->clocks = calloc(count + 1, sizeof *c->clocks);
     if (!c->clocks) return 0;
     for (; c->clock_count < count; c->clock_count++) {

@@ -17,7 +17,7 @@
 typedef enum { NUMBERS(AS_CONSTANT) TYPE_String, TYPE_Binary, TYPES } type;
 
 /* Interfaces, in the order of the numbers in the table; one with events has clocks. */
-typedef enum { PLAIN, WITH_EVENTS, SCHEDULED } interface;
+typedef enum { PLAIN, WITH_EVENTS, SCHEDULED } interface_type; /* Windows has a macro of the shorter name */
 
 /* Functions of FMI 3.0 that are called. */
 #define FUNCTIONS(X)                                                                                                   \
@@ -50,7 +50,7 @@ typedef struct {
 /* An input clock that ticks by time: kinds in the order of the numbers in the table. The interval of the first is in the
  * description, that of the second computed at the start, those of the others are told from tick to tick. */
 typedef struct {
-    enum { CONSTANT, FIXED, CHANGING, COUNTDOWN } kind;
+    enum { CLOCK_CONSTANT, CLOCK_FIXED, CLOCK_CHANGING, CLOCK_COUNTDOWN } kind;
     fmi3ValueReference reference;
     double interval, shift, next; /* seconds; time of the next tick */
     double ticks;
@@ -91,7 +91,7 @@ typedef struct {
     double tolerance, start, stop;
     double reached; /* time at the end of the last step */
     int terminated; /* whether the FMU asked to end the simulation */
-    interface kind;
+    interface_type kind;
     ticking *clocks;
     size_t clock_count;
     int initialized, in_events; /* whether it is past initialization, and in Event Mode */
