@@ -1,9 +1,8 @@
 /* A log of the calls of an FMU: this library is in its place, calls it, and writes a line for each call.
  *
- * Beside it lies its table, a text file that `calls.py` writes: the library of the FMU, the file of the log, and how many
- * lines it may have. `calls2.c`
- * and `calls3.c` list the functions of FMI 2.0 and 3.0. What is before an FMU's return is in the file while it works, so
- * that the last line of one that crashes names what it was asked.
+ * Beside it lies its table, a text file that `calls.py` writes: the library of the FMU, the file of the log, and how
+ * many lines it may have. `calls2.c` and `calls3.c` list the functions of FMI 2.0 and 3.0. A call is in the file before the
+ * FMU works, so that the last line of one that crashes names what it was asked.
  */
 #include "platform.c"
 

@@ -202,8 +202,9 @@ static int all_hold(component *c, type t, const fmi2ValueReference elements[], s
     for (size_t i = 0; i < count; i++) {
         const variable *v = owner(c, elements[i]);
         if (v->type == t && !holds(t, row[i])) {
+            int is_wide = t == TYPE_Int64 || t == TYPE_UInt64;
             tell(c, fmi2Error, "%.17g is no value of the type of value reference %lu%s", row[i],
-                 (unsigned long)v->reference, t == TYPE_Int64 || t == TYPE_UInt64 ? ", or beyond 2^53, where it is not exact here" : "");
+                 (unsigned long)v->reference, is_wide ? ", or beyond 2^53, where it is not exact here" : "");
             return 0;
         }
     }

@@ -1,5 +1,5 @@
-/* Clocks: one every 0.1 s, or 0.05 s later if its description does not say so, which adds up the input; one once, 0.05 s after the third tick of the first; and one whose
- * intervals are 0.1, 0.2, 0.3, ... s. */
+/* Clocks: one every 0.1 s, or 0.05 s later if its description does not say so, which adds up the input; one once,
+ * 0.05 s after the third tick of the first; and one whose intervals are 0.1, 0.2, 0.3, ... s. */
 #define TOKEN "clocked"
 #define CLOCKS
 typedef struct Model {
