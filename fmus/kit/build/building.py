@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,7 @@ from fmus.kit.storage import cache
 
 if TYPE_CHECKING:
     from fmus.kit.build.sources import EngineSources
+    from fmus.kit.symbolic import PackedSystem
 
 RUNTIMES = ("python", "native")  # with the project's own front-end in C
 STOCK = "pythonfmu"  # with pythonfmu's binary; fulfils less of the contract, see `stock.LIMITS`
@@ -101,17 +102,56 @@ def plan_build(cls: type[Component], runtime: str, fmi: int = 2) -> BuildPlan:
         sources=(UNIT,) if native else (),
     )
 
-    def described(guid: str) -> dict[str, bytes]:
-        return {"modelDescription.xml": describe(cls, graph, capabilities, version(), guid)}
+    def described(guid: str) -> bytes:
+        return describe(cls, graph, capabilities, version(), guid)
 
-    guid = archive.identity(
-        contents | c_sources(graph, engine, archive.NO_GUID, fmi) | described(archive.NO_GUID)
+    def sources(guid: str) -> dict[str, bytes]:
+        return c_sources(graph, engine, guid, fmi)
+
+    named = BuildPlan(cls.name, runtime, fmi, "", contents, {}, engine.libraries)
+    return _identified(named, described, sources)
+
+
+def _plan_packed(cls: type[Component], packed: PackedSystem) -> BuildPlan:
+    """Plan the contents of the FMU of a packed system."""
+    from fmus.kit.build import description
+    from fmus.kit.build.sources import PACKED, UNIT, packed_c_sources
+
+    capabilities = description.Capabilities(
+        needs_execution_tool=False,
+        interpolates_inputs=False,
+        directional_derivatives=False,
+        sources=(UNIT,),
     )
-    sources = c_sources(graph, engine, guid, fmi)
-    contents |= described(guid)
-    if native:
-        contents |= {f"sources/{name}": text for name, text in sources.items()}
-    return BuildPlan(cls.name, runtime, fmi, guid, contents, sources, engine.libraries)
+
+    def described(guid: str) -> bytes:
+        return description.describe_fmi2(cls, packed.graph, capabilities, version(), guid)
+
+    named = BuildPlan(cls.name, "native", 2, "", documents(cls), {}, PACKED.libraries)
+    return _identified(named, described, lambda guid: packed_c_sources(packed, guid))
+
+
+def _identified(
+    named: BuildPlan,
+    described: Callable[[str], bytes],
+    sources_of: Callable[[str], dict[str, bytes]],
+) -> BuildPlan:
+    """Return a plan with description and sources, and the GUID that is derived from all of it.
+
+    Parameters
+    ----------
+    named : BuildPlan
+        Its files are the others.
+    described, sources_of : callable
+        Return the description, and the C files by name, with a GUID.
+    """
+    unnamed = {"modelDescription.xml": described(archive.NO_GUID)}
+    guid = archive.identity(named.files | sources_of(archive.NO_GUID) | unnamed)
+    sources = sources_of(guid)
+    files = named.files | {"modelDescription.xml": described(guid)}
+    if named.runtime == "native":
+        files |= {f"sources/{name}": text for name, text in sources.items()}
+    return replace(named, guid=guid, files=files, sources=sources)
 
 
 def _fmi3_files(
@@ -177,6 +217,36 @@ def build(
         return stock_archive(cls, version(), platforms, progress)
     targets = platforms or toolchain.available_platforms()
     return _compile_and_pack(plan_build(cls, runtime, fmi), targets, progress, failed)
+
+
+def build_packed(
+    cls: type[Component],
+    packed: PackedSystem,
+    platforms: Sequence[str] | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> bytes:
+    """Build the FMU of a packed system, of FMI 2.0.
+
+    Parameters
+    ----------
+    cls : type[Component]
+        Name, documentation and default experiment of the whole, and its variables.
+    packed : PackedSystem
+    platforms, progress
+        See :func:`build`.
+
+    Returns
+    -------
+    bytes
+        The archive. The same sources give the same bytes.
+
+    Raises
+    ------
+    UserError
+        If a platform fails.
+    """
+    targets = platforms or toolchain.available_platforms()
+    return _compile_and_pack(_plan_packed(cls, packed), targets, progress)
 
 
 def check_build(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from fmus.kit.build import toolchain
 from fmus.kit.component import Component
-from fmus.kit.symbolic import Graph, codegen
+from fmus.kit.symbolic import Graph, PackedSystem, codegen, packed_sources
 
 FOLDER = Path(__file__).parents[1] / "fmi"
 UNIT = "all.c"  # includes every other C file
@@ -127,6 +127,12 @@ _PYTHON = EngineSources(
     (),
     _unix("dl"),
 )
+PACKED = EngineSources(
+    tuple(FOLDER / name for name in ("native.h", "native.c", "any_model.c", "integrate.c")),
+    (FOLDER / "packed.c",),
+    (),
+    _unix("m"),
+)
 
 
 def engine_sources(cls: type[Component], runtime: str) -> EngineSources:
@@ -170,10 +176,31 @@ def c_sources(graph: Graph, engine: EngineSources, guid: str, fmi: int) -> dict[
     version = _VERSIONS[fmi]
     if "laws.c" in engine.generated:
         texts = codegen.native_sources(graph, guid, fmi=fmi)
-        front_end = (*version.front_end, *version.exchange)
-    else:
-        texts = codegen.lawless_sources(graph, guid)
-        front_end = version.front_end
+        return _all_sources(engine, texts, fmi, (*version.front_end, *version.exchange))
+    return _all_sources(engine, codegen.lawless_sources(graph, guid), fmi, version.front_end)
+
+
+def packed_c_sources(packed: PackedSystem, guid: str) -> dict[str, bytes]:
+    """Write every C file of a packed system, in FMI 2.0, and the headers it needs.
+
+    Parameters
+    ----------
+    packed : PackedSystem
+    guid : str
+
+    Returns
+    -------
+    dict of str to bytes
+        Name to contents, :data:`UNIT` among them.
+    """
+    return _all_sources(PACKED, packed_sources(packed, guid), 2, _VERSIONS[2].front_end)
+
+
+def _all_sources(
+    engine: EngineSources, texts: Mapping[str, str], fmi: int, front_end: Sequence[str]
+) -> dict[str, bytes]:
+    """Return generated texts with the files of front-end, engine and standard, by name."""
+    version = _VERSIONS[fmi]
     folder = FOLDER / f"fmi{fmi}"
     files = (
         *(FOLDER / name for name in _HEADERS),

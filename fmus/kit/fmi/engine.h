@@ -3,7 +3,7 @@
  * An FMU is compiled from three parts:
  *     front-end   instance.c evaluate.c lifecycle.c access.c snapshot.c step.c      (the same in every FMU)
  *     engine      native.c integrate.c hosted.c exchange.c,
- *                 or python.c library.c interpreter.c resources.c,   or a component's own
+ *                 or python.c library.c interpreter.c resources.c,   or packed.c,   or a component's own
  *     model       model.h tables.h, and laws.c with the native engine   (generated)
  *
  * any_model.h has what does not hang on the model. With it the native engine also runs records without FMI (record.c).
@@ -50,6 +50,7 @@
  *                          (parameter set, reset, state restored); the engine may clear it
  *     counters             for each group the k of its next sample
  *     slopes               for each input its time derivative over the next step (native engine)
+ *     members              MODEL_MEMBERS numbers, of the engine of a packed system (packed.c)
  *
  * Texts are parameters too, but stand beside that block; text i has the value reference MODEL_VARIABLES + i.
  */
@@ -63,6 +64,10 @@
 
 #include "any_model.h"
 #include "model.h"
+
+#ifndef MODEL_MEMBERS /* defined in model.h of a packed system */
+#define MODEL_MEMBERS 0
+#endif
 
 enum {
     FIRST_PARAMETER = 0,
@@ -78,7 +83,8 @@ enum {
     MEMORY_PARAMETERS_CHANGED,
     MEMORY_COUNTERS,
     MEMORY_SLOPES = MEMORY_COUNTERS + MODEL_GROUPS,
-    MEMORY_SIZE = MEMORY_SLOPES + MODEL_INPUTS
+    MEMORY_MEMBERS = MEMORY_SLOPES + MODEL_INPUTS,
+    MEMORY_SIZE = MEMORY_MEMBERS + MODEL_MEMBERS
 };
 
 #include "tables.h"

@@ -10,7 +10,7 @@ import math
 import os
 import re
 import string
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
@@ -56,15 +56,33 @@ _OPERAND = re.compile(r"arg\[(\d+)\]\? (arg\[\1\]\[\d+\]) : 0")
 _RESULT = re.compile(r"if \((res\[\d+\])!=0\) (?=\1)")
 
 
-def _c_double(value: float) -> str:
-    """Write a number in C."""
+def c_double(value: float) -> str:
+    """Write a number in C.
+
+    Parameters
+    ----------
+    value : float
+
+    Returns
+    -------
+    str
+    """
     if math.isinf(value):
         return "INFINITY" if value > 0 else "-INFINITY"
     return repr(float(value))
 
 
-def _c_string(text: str) -> str:
-    """Write a string literal in C: in UTF-8, with escapes by three octal digits."""
+def c_string(text: str) -> str:
+    """Write a string literal in C: in UTF-8, with escapes by three octal digits.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    str
+    """
     characters = (chr(b) if chr(b) in _PLAIN else f"\\{b:03o}" for b in text.encode())
     return f'"{"".join(characters)}"'
 
@@ -98,22 +116,13 @@ def tables(graph: Graph, guid: str) -> dict[str, str]:
         "#define MODEL_H",
         *(f"#define MODEL_{name} {len(group)}" for name, group in sizes.items()),
     ]
-    index = layout.parameter_index
-    starts = [index[layout.start_of[s.name]] for s in (*layout.states, *layout.discretes)]
-    clocks = [f"    {_clock(clock, index)}," for clock, _ in layout.sampled]
-    texts = [f"    {{{_c_string(t.name)}, {_c_string(t.start)}}}," for t in layout.texts]
+    texts = [f"    {{{c_string(t.name)}, {c_string(t.start)}}}," for t in layout.texts]
     # C has no empty arrays
     body = [
-        f"static const char model_name[] = {_c_string(graph.name)};",
-        f"static const char model_guid[] = {_c_string(guid)};",
-        f"static const double model_tolerance = {_c_double(graph.tolerance)};",
-        "static const Variable model_variables[] = {",
-        *_variable_rows(layout),
-        "};",
-        f"static const int model_start_of[] = {{{', '.join(map(str, starts or [0]))}}};",
-        "static const Group model_groups[] = {",
-        *(clocks or ["    {0.0, -1, {-1, -1}},"]),
-        "};",
+        f"static const char model_name[] = {c_string(graph.name)};",
+        f"static const char model_guid[] = {c_string(guid)};",
+        f"static const double model_tolerance = {c_double(graph.tolerance)};",
+        *variable_tables(layout, "model"),
         "static const Text model_texts[] = {",
         *(texts or ['    {"", ""},']),
         "};",
@@ -122,20 +131,48 @@ def tables(graph: Graph, guid: str) -> dict[str, str]:
     return {"model.h": "\n".join(header) + "\n", "tables.h": "\n".join(body) + "\n"}
 
 
+def variable_tables(layout: Layout, prefix: str) -> list[str]:
+    """Write the tables of variables, start parameters and groups, whose names have a prefix.
+
+    Parameters
+    ----------
+    layout : Layout
+    prefix : str
+
+    Returns
+    -------
+    list of str
+        Lines of C.
+    """
+    index = layout.parameter_index
+    starts = [index[layout.start_of[s.name]] for s in (*layout.states, *layout.discretes)]
+    clocks = [f"    {_clock(clock, index)}," for clock, _ in layout.sampled]
+    # C has no empty arrays
+    return [
+        f"static const Variable {prefix}_variables[] = {{",
+        *_variable_rows(layout),
+        "};",
+        f"static const int {prefix}_start_of[] = {{{', '.join(map(str, starts or [0]))}}};",
+        f"static const Group {prefix}_groups[] = {{",
+        *(clocks or ["    {0.0, -1, {-1, -1}},"]),
+        "};",
+    ]
+
+
 def _variable_rows(layout: Layout) -> list[str]:
     """Write a row of the table of variables for each variable and each derivative."""
     rows = []
     for v in layout.variables:
         start = float(getattr(v, "start", 0.0))
-        numbers = ", ".join(map(_c_double, (start, v.min, v.max, v.nominal)))
+        numbers = ", ".join(map(c_double, (start, v.min, v.max, v.nominal)))
         rows.append(
-            f"    {{{_c_string(v.name)}, {_c_string(v.unit)}, {_ROLES[type(v)]},"
+            f"    {{{c_string(v.name)}, {c_string(v.unit)}, {_ROLES[type(v)]},"
             f" TYPE_{v.type.upper()}, {numbers}}},"
         )
     for (name, unit), state in zip(layout.derivatives, layout.states, strict=True):
-        numbers = f"0.0, -INFINITY, INFINITY, {_c_double(state.nominal)}"
+        numbers = f"0.0, -INFINITY, INFINITY, {c_double(state.nominal)}"
         rows.append(
-            f"    {{{_c_string(name)}, {_c_string(unit)}, ROLE_DERIVATIVE, TYPE_REAL, {numbers}}},"
+            f"    {{{c_string(name)}, {c_string(unit)}, ROLE_DERIVATIVE, TYPE_REAL, {numbers}}},"
         )
     return rows
 
@@ -145,7 +182,7 @@ def _clock(clock: Clock, index: Mapping[str, int]) -> str:
     if isinstance(clock.period, str):
         period = f"0.0, {index[clock.period]}"
     else:
-        period = f"{_c_double(clock.period)}, -1"
+        period = f"{c_double(clock.period)}, -1"
     shifts = ([index[name] for name in clock.shift] + [-1] * LONGEST_SHIFT)[:LONGEST_SHIFT]
     return f"{{{period}, {{{', '.join(map(str, shifts))}}}}}"
 
@@ -175,27 +212,55 @@ def native_sources(graph: Graph, guid: str, hosted: bool = True, fmi: int = 2) -
         functions.append(ca.Function("indicators", graph.arguments, ca.cse([graph.indicators])))
     if fmi == 3:
         functions += graph.functions_of_fmi_3()
-    sizes = {
-        "ARG": max(f.sz_arg() for f in functions),
-        "RES": max(f.sz_res() for f in functions),
-        "IW": max(1, *(f.sz_iw() for f in functions)),
-        "W": max(1, *(f.sz_w() for f in functions)),
-    }
     files = tables(graph, guid)
     updates = "".join(f" X(update_{i})" for i in range(len(graph.updates)))
     if hosted:
         files["model.h"] += f"#define MODEL_INDICATORS {graph.indicators.numel()}\n"
     lines = [
-        *(f"#define LAWS_SZ_{k} {n}" for k, n in sizes.items()),
+        *(f"#define LAWS_SZ_{k} {n}" for k, n in work_sizes(functions).items()),
         f"#define LAWS_UPDATES(X){updates}",
         "#endif",
     ]
     files["model.h"] += "\n".join(lines) + "\n"
-    checked = _generate(functions)
-    # the record library passes all arrays
-    laws = checked if hosted else _RESULT.sub("", _OPERAND.sub(r"\2", checked))
-    files["laws.c"] = _LAWS.format(laws)
+    files["laws.c"] = laws(functions, checked=hosted)
     return files
+
+
+def work_sizes(functions: Sequence[ca.Function]) -> dict[str, int]:
+    """Return the sizes of the work arrays that any of some functions needs.
+
+    Parameters
+    ----------
+    functions : sequence of casadi.Function
+
+    Returns
+    -------
+    dict of str to int
+        Of arguments, results, integers and numbers: ``ARG``, ``RES``, ``IW`` and ``W``.
+    """
+    return {
+        "ARG": max(f.sz_arg() for f in functions),
+        "RES": max(f.sz_res() for f in functions),
+        "IW": max(1, *(f.sz_iw() for f in functions)),
+        "W": max(1, *(f.sz_w() for f in functions)),
+    }
+
+
+def laws(functions: list[ca.Function], checked: bool) -> str:
+    """Write functions in C.
+
+    Parameters
+    ----------
+    functions : list of casadi.Function
+    checked : bool
+        Whether arrays may be missing, which whoever passes all of them need not pay for.
+
+    Returns
+    -------
+    str
+    """
+    text = _generate(functions)
+    return _LAWS.format(text if checked else _RESULT.sub("", _OPERAND.sub(r"\2", text)))
 
 
 def lawless_sources(graph: Graph, guid: str) -> dict[str, str]:

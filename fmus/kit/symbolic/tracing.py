@@ -94,13 +94,15 @@ class Graph:
         return digest(self)
 
     @uninterrupted()
-    def functions(self, tangent: bool = True) -> list[ca.Function]:
+    def functions(self, tangent: bool = True, prefix: str = "") -> list[ca.Function]:
         """Make the CasADi functions that the native engine calls (``fmi/engine.h``).
 
         Parameters
         ----------
         tangent : bool
             Whether to include the function for directional derivatives.
+        prefix : str
+            Beginning of the names of rates, outputs and updates.
 
         Returns
         -------
@@ -113,10 +115,10 @@ class Graph:
         outputs = ca.densify(self.outputs)
         updates = [ca.densify(update) for update in self.updates]
         functions = [
-            ca.Function("rates", arguments, ca.cse([rates]), {"cse": True}),
-            ca.Function("outputs", arguments, ca.cse([outputs]), {"cse": True}),
+            ca.Function(f"{prefix}rates", arguments, ca.cse([rates]), {"cse": True}),
+            ca.Function(f"{prefix}outputs", arguments, ca.cse([outputs]), {"cse": True}),
             *(
-                ca.Function(f"update_{i}", arguments, ca.cse([update]))
+                ca.Function(f"{prefix}update_{i}", arguments, ca.cse([update]))
                 for i, update in enumerate(updates)
             ),
         ]
