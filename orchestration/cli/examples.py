@@ -75,6 +75,10 @@ EXAMPLES = {
         "ppy system export dma_bench",
         "ppy system export dma_bench --runtime python --out bench.ssd",
     ),
+    "system pack": (
+        "ppy system pack dma_bench --fmu bench.fmu",
+        "ppy system pack dma_bench.ssp",
+    ),
     "system check": ("ppy system check dma_bench.ssp", "ppy system check bench.ssd"),
     "thesis": ("ppy thesis", "ppy thesis --out thesis.html --json thesis.json"),
     "sweep": (

@@ -1,6 +1,7 @@
 from .pacing import Pacer as Pacer
 from .pacing import Pacing as Pacing
 from .pacing import RealTime as RealTime
+from .packing import pack as pack
 from .realtime_priority import realtime_priority as realtime_priority
 from .result import Run as Run
 from .result import Statistics as Statistics

@@ -34,6 +34,7 @@ QUICK = (
     "system list",
     "system show",
     "system draw",
+    "system pack",
     "system check",
     "check",
     "sweep",

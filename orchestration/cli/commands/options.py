@@ -747,6 +747,16 @@ class ExportSystemCommand(SystemArgument, SspOption, RuntimeOption, ConnectorsOp
     """Options of ``ppy system export``."""
 
 
+class PackedOption(TypedDict, total=False):
+    """The FMU that a system becomes."""
+
+    fmu: Annotated[Path | None, Option("The FMU; default NAME.fmu.", metavar="FILE.fmu")]
+
+
+class PackSystemCommand(SystemArgument, PackedOption, PlatformsOption, total=False):
+    """Options of ``ppy system pack``."""
+
+
 class CheckSystemCommand(TypedDict, total=False):
     """Options of ``ppy system check``."""
 

@@ -1,4 +1,4 @@
-"""``ppy system``: systems of components shown, drawn, checked and written as SSP."""
+"""``ppy system``: systems of components shown, drawn, checked, written as SSP or as one FMU."""
 
 from __future__ import annotations
 
@@ -15,8 +15,10 @@ from orchestration.cli.commands.options import (
     CheckSystemCommand,
     DrawSystemCommand,
     ExportSystemCommand,
+    PackSystemCommand,
     SystemArgument,
 )
+from orchestration.cli.options import platform_list
 from orchestration.cli.outputs import Outputs
 
 if TYPE_CHECKING:
@@ -122,6 +124,26 @@ def export(options: ExportSystemCommand) -> None:
     Outputs({"the system": Path(name)}, {"--out": path}, {"--out": ENDINGS}).check()
     with _opened(name, options["runtime"]) as system:
         ssp.write(system, path, options["connectors"])
+    wrote(path)
+
+
+@systems.command("pack")
+@command(PackSystemCommand)
+def pack(options: PackSystemCommand) -> None:
+    """Compile a system into one FMU for co-simulation, which any host takes as a model.
+
+    Its members keep their own steps and exchange values as ppy runs them; their parameters are
+    MEMBER.PARAMETER. Every member must have its equations.
+    """
+    from fmus.kit import files
+    from orchestration import master
+    from orchestration.reporting.console import progress, wrote
+
+    name = options["name"]
+    path = options["fmu"] or _named_after(name, ".fmu")
+    Outputs({"the system": Path(name)}, {"--fmu": path}, {"--fmu": (".fmu",)}).check()
+    with _opened(name) as system, progress() as tell:
+        files.write(path, master.pack(system, platform_list(options["platforms"]), tell))
     wrote(path)
 
 
