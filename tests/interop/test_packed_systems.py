@@ -17,14 +17,13 @@ from fmus.kit import UserError
 from orchestration import master
 from orchestration.fmu import Fmu
 from orchestration.fmu.check import check_fmu
-from orchestration.system import Connection, Member, Port, System, connect, library, ssp
+from orchestration.system import Port, System, library, ssp
 from tests.support.hosts import run_fmpy, run_libcosim
 from tests.support.pace import slow_but
-from tests.support.packed import Amplifier, Filter, Lamp, Section
+from tests.support.packed import H, chain, circle
 
 SYSTEMS = [name for name in library.NAMES if name != "hil_bench"]
 TOLERANCE = 1e-12  # of the largest value
-H = 0.1
 
 
 @pytest.fixture
@@ -41,29 +40,6 @@ def packed(tmp_path):
 
 def same(found, wanted, tolerance=TOLERANCE):
     assert np.abs(found - wanted).max() <= tolerance * max(np.abs(wanted).max(), 1e-300)
-
-
-def chain():
-    """Two sections, a filter in millivolts with an offset, and a lamp that is on while it is low."""
-    members = (
-        Member.of("first", Section, {"tau": 0.4}),
-        Member.of("second", Section),
-        Member.of("mean", Filter),
-        Member.of("lamp", Lamp),
-    )
-    wires = (
-        *connect("first.v -> second.u"),
-        Connection(Port("second", "v"), Port("mean", "u"), factor=1000.0, offset=20.0),
-        Connection(Port("mean", "high"), Port("lamp", "on"), table=((0.0, 1.0), (1.0, 0.0))),
-    )
-    outputs = {
-        "v1": Port("first", "v"),
-        "v2": Port("second", "v"),
-        "mean": Port("mean", "x"),
-        "light": Port("lamp", "power"),
-    }
-    inputs = {"u": (Port("first", "u"),)}
-    return System("chain", members, wires, inputs, outputs, step=H, stop=3.0)
 
 
 def solution(u, tau=(0.4, 0.5), period=3):
@@ -123,15 +99,9 @@ def test_parameters_of_members_can_be_set_and_come_back_by_a_reset(packed):
 @pytest.mark.slow
 @pytest.mark.parametrize("gains", [(0.5, -0.8), (3.0, 2.0)])
 def test_an_algebraic_loop_is_solved(packed, gains):
-    members = (
-        Member.of("a", Amplifier, {"gain": gains[0]}),
-        Member.of("b", Amplifier, {"gain": gains[1], "w": 0.25}),
-    )
-    wires = connect("a.y -> b.u", "b.y -> a.u")
-    circle = System("circle", members, wires, {"w": (Port("a", "w"),)}, {}, step=H)
     time = H * np.arange(20)
     w = staircase(time.size)
-    found = run_fmpy(packed(circle), time, {"w": w}, ["a.y", "b.y"])
+    found = run_fmpy(packed(circle(*gains)), time, {"w": w}, ["a.y", "b.y"])
     a = (w + gains[0] * 0.25) / (1.0 - gains[0] * gains[1])
     same(found["a.y"], a)
     same(found["b.y"], gains[1] * a + 0.25)

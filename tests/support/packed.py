@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from fmus.kit import Component, Discrete, Input, Output, Parameter, State, where
+from orchestration.system import Connection, Member, Port, System, connect
+
+H = 0.1  # s, communication step of the chain
 
 
 class Section(Component):
@@ -60,3 +63,36 @@ class Lamp(Component):
     def power(self):
         """What it takes."""
         return where(self.on, 60.0, 0.0)
+
+
+def chain() -> System:
+    """Two sections, a filter in millivolts with an offset, and a lamp that it switches off."""
+    members = (
+        Member.of("first", Section, {"tau": 0.4}),
+        Member.of("second", Section),
+        Member.of("mean", Filter),
+        Member.of("lamp", Lamp),
+    )
+    wires = (
+        *connect("first.v -> second.u"),
+        Connection(Port("second", "v"), Port("mean", "u"), factor=1000.0, offset=20.0),
+        Connection(Port("mean", "high"), Port("lamp", "on"), table=((0.0, 1.0), (1.0, 0.0))),
+    )
+    outputs = {
+        "v1": Port("first", "v"),
+        "v2": Port("second", "v"),
+        "mean": Port("mean", "x"),
+        "light": Port("lamp", "power"),
+    }
+    inputs = {"u": (Port("first", "u"),)}
+    return System("chain", members, wires, inputs, outputs, step=H, stop=3.0)
+
+
+def circle(first: float = 0.5, second: float = -0.8) -> System:
+    """Two amplifiers in an algebraic loop: each amplifies what the other gives."""
+    members = (
+        Member.of("a", Amplifier, {"gain": first}),
+        Member.of("b", Amplifier, {"gain": second, "w": 0.25}),
+    )
+    wires = connect("a.y -> b.u", "b.y -> a.u")
+    return System("circle", members, wires, {"w": (Port("a", "w"),)}, step=H)

@@ -211,8 +211,9 @@ static bool evaluate(Member *member, double time, Message message) {
 
 static bool step(Member *member, double time, double end, Message message) {
     const Model *model = member->model;
-    return member_advance(member, time, end - time, message) &&
-           range_finite(member, model->first_input, model->first_output, end, message);
+    bool made = member_advance(member, time, end - time, message);
+    member->most = member->budget; /* for the rest of the host's step */
+    return made && range_finite(member, model->first_input, model->first_output, end, message);
 }
 
 bool perform(Engine *engine, const Operation *operation, double time, double end, Message message) {
@@ -331,6 +332,8 @@ bool engine_advance(Engine *engine, double time, double size, Message message) {
                  engine->memory[COMMUNICATION_STEP]);
         return false;
     }
+    for (int k = 0; k < MEMBERS; k++)
+        engine->members[k].most = MAX_STEPS;
     for (double k = 1.0; k <= count; k += 1.0) {
         double to = k == count ? end : time + size * k / count;
         if (!engine_evaluate(engine, from, message) || !perform(engine, steps_of_members, from, to, message))

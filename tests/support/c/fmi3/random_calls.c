@@ -1,5 +1,5 @@
-/* Calls functions of FMI 2.0 of a wrapped FMU in random order with random arguments:
- * random_calls LIBRARY TOKEN COUNT_OF_ELEMENTS CALLS SEED. Compiled with sanitizers, as the wrapper and the FMU. */
+/* Calls functions of FMI 2.0 of an FMU in random order with random arguments:
+ * random_calls LIBRARY TOKEN COUNT_OF_ELEMENTS CALLS SEED. Compiled with sanitizers, as the FMU. */
 #include <dlfcn.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -67,6 +67,7 @@ int main(int count, char **arguments) {
     FIND(GetContinuousStates);
     FIND(SetContinuousStates);
     FIND(GetEventIndicators);
+    unsigned functions = EnterEventMode ? 36 : 27; /* those of model exchange are the last */
     unsigned elements = (unsigned)atoi(arguments[3]);
     long calls = atol(arguments[4]), refused = 0;
     state = strtoull(arguments[5], NULL, 10);
@@ -98,7 +99,7 @@ int main(int count, char **arguments) {
             continue;
         }
         fmi2Status status = fmi2OK;
-        switch (pick(36)) {
+        switch (pick(functions)) {
         case 0: /* its states must be freed before */
             if (pick(4)) break;
             if (saved) FreeFMUstate(c, &saved);
