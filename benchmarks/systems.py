@@ -15,6 +15,7 @@ import numpy as np
 from demonstrations.thesis import ageing
 from fmus import component
 from fmus.kit.arrays import Array
+from fmus.kit.build import host_platform
 from fmus.kit.record.compiled import CompiledModel
 from orchestration import master
 from orchestration.master.reference.fused import fuse
@@ -30,6 +31,8 @@ IN_TURN = "ours, Gauss–Seidel"
 ECOS = "Ecos"
 COSIM = "libcosim"
 FUSED = "ours, fused"
+PACKED = "ours, packed into one FMU"
+FMPY = "fmpy.ssp"
 AGREEMENT = 1e-9
 _STEP = 1e-3  # s
 _BENCH = "voice_coil_dma"
@@ -68,9 +71,12 @@ def _compare(steps: int, rounds: int) -> list[Times]:
             ECOS: partial(_ecos, path, steps, positions),
             COSIM: partial(_libcosim, path, steps, positions, outputs, False),
         }
+        packed = _packed(system, Path(folder, "bundle.fmu"))
         recorded: dict[str, Duration] = {
             OURS: _ours(system, steps, method="jacobi"),
             IN_TURN: _ours(system, steps),
+            PACKED: _ours(packed, steps),
+            FMPY: partial(_fmpy, path, steps),
             ECOS: partial(_ecos, path, steps, {}, outputs),
             COSIM: partial(_libcosim, path, steps, {}, outputs, True),
             FUSED: timed(partial(CompiledModel(fuse(system)).run, _points(steps), {}), steps),
@@ -78,6 +84,23 @@ def _compare(steps: int, rounds: int) -> list[Times]:
         found = [take_turns(alone, rounds), take_turns(recorded, rounds)]
     check_agreement(positions)
     return found
+
+
+def _fmpy(path: Path, steps: int) -> float:
+    """Return the duration of a step by fmpy: that of many without that of one, which opens all."""
+    from fmpy.ssp.simulation import simulate_ssp
+
+    def seconds(count: int) -> float:
+        stop = (count - 0.5) * _STEP
+        return timed(partial(simulate_ssp, str(path), stop_time=stop, step_size=_STEP))()
+
+    return (seconds(steps) - seconds(1)) / steps
+
+
+def _packed(system: System, path: Path) -> System:
+    """Return the system whose only member is another one, packed."""
+    path.write_bytes(master.pack(system, [host_platform()]))
+    return System("packed", (Member("packed", path),), ())
 
 
 def check_agreement(positions: Mapping[str, float]) -> None:
