@@ -13,11 +13,10 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
-from fmus.kit import UserError
 from orchestration import master
 from orchestration.fmu import Fmu
 from orchestration.fmu.check import check_fmu
-from orchestration.system import Port, System, library, ssp
+from orchestration.system import library, ssp
 from tests.support.hosts import run_fmpy, run_libcosim
 from tests.support.pace import slow_but
 from tests.support.packed import H, chain, circle
@@ -170,12 +169,3 @@ def test_what_fails_in_a_member_is_told_with_its_name(packed, capfd):
     with pytest.raises(fmpy.fmi1.FMICallException):
         run_fmpy(packed(chain()), H * np.arange(3), {"u": 1e308}, ["v2"])
     assert "first: " in capfd.readouterr().out
-
-
-def test_a_connector_with_the_name_of_a_parameter_is_refused():
-    system = chain()
-    taken = System(
-        "taken", system.members, system.connections, {"first.tau": (Port("first", "u"),)}
-    )
-    with pytest.raises(UserError, match=r"the parameter 'first\.tau'"):
-        master.pack(taken)

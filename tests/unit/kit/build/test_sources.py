@@ -14,12 +14,13 @@ from fmus.kit.build.sources import (
     c_sources,
     engine_sources,
     library_key,
+    packed_c_sources,
     record_engine_sources,
     record_model_sources,
     record_sources,
     unit,
 )
-from fmus.kit.symbolic import trace
+from fmus.kit.symbolic import Operation, PackedSystem, Places, Program, trace
 from tests.support.kit_samples import Divider, Thermostat
 
 _INCLUDE = re.compile(rb'^\s*#\s*include\s+"([^"]+)"', re.M)
@@ -83,6 +84,16 @@ def test_a_component_with_an_engine_of_its_own_brings_its_files():
     assert engine.libraries["win64"] == ("ws2_32", "winmm")
     plain = engine_sources(Divider, "python")
     assert engine_sources(component("rig_proxy"), "python") == plain, "its slave is in Python"
+
+
+def test_a_packed_system_has_all_that_is_included_and_nothing_else():
+    graph = trace(Divider)
+    evaluate = Operation("EVALUATE", 1)
+    program = Program([], [], [Operation("STEP", 0)], [evaluate], [])
+    packed = PackedSystem(graph, {"a": graph, "b": graph}, Places([graph, graph], 0), program)
+    sources = packed_c_sources(packed, "{guid}")
+    assert included(sources, UNIT) | {UNIT} == set(sources)
+    assert sources["members.h"].count(b"static const Model") == 1, "of two members of one class"
 
 
 def test_one_unit_includes_files_in_order():
