@@ -190,7 +190,7 @@ class _Whole:
         name = quoting.identifier(system.name, "system")
         body = {
             "name": name,
-            "remark": f"Members exchange values every {system.step:g} s, or {COMMUNICATION_STEP}",
+            "remark": f"Members exchange values every {COMMUNICATION_STEP}, {system.step:g} s by default",
             "experiment": (system.stop, system.step),
             "tolerance": self._tolerance,
             "__doc__": doc,
