@@ -3,9 +3,11 @@
  * What a master does at a communication point, and in the step to the next, is a list of operations in the master's order.
  * The generated members.h has these lists, and the tables and laws of the members. All that changes is in the memory of
  * the instance, from MEMORY_MEMBERS on:
- *     started   0.0 until the initialization ends; until then members follow their parameters
- *     members   the memory of each, laid out as its Model says
- *     read      the values of outputs that the others receive, as they were when they were read
+ *     started     0.0 until the initialization ends; until then members follow their parameters
+ *     exchanged   1.0 if no member has stepped since the latest exchange
+ *     inputs      those of that exchange
+ *     members     the memory of each, laid out as its Model says
+ *     read        the values of outputs that the others receive, as they were when they were read
  */
 #include "engine.h"
 
@@ -58,9 +60,9 @@ typedef struct {
     double tolerance;
 } Part;
 
-#include "members.h"
+enum { STARTED = MEMORY_MEMBERS, EXCHANGED, EXCHANGED_INPUTS, MEMBERS_BEGIN = EXCHANGED_INPUTS + MODEL_INPUTS };
 
-enum { STARTED = MEMORY_MEMBERS };
+#include "members.h"
 
 struct Engine {
     double *memory;
@@ -306,14 +308,23 @@ bool engine_initialize(Engine *engine, Message message) {
         if (!periods_valid(&engine->members[k], message))
             return name_part(parts[k].name, message);
     engine->memory[STARTED] = 1.0;
+    engine->memory[EXCHANGED] = 0.0;
     return true;
 }
 
-/* The exchange at a communication point. */
+/* The exchange at a communication point, unless it would be that of before. */
 bool engine_evaluate(Engine *engine, double time, Message message) {
-    if (engine->memory[STARTED] == 0.0 && !start(engine, time, message))
+    const size_t size = MODEL_INPUTS * sizeof(double);
+    double *memory = engine->memory, *inputs = memory + FIRST_INPUT, *before = memory + EXCHANGED_INPUTS;
+    if (memory[STARTED] == 0.0 && !start(engine, time, message))
         return false;
-    return perform(engine, exchange, time, time, message);
+    if (memory[STARTED] != 0.0 && memory[EXCHANGED] != 0.0 && memcmp(before, inputs, size) == 0)
+        return true;
+    if (!perform(engine, exchange, time, time, message))
+        return false;
+    memcpy(before, inputs, size);
+    memory[EXCHANGED] = 1.0;
+    return true;
 }
 
 bool engine_differentiate(Engine *engine, double time, Message message) {
@@ -336,7 +347,10 @@ bool engine_advance(Engine *engine, double time, double size, Message message) {
         engine->members[k].most = MAX_STEPS;
     for (double k = 1.0; k <= count; k += 1.0) {
         double to = k == count ? end : time + size * k / count;
-        if (!engine_evaluate(engine, from, message) || !perform(engine, steps_of_members, from, to, message))
+        if (!engine_evaluate(engine, from, message))
+            return false;
+        engine->memory[EXCHANGED] = 0.0;
+        if (!perform(engine, steps_of_members, from, to, message))
             return false;
         from = to;
     }

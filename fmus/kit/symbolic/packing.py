@@ -25,8 +25,6 @@ from fmus.kit.symbolic.codegen import (
 )
 from fmus.kit.symbolic.tracing import Graph
 
-_STARTED = 1  # numbers before the memory of the first member
-
 
 class Operation(NamedTuple):
     """An operation of ``fmi/packed.c``.
@@ -102,7 +100,7 @@ class Places:
 
     def __init__(self, members: Sequence[Graph], read: int):
         sizes = [_memory_size(graph.layout) for graph in members]
-        self._first = list(accumulate(sizes, initial=_STARTED))
+        self._first = list(accumulate(sizes, initial=0))
         self._index = [{name: i for i, name in enumerate(g.layout.names)} for g in members]
         self.size = self._first[-1] + read
 
@@ -120,7 +118,7 @@ class Places:
 
 
 def _place(number: int) -> str:
-    return f"MEMORY_MEMBERS + {number}"
+    return f"MEMBERS_BEGIN + {number}"
 
 
 def _memory_size(layout: Layout) -> int:
@@ -186,7 +184,9 @@ def packed_sources(packed: PackedSystem, guid: str) -> dict[str, str]:
     """
     members, places, program = packed.members, packed.places, packed.program
     files = tables(packed.graph, guid)
-    files["model.h"] += f"#define MODEL_INDICATORS 0\n#define MODEL_MEMBERS {places.size}\n#endif\n"
+    # two flags and the inputs of the latest exchange come before the members
+    size = places.size + len(packed.graph.layout.inputs) + 2
+    files["model.h"] += f"#define MODEL_INDICATORS 0\n#define MODEL_MEMBERS {size}\n#endif\n"
     distinct = list({id(graph): graph for graph in members.values()}.values())
     functions = [one.functions(False, f"laws_{k}_") for k, one in enumerate(distinct)]
     lines = [
