@@ -188,9 +188,10 @@ class _Whole:
         connections = [f"- {c} {c.transformation}".rstrip() for c in system.connections]
         doc = "\n".join([system.doc or f"System {system.name}.", "", *members, "", *connections])
         name = quoting.identifier(system.name, "system")
+        often = f"{COMMUNICATION_STEP}, {system.step:g} s by default"
         body = {
             "name": name,
-            "remark": f"Members exchange values every {COMMUNICATION_STEP}, {system.step:g} s by default",
+            "remark": f"Members exchange values every {often}",
             "experiment": (system.stop, system.step),
             "tolerance": self._tolerance,
             "__doc__": doc,
