@@ -12,7 +12,6 @@ from .linear_models import black_box as black_box
 from .linearisation import linearise as linearise
 from .models import build as build
 from .models import check as check
-from .models import pack as pack
 from .optimisation import optimise as optimise
 from .package import UserError as UserError
 from .package import __version__ as __version__

@@ -1,31 +1,34 @@
-"""FMU files from Python: ``ppy.build``, ``ppy.pack`` and ``ppy.check``."""
+"""FMU files from Python: ``ppy.build`` and ``ppy.check``."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Unpack
 
-from fmus.kit import Component, files
+from fmus.kit import Component, UserError, files
 from fmus.kit import build as kit
 from fmus.kit.build import host_platform
 from orchestration import master
 from orchestration.api.declaration import takes
 from orchestration.api.options import BuildKeywords
-from orchestration.experiment.system_model import find_system
+from orchestration.experiment.system_model import find_system, is_system
 from orchestration.fmu.check import Findings, check_fmu
 from orchestration.fmu.model import find_class
 from orchestration.system import System
 
 
 @takes(BuildKeywords)
-def build(model: type[Component] | str, path: str | Path, **options: Unpack[BuildKeywords]) -> Path:
-    """Build a component as an FMU 2.0.
+def build(
+    model: type[Component] | System | str, path: str | Path, **options: Unpack[BuildKeywords]
+) -> Path:
+    """Build a component as an FMU 2.0, or a whole system as one.
 
     Parameters
     ----------
-    model : type[Component] or str
-        A component's name, ``path/to/file.py:Class``, or a class such as ``diagnose(...).model``.
+    model : type[Component], System or str
+        A component's name, ``path/to/file.py:Class``, or a class such as ``diagnose(...).model``. A
+        system, its name or its file, is compiled from the equations of its members and computes
+        what a run of it does with default options.
     path : str or Path
         File ``.fmu`` to write.
 
@@ -37,8 +40,8 @@ def build(model: type[Component] | str, path: str | Path, **options: Unpack[Buil
     Raises
     ------
     UserError
-        If there is no such model, effect, runtime, version or compiler, or the file cannot be
-        written.
+        If there is no such model, effect, runtime, version or compiler, the file cannot be written,
+        or a member of a system has no equations.
 
     Examples
     --------
@@ -46,48 +49,25 @@ def build(model: type[Component] | str, path: str | Path, **options: Unpack[Buil
     >>> ppy.build("ppy_actuator", "actuator.fmu", effects=["strain_saturation"]).name
     'actuator.fmu'
     """
-    cls = find_class(model, options["effects"]) if isinstance(model, str) else model
     platforms = options["platforms"] or [host_platform()]
-    files.write(Path(path), kit.build(cls, options["runtime"], platforms, fmi=options["fmi"]))
+    if isinstance(model, str) and is_system(model):
+        model = find_system(model)
+    if isinstance(model, System):
+        _refuse_for_systems(model, options)
+        made = master.pack(model, platforms)
+    else:
+        cls = find_class(model, options["effects"]) if isinstance(model, str) else model
+        made = kit.build(cls, options["runtime"], platforms, fmi=options["fmi"])
+    files.write(Path(path), made)
     return Path(path)
 
 
-def pack(
-    system: System | str | Path, path: str | Path, platforms: Sequence[str] | None = None
-) -> Path:
-    """Pack a system into one FMU 2.0 for co-simulation, compiled from the equations of its members.
-
-    Each communication step of it equals that of a run with default options.
-
-    Parameters
-    ----------
-    system : System, str or Path
-        A system, the name of one that ships, or a file ``.ssp`` or ``.ssd``.
-    path : str or Path
-        File ``.fmu`` to write.
-    platforms : sequence of str, optional
-        FMI platforms; by default that of this machine.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    UserError
-        If there is no such system, it does not pass its check, a member has no equations, a
-        platform fails, or the file cannot be written.
-
-    Examples
-    --------
-    >>> import ppy_rig as ppy
-    >>> ppy.pack("dma_bench", "bench.fmu").name
-    'bench.fmu'
-    """
-    found = system if isinstance(system, System) else find_system(str(system))
-    files.write(Path(path), master.pack(found, platforms or [host_platform()]))
-    return Path(path)
+def _refuse_for_systems(system: System, options: BuildKeywords) -> None:
+    """Raise UserError for an option that a system does not have."""
+    if options["effects"] or options["runtime"] != "native" or options["fmi"] != 2:
+        raise UserError(
+            f"{system.name} is a system, which is built native, of FMI 2.0 and without effects"
+        )
 
 
 def check(path: str | Path) -> Findings:

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import casadi as ca
 
 from fmus.kit import Component, UserError, quoting
-from fmus.kit.build import build_packed
+from fmus.kit.build import build
 from fmus.kit.declare import (
     Declaration,
     InputDeclaration,
@@ -24,7 +24,7 @@ from fmus.kit.declare import (
 from fmus.kit.errors import error_context
 from fmus.kit.interrupt import uninterrupted
 from fmus.kit.layout import Layout
-from fmus.kit.symbolic import Graph, Loop, Operation, PackedSystem, Places, Program, trace
+from fmus.kit.symbolic import Graph, packing, trace
 from orchestration.fmu import Value
 from orchestration.fmu.model import declared_model
 from orchestration.master import dependency_graph as structures
@@ -76,7 +76,7 @@ def pack(
         classes = {member.name: _class_of(member) for member in system.members}
         traced = {cls: trace(cls) for cls in dict.fromkeys(classes.values())}
         whole = _Whole(system, {name: traced[cls] for name, cls in classes.items()})
-        return build_packed(whole.component(), whole.packed(), platforms, progress)
+        return build(whole.component(), "native", platforms, progress, packed=whole.packed())
 
 
 def _class_of(member: Member) -> type[Component]:
@@ -207,7 +207,7 @@ class _Whole:
         return max(graph.tolerance for graph in self._graphs.values())
 
     @uninterrupted()
-    def packed(self) -> PackedSystem:
+    def packed(self) -> packing.PackedSystem:
         """Return the whole with the operations of its master.
 
         Raises
@@ -230,12 +230,12 @@ class _Whole:
                 present_step=CommunicationStep(),
             )
             layout = self._layout()
-            places = Places(list(self._graphs.values()), len(executor.outputs.at))
+            places = packing.Places(list(self._graphs.values()), len(executor.outputs.at))
             index = {name: str(i) for i, name in enumerate(layout.names)}
             translation = _Translation(self._system, executor, self._graphs, places, index)
             program = translation.program(self._constants, self._outputs)
         graph = self._graph_of(layout, structure)
-        return PackedSystem(graph, self._graphs, places, program)
+        return packing.PackedSystem(graph, self._graphs, places, program)
 
     def _graph_of(self, layout: Layout, structure: structures.Structure) -> Graph:
         """Return a graph with the dependencies of the outputs; it has no values of these."""
@@ -300,7 +300,7 @@ class _Translation:
         system: System,
         executor: Executor,
         graphs: Mapping[str, Graph],
-        places: Places,
+        places: packing.Places,
         index: Mapping[str, str],
     ):
         self._executor = executor
@@ -315,7 +315,7 @@ class _Translation:
         self._written = list(executor.inputs.at)  # by place in the buffer
         self._solved = 0  # loops in the schedule until here
 
-    def program(self, constants: Sequence[Port], outputs: Mapping[str, Port]) -> Program:
+    def program(self, constants: Sequence[Port], outputs: Mapping[str, Port]) -> packing.Program:
         """Return the whole schedule.
 
         Parameters
@@ -330,12 +330,12 @@ class _Translation:
         readings = [call for call in calls if call.request != STEP]
         exchange = [o for stage in complete.stages for o in self._stage(stage)]
         exchange += [
-            Operation("COPY", 0, self._index[name], self._read(port))
+            packing.Operation("COPY", 0, self._index[name], self._read(port))
             for name, port in outputs.items()
         ]
-        return Program(
+        return packing.Program(
             parameters=[
-                Operation("COPY", 0, self._variable(port), self._index[str(port)])
+                packing.Operation("COPY", 0, self._variable(port), self._index[str(port)])
                 for port in constants
             ],
             readings=[o for call in readings for o in self._call(call)],
@@ -350,46 +350,48 @@ class _Translation:
     def _read(self, port: Port) -> str:
         return self._places.read(self._executor.outputs.at[port])
 
-    def _stage(self, stage: ExchangeStage) -> Iterator[Operation]:
+    def _stage(self, stage: ExchangeStage) -> Iterator[packing.Operation]:
         """Yield the values that inputs receive, then the calls; inputs are set where they stand."""
         targets = [target for target, _ in stage.copies] + [c.target for c in stage.scaled]
         for target in targets:
             yield from self._link(self._written[target])
         for target, _ in stage.external:
             port = self._written[target]
-            yield Operation("COPY", 0, self._variable(port), self._index[self._inputs[port]])
+            yield packing.Operation(
+                "COPY", 0, self._variable(port), self._index[self._inputs[port]]
+            )
         for call in stage.calls:
             yield from self._call(call)
 
-    def _link(self, port: Port) -> Iterator[Operation]:
+    def _link(self, port: Port) -> Iterator[packing.Operation]:
         """Yield the copy that a connected input receives, and the table of its connection."""
         connection = self._connections[port]
         target, source = self._variable(port), self._read(connection.source)
-        yield Operation("COPY", 0, target, source, connection.factor, connection.offset)
+        yield packing.Operation("COPY", 0, target, source, connection.factor, connection.offset)
         for value, received in connection.table:
-            yield Operation("MAP", 0, target, source, value, received)
+            yield packing.Operation("MAP", 0, target, source, value, received)
 
-    def _call(self, call: MemberCall) -> Iterator[Operation]:
+    def _call(self, call: MemberCall) -> Iterator[packing.Operation]:
         operation = call.operation
         number = self._numbers[call.member.name]
         if isinstance(operation, ExchangeStage):
             yield from self._stage(operation)
         elif isinstance(operation, PlainStep):
-            yield Operation("STEP", number)
+            yield packing.Operation("STEP", number)
         elif isinstance(operation, BufferTransfer) and operation.verb == "Get":
             yield from self._reading(number, operation.ports)
         elif call.request == "solving":
-            yield Operation("SOLVE", self._solved)
+            yield packing.Operation("SOLVE", self._solved)
             self._solved += 1
 
-    def _reading(self, number: int, ports: Sequence[Port]) -> Iterator[Operation]:
+    def _reading(self, number: int, ports: Sequence[Port]) -> Iterator[packing.Operation]:
         """Yield the reading of outputs of a member; states need no evaluation."""
         if not self._computed.isdisjoint(ports):
-            yield Operation("EVALUATE", number)
+            yield packing.Operation("EVALUATE", number)
         for port in ports:
-            yield Operation("COPY", 0, self._read(port), self._variable(port))
+            yield packing.Operation("COPY", 0, self._read(port), self._variable(port))
 
-    def _loop(self, loop: structures.Loop) -> Loop:
+    def _loop(self, loop: structures.Loop) -> packing.Loop:
         """Return a loop; UserError if its variables are no real numbers."""
         name = structures.describe_loop(loop)
         links = [o for port in loop.inputs for o in self._link(port)]
@@ -405,4 +407,4 @@ class _Translation:
             for o in self._reading(self._numbers[owner], ports)
         ]
         scale = [members[port.member].nominal(port.variable) for port in loop.inputs]
-        return Loop(name, links, around, scale)
+        return packing.Loop(name, links, around, scale)

@@ -19,6 +19,45 @@ Case = Callable[[Instance, Subject], Any]
 CASES: dict[str, Case] = {}
 CREATING: dict[str, Callable[[Library], Instance]] = {}
 NAN, INF = math.nan, math.inf
+# What the first message must tell, <role> standing for a variable of the subject. Every status must
+# be Error.
+EXPECTED = {
+    "nan_input": r"fmi2SetReal: '<first>' = -?nan is not a finite number",
+    "infinite_input": r"fmi2SetReal: '<first>' = inf is not a finite number",
+    "one_bad_value_among_good_ones": r"'<second>' = -?nan is not a finite number",
+    "setting_an_output": r"'<output>' is calculated and cannot be set",
+    "setting_a_parameter_after_initialization": (
+        r"parameter '<parameter>' cannot be set after initialization"
+    ),
+    "unknown_value_reference": (
+        r"fmi2GetReal: value reference \d+ does not exist; the last one is \d+"
+    ),
+    "wrong_type": r"fmi2GetInteger: value reference \d+ is '<first>', which is of type Real",
+    "text_variables": r"has no String variables",
+    "null_arrays": r"fmi2GetReal: an array is NULL though it should have 1 elements",
+    "negative_step": r"fmi2DoStep: .* step -0.1 s must be finite numbers, the step positive",
+    "zero_step": r"fmi2DoStep: .* step 0 s must be finite numbers, the step positive",
+    "nan_step": r"fmi2DoStep: .* step -?nan s must be finite",
+    "infinite_step": r"fmi2DoStep: .* step inf s must be finite",
+    "invisibly_small_step": r"a step of 1e-300 s cannot be represented at t = 0.1 s",
+    "step_from_another_time": r"the step begins at 77.1 s but the instance is at 0.1 s",
+    "step_beyond_the_stop_time": r"the step ends at 1.1 s, after the stop time 1 s",
+    "initializing_again": r"fmi2SetupExperiment is not allowed between steps",
+    "using_what_is_not_initialized": r"fmi2DoStep is not allowed before initialization",
+    "using_what_is_terminated": r"fmi2DoStep is not allowed after termination",
+    "cancelling_a_step": r"steps are never pending",
+    "bad_experiment": r"start time -?nan is not a finite number",
+    "nothing_where_something_is_needed": r"parameter '<positive>' = 0( \S+)? is outside its range",
+    "nan_parameter": r"'<parameter>' = -?nan is not a finite number",
+    "null_state": r"fmi2GetFMUstate: a pointer is NULL",
+    "broken_serialized_state": (
+        r"fmi2DeSerializeFMUstate: \d+ bytes are not a state of \w+, which has \d+"
+    ),
+    "wrong_directions": r"fmi2GetDirectionalDerivative",
+    "wrong_slopes": r"fmi2SetRealInputDerivatives",
+    "slopes_of_outputs": r"fmi2GetRealOutputDerivatives is not supported",
+    "enormous_input": r"",
+}
 
 
 def case(function: Case) -> Case:

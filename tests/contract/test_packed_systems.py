@@ -15,7 +15,6 @@ from orchestration.system import library
 from tests.contract import checks, hostile, leaks, structure
 from tests.contract.raw import ERROR
 from tests.contract.subjects import Subject
-from tests.contract.test_04_hostile_calls import EXPECTED
 from tests.support import hosts
 
 pytestmark = pytest.mark.slow
@@ -61,7 +60,7 @@ def test_reset_then_run_is_a_fresh_run(bench, spoil):
 def test_whatever_a_host_does_the_answer_is_a_sentence(bench):
     finished = hosts.finish_in_subprocess(hostile.play, str(bench), SUBJECT)
     assert finished.returncode == 0, finished.output
-    for case, pattern in EXPECTED.items():
+    for case, pattern in hostile.EXPECTED.items():
         statuses, messages, _ = finished.result[case]
         told = re.sub(r"<(\w+)>", lambda role: getattr(SUBJECT, role[1]), pattern)
         assert case == "enormous_input" or set(statuses) == {ERROR}, case

@@ -22,7 +22,7 @@ import pytest
 
 from fmus.kit import UserError, quoting
 from fmus.kit.modelica.names import string as modelica_string
-from fmus.kit.symbolic.codegen import _c_string as c_string
+from fmus.kit.symbolic.codegen import c_string
 from orchestration.reporting.html import Bar, Page, elements, format_quantities
 from tests.support.browser import chromium
 from tests.support.command import here

@@ -18,8 +18,7 @@ import pytest
 from fmus.kit.build import toolchain
 from fmus.kit.build.toolchain import host_platform
 from orchestration import master
-from tests.interop.test_wrapped_random_calls import SANITIZED
-from tests.support.fmi3_fmus import FRAME
+from tests.support.fmi3_fmus import FRAME, SANITIZED
 from tests.support.packed import chain, circle
 
 

@@ -18,17 +18,9 @@ import pytest
 from fmus.kit.build import toolchain
 from orchestration.fmu import Archive, unpack
 from orchestration.fmu.wrapping import wrapping
-from tests.support.fmi3_fmus import FRAME, compile_model, foreign
+from tests.support.fmi3_fmus import FRAME, SANITIZED, compile_model, foreign
 from tests.support.pace import slow_but
 
-SANITIZED = (
-    "-g",
-    "-O1",
-    "-std=c99",
-    "-fsanitize=address,undefined",
-    "-fno-sanitize-recover=all",
-    "-fno-omit-frame-pointer",
-)
 MODELS = ("types", "arrays", "sawtooth", "lag", "clocked")
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc brings the sanitizers")
 

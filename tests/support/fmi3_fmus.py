@@ -17,6 +17,14 @@ from tests.support.archive import contents, edited
 from tests.support.hosts import HEADERS, TESTS, compiler
 
 FRAME = TESTS / "c" / "fmi3"
+SANITIZED = (
+    "-g",
+    "-O1",
+    "-std=c99",
+    "-fsanitize=address,undefined",
+    "-fno-sanitize-recover=all",
+    "-fno-omit-frame-pointer",
+)
 FLAGS = ("-std=c99", "-O1", "-fPIC", "-shared", "-w")
 _FLAGS = (
     'canGetAndSetFMUState="true" canSerializeFMUState="true" providesDirectionalDerivatives="true"'

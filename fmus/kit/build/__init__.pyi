@@ -4,7 +4,6 @@ from .building import RUNTIMES as RUNTIMES
 from .building import STOCK as STOCK
 from .building import build as build
 from .building import build_cached as build_cached
-from .building import build_packed as build_packed
 from .building import check_build as check_build
 from .building import plan_build as plan_build
 from .building import version as version

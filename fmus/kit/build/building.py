@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ from fmus.kit.storage import cache
 
 if TYPE_CHECKING:
     from fmus.kit.build.sources import EngineSources
-    from fmus.kit.symbolic import PackedSystem
+    from fmus.kit.symbolic.packing import PackedSystem
 
 RUNTIMES = ("python", "native")  # with the project's own front-end in C
 STOCK = "pythonfmu"  # with pythonfmu's binary; fulfils less of the contract, see `stock.LIMITS`
@@ -55,7 +55,9 @@ class BuildPlan:
     libraries: Mapping[str, tuple[str, ...]]
 
 
-def plan_build(cls: type[Component], runtime: str, fmi: int = 2) -> BuildPlan:
+def plan_build(
+    cls: type[Component], runtime: str, fmi: int = 2, packed: PackedSystem | None = None
+) -> BuildPlan:
     """Plan the contents of an FMU, and derive its GUID from them.
 
     Parameters
@@ -66,6 +68,8 @@ def plan_build(cls: type[Component], runtime: str, fmi: int = 2) -> BuildPlan:
         Laws interpreted by Python, or compiled from C.
     fmi : {2, 3}
         Version of FMI: 2.0 or 3.0.
+    packed : PackedSystem, optional
+        The members of the system that the class stands for; native, of FMI 2.0.
 
     Returns
     -------
@@ -79,15 +83,15 @@ def plan_build(cls: type[Component], runtime: str, fmi: int = 2) -> BuildPlan:
     """
     # CasADi takes a tenth of a second to load, and other parts of this package do not need it
     from fmus.kit.build import description
-    from fmus.kit.build.sources import UNIT, c_sources, engine_sources
+    from fmus.kit.build.sources import PACKED, UNIT, c_sources, engine_sources
     from fmus.kit.symbolic import trace
 
     _check_runtime(runtime, RUNTIMES)
     _check_version(cls, runtime, fmi)
-    graph = trace(cls)
+    graph = packed.graph if packed else trace(cls)
     native = runtime == "native"
-    compiled_laws = native and cls.engine is None
-    engine = engine_sources(cls, runtime)
+    compiled_laws = native and cls.engine is None and packed is None
+    engine = PACKED if packed else engine_sources(cls, runtime)
     contents = documents(cls)
     describe = description.describe_fmi3 if fmi == 3 else description.describe_fmi2
     if fmi == 3:
@@ -102,56 +106,19 @@ def plan_build(cls: type[Component], runtime: str, fmi: int = 2) -> BuildPlan:
         sources=(UNIT,) if native else (),
     )
 
-    def described(guid: str) -> bytes:
-        return describe(cls, graph, capabilities, version(), guid)
+    def described(guid: str) -> dict[str, bytes]:
+        return {"modelDescription.xml": describe(cls, graph, capabilities, version(), guid)}
 
-    def sources(guid: str) -> dict[str, bytes]:
-        return c_sources(graph, engine, guid, fmi)
-
-    named = BuildPlan(cls.name, runtime, fmi, "", contents, {}, engine.libraries)
-    return _identified(named, described, sources)
-
-
-def _plan_packed(cls: type[Component], packed: PackedSystem) -> BuildPlan:
-    """Plan the contents of the FMU of a packed system."""
-    from fmus.kit.build import description
-    from fmus.kit.build.sources import PACKED, UNIT, packed_c_sources
-
-    capabilities = description.Capabilities(
-        needs_execution_tool=False,
-        interpolates_inputs=False,
-        directional_derivatives=False,
-        sources=(UNIT,),
+    guid = archive.identity(
+        contents
+        | c_sources(graph, engine, archive.NO_GUID, fmi, packed)
+        | described(archive.NO_GUID)
     )
-
-    def described(guid: str) -> bytes:
-        return description.describe_fmi2(cls, packed.graph, capabilities, version(), guid)
-
-    named = BuildPlan(cls.name, "native", 2, "", documents(cls), {}, PACKED.libraries)
-    return _identified(named, described, lambda guid: packed_c_sources(packed, guid))
-
-
-def _identified(
-    named: BuildPlan,
-    described: Callable[[str], bytes],
-    sources_of: Callable[[str], dict[str, bytes]],
-) -> BuildPlan:
-    """Return a plan with description and sources, and the GUID that is derived from all of it.
-
-    Parameters
-    ----------
-    named : BuildPlan
-        Its files are the others.
-    described, sources_of : callable
-        Return the description, and the C files by name, with a GUID.
-    """
-    unnamed = {"modelDescription.xml": described(archive.NO_GUID)}
-    guid = archive.identity(named.files | sources_of(archive.NO_GUID) | unnamed)
-    sources = sources_of(guid)
-    files = named.files | {"modelDescription.xml": described(guid)}
-    if named.runtime == "native":
-        files |= {f"sources/{name}": text for name, text in sources.items()}
-    return replace(named, guid=guid, files=files, sources=sources)
+    sources = c_sources(graph, engine, guid, fmi, packed)
+    contents |= described(guid)
+    if native:
+        contents |= {f"sources/{name}": text for name, text in sources.items()}
+    return BuildPlan(cls.name, runtime, fmi, guid, contents, sources, engine.libraries)
 
 
 def _fmi3_files(
@@ -179,6 +146,8 @@ def build(
     progress: Callable[[str], None] = lambda text: None,
     failed: Callable[[str, UserError], None] | None = None,
     fmi: int = 2,
+    *,
+    packed: PackedSystem | None = None,
 ) -> bytes:
     """Build an FMU.
 
@@ -195,8 +164,8 @@ def build(
     failed : callable, optional
         Called with each platform that fails and its error; the archive then has the other
         platforms. By default the error is raised.
-    fmi : {2, 3}
-        Version of FMI; see :func:`plan_build`.
+    fmi, packed
+        See :func:`plan_build`.
 
     Returns
     -------
@@ -216,37 +185,7 @@ def build(
 
         return stock_archive(cls, version(), platforms, progress)
     targets = platforms or toolchain.available_platforms()
-    return _compile_and_pack(plan_build(cls, runtime, fmi), targets, progress, failed)
-
-
-def build_packed(
-    cls: type[Component],
-    packed: PackedSystem,
-    platforms: Sequence[str] | None = None,
-    progress: Callable[[str], None] = lambda text: None,
-) -> bytes:
-    """Build the FMU of a packed system, of FMI 2.0.
-
-    Parameters
-    ----------
-    cls : type[Component]
-        Name, documentation and default experiment of the whole, and its variables.
-    packed : PackedSystem
-    platforms, progress
-        See :func:`build`.
-
-    Returns
-    -------
-    bytes
-        The archive. The same sources give the same bytes.
-
-    Raises
-    ------
-    UserError
-        If a platform fails.
-    """
-    targets = platforms or toolchain.available_platforms()
-    return _compile_and_pack(_plan_packed(cls, packed), targets, progress)
+    return _compile_and_pack(plan_build(cls, runtime, fmi, packed), targets, progress, failed)
 
 
 def check_build(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from fmus.kit.build import toolchain
 from fmus.kit.component import Component
-from fmus.kit.symbolic import Graph, PackedSystem, codegen, packed_sources
+from fmus.kit.symbolic import Graph, codegen, packing
 
 FOLDER = Path(__file__).parents[1] / "fmi"
 UNIT = "all.c"  # includes every other C file
@@ -156,7 +156,13 @@ def engine_sources(cls: type[Component], runtime: str) -> EngineSources:
     return EngineSources(headers, sources, (), engine.libraries)
 
 
-def c_sources(graph: Graph, engine: EngineSources, guid: str, fmi: int) -> dict[str, bytes]:
+def c_sources(
+    graph: Graph,
+    engine: EngineSources,
+    guid: str,
+    fmi: int,
+    packed: packing.PackedSystem | None = None,
+) -> dict[str, bytes]:
     """Write every C file of a build, and the headers it needs.
 
     Parameters
@@ -167,6 +173,8 @@ def c_sources(graph: Graph, engine: EngineSources, guid: str, fmi: int) -> dict[
     guid : str
     fmi : {2, 3}
         Version of FMI.
+    packed : PackedSystem, optional
+        The system whose graph that is, for the engine :data:`PACKED`.
 
     Returns
     -------
@@ -174,33 +182,15 @@ def c_sources(graph: Graph, engine: EngineSources, guid: str, fmi: int) -> dict[
         Name to contents, :data:`UNIT` among them.
     """
     version = _VERSIONS[fmi]
-    if "laws.c" in engine.generated:
+    if packed is not None:
+        texts = packing.packed_sources(packed, guid)
+        front_end = version.front_end
+    elif "laws.c" in engine.generated:
         texts = codegen.native_sources(graph, guid, fmi=fmi)
-        return _all_sources(engine, texts, fmi, (*version.front_end, *version.exchange))
-    return _all_sources(engine, codegen.lawless_sources(graph, guid), fmi, version.front_end)
-
-
-def packed_c_sources(packed: PackedSystem, guid: str) -> dict[str, bytes]:
-    """Write every C file of a packed system, in FMI 2.0, and the headers it needs.
-
-    Parameters
-    ----------
-    packed : PackedSystem
-    guid : str
-
-    Returns
-    -------
-    dict of str to bytes
-        Name to contents, :data:`UNIT` among them.
-    """
-    return _all_sources(PACKED, packed_sources(packed, guid), 2, _VERSIONS[2].front_end)
-
-
-def _all_sources(
-    engine: EngineSources, texts: Mapping[str, str], fmi: int, front_end: Sequence[str]
-) -> dict[str, bytes]:
-    """Return generated texts with the files of front-end, engine and standard, by name."""
-    version = _VERSIONS[fmi]
+        front_end = (*version.front_end, *version.exchange)
+    else:
+        texts = codegen.lawless_sources(graph, guid)
+        front_end = version.front_end
     folder = FOLDER / f"fmi{fmi}"
     files = (
         *(FOLDER / name for name in _HEADERS),

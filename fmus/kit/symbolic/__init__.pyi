@@ -1,4 +1,5 @@
 from . import codegen as codegen
+from . import packing as packing
 from .checking import check_component as check_component
 from .forcing import ComponentAlong as ComponentAlong
 from .forcing import EffectForcing as EffectForcing
@@ -8,12 +9,6 @@ from .hoisting import hoist as hoist
 from .instructions import carry_out as carry_out
 from .laws import list_laws as list_laws
 from .laws import units_of_laws as units_of_laws
-from .packing import Loop as Loop
-from .packing import Operation as Operation
-from .packing import PackedSystem as PackedSystem
-from .packing import Places as Places
-from .packing import Program as Program
-from .packing import packed_sources as packed_sources
 from .perturbed import PerturbedLaws as PerturbedLaws
 from .sensitivity import with_sensitivities as with_sensitivities
 from .tracing import Graph as Graph

@@ -10,17 +10,17 @@ import pytest
 from fmus import component
 from fmus.kit.build import toolchain
 from fmus.kit.build.sources import (
+    PACKED,
     UNIT,
     c_sources,
     engine_sources,
     library_key,
-    packed_c_sources,
     record_engine_sources,
     record_model_sources,
     record_sources,
     unit,
 )
-from fmus.kit.symbolic import Operation, PackedSystem, Places, Program, trace
+from fmus.kit.symbolic import packing, trace
 from tests.support.kit_samples import Divider, Thermostat
 
 _INCLUDE = re.compile(rb'^\s*#\s*include\s+"([^"]+)"', re.M)
@@ -88,10 +88,11 @@ def test_a_component_with_an_engine_of_its_own_brings_its_files():
 
 def test_a_packed_system_has_all_that_is_included_and_nothing_else():
     graph = trace(Divider)
-    evaluate = Operation("EVALUATE", 1)
-    program = Program([], [], [Operation("STEP", 0)], [evaluate], [])
-    packed = PackedSystem(graph, {"a": graph, "b": graph}, Places([graph, graph], 0), program)
-    sources = packed_c_sources(packed, "{guid}")
+    step, evaluate = packing.Operation("STEP", 0), packing.Operation("EVALUATE", 1)
+    program = packing.Program([], [], [step], [evaluate], [])
+    places = packing.Places([graph, graph], 0)
+    packed = packing.PackedSystem(graph, {"a": graph, "b": graph}, places, program)
+    sources = c_sources(graph, PACKED, "{guid}", 2, packed)
     assert included(sources, UNIT) | {UNIT} == set(sources)
     assert sources["members.h"].count(b"static const Model") == 1, "of two members of one class"
 

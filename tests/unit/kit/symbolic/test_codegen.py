@@ -98,7 +98,7 @@ def test_laws_of_which_a_disk_takes_a_part_are_not_used(tmp_path, monkeypatch):
 def test_any_text_is_a_literal_of_c():
     # octal escapes and bytes are those of Python's literals, too
     for text in ("a.b/c", 'quo"te\\', "line\nbreak\0", "??/ trigraph", "é 😀 \u202e", "*/ %s 7"):
-        literal = codegen._c_string(text)
+        literal = codegen.c_string(text)
         assert literal.isascii()
         assert literal.isprintable()
         assert "??" not in literal
