@@ -51,3 +51,12 @@ def test_what_is_no_fmu_is_refused(tmp_path):
     with pytest.raises(UserError, match="no effect named 'strain_saturatio'"):
         ppy.build("ppy_actuator", tmp_path / "a.fmu", effects=["strain_saturatio"])
     assert not (tmp_path / "a.fmu").exists()
+
+
+@pytest.mark.slow
+def test_a_system_is_built_as_one_fmu(tmp_path):
+    path = ppy.build("dma_bench", tmp_path / "bench.fmu")
+    assert {"bench.K", "actuator.R1"} < ppy.find_model(str(path)).parameters.keys()
+    for refused in ({"fmi": 3}, {"runtime": "python"}, {"effects": ["strain_lag"]}):
+        with pytest.raises(UserError, match="dma_bench is a system, which is built native"):
+            ppy.build("dma_bench", tmp_path / "b.fmu", **refused)
