@@ -129,6 +129,16 @@ def test_a_packed_system_equals_the_run_of_its_members(packed, name):
 
 
 @pytest.mark.slow
+def test_samples_count_from_the_start_time(packed):
+    system = chain()
+    time = 7.13 + H * np.arange(31)
+    inputs = {"u": staircase(time.size)}
+    found = run_fmpy(packed(system), time, inputs, ["mean", "light"])
+    for name, wanted in solution(inputs["u"]).items():
+        assert name not in found or np.abs(found[name] - wanted).max() < 1e-6
+
+
+@pytest.mark.slow
 def test_libcosim_runs_it(packed):
     system = library.system("dma_bench")
     time = system.step * np.arange(201)
