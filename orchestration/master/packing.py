@@ -120,11 +120,6 @@ class _Whole:
         self._declarations = {
             Port(name, v.name): v for name, graph in graphs.items() for v in graph.layout.variables
         }
-        self._given = {
-            Port(member.name, name): value
-            for member in system.members
-            for name, value in member.parameters.items()
-        }
         fed = {connection.target for connection in system.connections}
         fed |= {port for _, port in system.fed_ports}
         # in the order of the declarations, as the parameters of the whole
@@ -150,7 +145,8 @@ class _Whole:
 
     def _start(self, port: Port) -> Value:
         declared: Any = self._declarations[port]
-        return self._given.get(port, declared.start)
+        given = self._system.member(port.member).parameters
+        return given.get(port.variable, declared.start)
 
     def _layout(self) -> Layout:
         step = ParameterDeclaration(

@@ -60,6 +60,19 @@ typedef struct {
     double tolerance;
 } Part;
 
+/* A model from the names and numbers of its tables and laws; its memory is laid out as in engine.h. */
+#define MEMBER_MODEL(laws, p, i, s, d, o, g, arg, res, iw, w)                                                           \
+    static const Model laws##_model = {                                                                                \
+        .parameters = p, .inputs = i, .states = s, .discretes = d, .outputs = o, .groups = g,                          \
+        .first_parameter = 0, .first_input = p, .first_state = p + i, .first_discrete = p + i + s,                     \
+        .first_output = p + i + s + d, .first_derivative = p + i + s + d + o,                                          \
+        .hint = p + i + 2 * s + d + o, .start_time = p + i + 2 * s + d + o + 1,                                        \
+        .tolerance = p + i + 2 * s + d + o + 2, .counters = p + i + 2 * s + d + o + 4,                                 \
+        .slopes = p + i + 2 * s + d + o + 4 + g, .memory_size = p + 2 * i + 2 * s + d + o + 4 + g,                     \
+        .variable = laws##_variables, .start_of = laws##_start_of, .group = laws##_groups,                             \
+        .rates_law = laws##_rates, .outputs_law = laws##_outputs, .update_laws = laws##_updates,                       \
+        .sz_arg = arg, .sz_res = res, .sz_iw = iw, .sz_w = w}
+
 enum { STARTED = MEMORY_MEMBERS, EXCHANGED, EXCHANGED_INPUTS, MEMBERS_BEGIN = EXCHANGED_INPUTS + MODEL_INPUTS };
 
 #include "members.h"

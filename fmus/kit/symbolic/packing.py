@@ -122,29 +122,9 @@ def _place(number: int) -> str:
 
 
 def _memory_size(layout: Layout) -> int:
-    return _model(layout)["memory_size"]
-
-
-def _model(layout: Layout) -> dict[str, int]:
-    """Return the sizes and places of a model (``Model`` in ``fmi/any_model.h``)."""
-    groups = ("parameters", "inputs", "states", "discretes", "outputs")
-    counts = {name: len(getattr(layout, name)) for name in groups}
-    firsts = accumulate(counts.values(), initial=0)
-    names = [f"first_{name.removesuffix('s')}" for name in (*groups, "derivatives")]
-    hint = len(layout.names)
-    counters = hint + 4  # hint, start time, tolerance, whether parameters have changed
-    slopes = counters + len(layout.sampled)
-    return {
-        **counts,
-        "groups": len(layout.sampled),
-        **dict(zip(names, firsts, strict=True)),
-        "hint": hint,
-        "start_time": hint + 1,
-        "tolerance": hint + 2,
-        "counters": counters,
-        "slopes": slopes,
-        "memory_size": slopes + len(layout.inputs),
-    }
+    """Return the size of the memory of a member (``fmi/engine.h``)."""
+    beside = 4  # step to try, start time, tolerance, whether parameters have changed
+    return len(layout.names) + beside + len(layout.sampled) + len(layout.inputs)
 
 
 @dataclass(frozen=True)
@@ -212,23 +192,13 @@ def _model_lines(number: int, graph: Graph, functions: list[ca.Function]) -> lis
     """Write the tables of a member and its model."""
     prefix = f"laws_{number}"
     updates = [f"{prefix}_update_{i}" for i in range(len(graph.updates))]
-    sizes = {f"sz_{name.lower()}": size for name, size in work_sizes(functions).items()}
-    fields = {
-        **_model(graph.layout),
-        **sizes,
-        "variable": f"{prefix}_variables",
-        "start_of": f"{prefix}_start_of",
-        "group": f"{prefix}_groups",
-        "rates_law": f"{prefix}_rates",
-        "outputs_law": f"{prefix}_outputs",
-        "update_laws": f"{prefix}_updates",
-    }
+    layout = graph.layout
+    groups = (layout.parameters, layout.inputs, layout.states, layout.discretes, layout.outputs)
+    counts = [*map(len, (*groups, layout.sampled)), *work_sizes(functions).values()]
     return [
-        *variable_tables(graph.layout, prefix),
+        *variable_tables(layout, prefix),
         f"static Law *const {prefix}_updates[] = {{{', '.join([*updates, 'NULL'])}}};",
-        f"static const Model {prefix}_model = {{",
-        *(f"    .{name} = {value}," for name, value in fields.items()),
-        "};",
+        f"MEMBER_MODEL({prefix}, {', '.join(map(str, counts))});",
     ]
 
 

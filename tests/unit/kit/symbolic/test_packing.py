@@ -32,7 +32,7 @@ def test_members_of_one_class_share_its_laws():
     packed = packing.PackedSystem(graph, {"a": graph, 'b"': graph}, places, program)
     files = packing.packed_sources(packed, "{guid}")
     text = files["members.h"]
-    assert text.count("static const Model ") == 1
+    assert text.count("MEMBER_MODEL(laws_") == 1
     assert [int(n) for n in re.findall(r"&laws_0_model, MEMBERS_BEGIN \+ (\d+)", text)] == [
         0,
         places.size // 2,
