@@ -28,7 +28,12 @@ class AdaptiveController(Component):
         0.02, "s", min=1e-4, max=10.0, nominal=0.01, doc="sample period of the controller (h)"
     )
     model_time = Parameter(
-        1.0, "s", min=1e-3, max=1e4, doc="time constant of the model to be followed (T_m)"
+        1.0,
+        "s",
+        min=1e-3,
+        max=1e4,
+        tunable=True,
+        doc="time constant of the model to be followed (T_m)",
     )
     decay = Parameter(
         0.9973390116840287,
@@ -48,7 +53,13 @@ class AdaptiveController(Component):
         doc="displacement that a current makes in a sample, nominal (b)",
     )
     adaptation_gain = Parameter(
-        0.02, "1", min=0, max=10.0, source=_RULE, doc="adaptation per sample (g); unstable from 1"
+        0.02,
+        "1",
+        min=0,
+        max=10.0,
+        source=_RULE,
+        tunable=True,
+        doc="adaptation per sample (g); unstable from 1",
     )
     smallest_sensitivity = Parameter(
         1e-6,
@@ -57,10 +68,11 @@ class AdaptiveController(Component):
         max=1.0,
         nominal=1e-6,
         source=_RULE,
+        tunable=True,
         doc="sensitivity to the gain from which on it is adapted at full speed (d)",
     )
-    gain_min = Parameter(0.2, "1", min=1e-6, max=1.0, doc="smallest gain")
-    gain_max = Parameter(5.0, "1", min=1.0, max=1e6, doc="largest gain")
+    gain_min = Parameter(0.2, "1", min=1e-6, max=1.0, tunable=True, doc="smallest gain")
+    gain_max = Parameter(5.0, "1", min=1.0, max=1e6, tunable=True, doc="largest gain")
     current_limit = largest_current()
 
     reference = Input("m", nominal=1e-4, display="mm", doc="wanted displacement")

@@ -36,6 +36,7 @@ class DisplacementController(Component):
         max=1e9,
         nominal=1e4,
         source="time constant of the loop of 0.5 s: 7.5 s / (alpha R2 C 0.5 s)",
+        tunable=True,
         doc="current per error of the displacement (K)",
     )
     integral_time = Parameter(
@@ -44,6 +45,7 @@ class DisplacementController(Component):
         min=1e-4,
         max=1e9,
         source="the circuit's time constant, (R1 + R2) C",
+        tunable=True,
         doc="integral time (T_i)",
     )
     tracking_time = Parameter(
@@ -52,6 +54,7 @@ class DisplacementController(Component):
         min=0,
         max=1e9,
         source="the integral time",
+        tunable=True,
         doc="time in which a command that was not carried out is forgotten (T_t)",
     )
     current_limit = largest_current()
@@ -61,10 +64,16 @@ class DisplacementController(Component):
         min=1e-3,
         max=100.0,
         source="thesis section 1.4.2",
+        tunable=True,
         doc="largest voltage across the actuator in either direction",
     )
     charge_limit = Parameter(
-        2.5, "C", min=1e-9, max=1e9, doc="largest charge on the films in either direction"
+        2.5,
+        "C",
+        min=1e-9,
+        max=1e9,
+        tunable=True,
+        doc="largest charge on the films in either direction",
     )
     charge_uncertainty = Parameter(
         0.5,
@@ -73,10 +82,16 @@ class DisplacementController(Component):
         max=10.0,
         display="%",
         source=_SPREAD,
+        tunable=True,
         doc="share by which the films may hold more than the estimate",
     )
     approach_time = Parameter(
-        0.5, "s", min=1e-3, max=1e4, doc="time constant with which the charge nears its limit"
+        0.5,
+        "s",
+        min=1e-3,
+        max=1e4,
+        tunable=True,
+        doc="time constant with which the charge nears its limit",
     )
     R1 = Parameter(
         0.43, "ohm", min=0, max=1e6, source=_CIRCUIT, doc="series resistance of the estimate"

@@ -34,6 +34,7 @@ class Feedforward(Component):
         min=1e-9,
         max=1e9,
         source="choice: all of the galvanostat's range in half a second",
+        tunable=True,
         doc="largest change of the current in a sample period, per time (S)",
     )
     voltage_limit = Parameter(
@@ -42,6 +43,7 @@ class Feedforward(Component):
         min=1e-3,
         max=100.0,
         source="thesis section 1.4.2",
+        tunable=True,
         doc="largest voltage across the model in either direction (V)",
     )
     R1 = Parameter(

@@ -25,25 +25,48 @@ class ImpedanceController(Component):
         0.02, "s", min=1e-4, max=10.0, nominal=0.01, doc="sample period of the controller (h)"
     )
     stiffness = Parameter(
-        1e3, "N/m", min=-1e9, max=1e9, nominal=1e3, source=_LAW, doc="force per elongation (K)"
+        1e3,
+        "N/m",
+        min=-1e9,
+        max=1e9,
+        nominal=1e3,
+        source=_LAW,
+        tunable=True,
+        doc="force per elongation (K)",
     )
     damping = Parameter(
-        50.0, "N*s/m", min=-1e9, max=1e9, nominal=10.0, source=_LAW, doc="force per rate (B)"
+        50.0,
+        "N*s/m",
+        min=-1e9,
+        max=1e9,
+        nominal=10.0,
+        source=_LAW,
+        tunable=True,
+        doc="force per rate (B)",
     )
     filter_time = Parameter(
-        0.05, "s", min=0, max=1e4, doc="time constant of the filter of the rate (T_f)"
+        0.05, "s", min=0, max=1e4, tunable=True, doc="time constant of the filter of the rate (T_f)"
     )
-    preload = Parameter(0.5, "N", min=-1e6, max=1e6, doc="force at the rest length (F_0)")
+    preload = Parameter(
+        0.5, "N", min=-1e6, max=1e6, tunable=True, doc="force at the rest length (F_0)"
+    )
     force_min = Parameter(
         0.0,
         "N",
         min=-1e6,
         max=1e6,
         source="films buckle under compression (thesis section 3.1)",
+        tunable=True,
         doc="smallest force",
     )
     force_max = Parameter(
-        3.0, "N", min=1e-6, max=1e6, source="below the 4.9 N of the coil", doc="largest force"
+        3.0,
+        "N",
+        min=1e-6,
+        max=1e6,
+        source="below the 4.9 N of the coil",
+        tunable=True,
+        doc="largest force",
     )
 
     length = Input("m", nominal=1e-3, display="mm", doc="measured length, or change of it")

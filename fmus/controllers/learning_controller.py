@@ -69,6 +69,7 @@ class LearningController(Component):
         max=1e12,
         nominal=1e3,
         source="half of 1 / (alpha R2 C) of the nominal actuator",
+        tunable=True,
         doc="current learnt per error of the displacement (G)",
     )
     learning_time = Parameter(
@@ -77,6 +78,7 @@ class LearningController(Component):
         min=0,
         max=1e6,
         source="h a / (1 - a) with the circuit's decay a per sample",
+        tunable=True,
         doc="current learnt per rate of the error, over that per error (T_l)",
     )
     lead = Parameter(
@@ -94,6 +96,7 @@ class LearningController(Component):
         max=0.5,
         nominal=0.1,
         source=_SOURCE,
+        tunable=True,
         doc="weight of each neighbour in the zero-phase filter of the learnt command (q)",
     )
     current_limit = largest_current("largest current in either direction, learnt and commanded")

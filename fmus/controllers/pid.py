@@ -27,13 +27,25 @@ class Pid(Component):
         0.01, "s", min=1e-4, max=10.0, nominal=0.01, doc="sample period of the controller (h)"
     )
     proportional_gain = Parameter(
-        0.3, "V/N", min=-1e6, max=1e6, source=_FORM, doc="proportional gain (K)"
+        0.3, "V/N", min=-1e6, max=1e6, source=_FORM, tunable=True, doc="proportional gain (K)"
     )
     integral_time = Parameter(
-        0.5, "s", min=1e-4, max=1e9, source=_FORM, doc="integral time (T_i); 1e9 s is without"
+        0.5,
+        "s",
+        min=1e-4,
+        max=1e9,
+        source=_FORM,
+        tunable=True,
+        doc="integral time (T_i); 1e9 s is without",
     )
     derivative_time = Parameter(
-        0.0, "s", min=0, max=1e4, source=_FORM, doc="derivative time (T_d); 0 is without"
+        0.0,
+        "s",
+        min=0,
+        max=1e4,
+        source=_FORM,
+        tunable=True,
+        doc="derivative time (T_d); 0 is without",
     )
     filter_time = Parameter(
         0.05,
@@ -41,6 +53,7 @@ class Pid(Component):
         min=0,
         max=1e4,
         source=_FORM,
+        tunable=True,
         doc="time constant of the derivative's filter (T_f)",
     )
     tracking_time = Parameter(
@@ -48,10 +61,11 @@ class Pid(Component):
         "s",
         min=0,
         max=1e9,
+        tunable=True,
         doc="time in which a command that was not carried out is forgotten (T_t)",
     )
-    command_min = Parameter(-10.0, "V", min=-1e6, max=0, doc="lowest command")
-    command_max = Parameter(10.0, "V", min=0, max=1e6, doc="highest command")
+    command_min = Parameter(-10.0, "V", min=-1e6, max=0, tunable=True, doc="lowest command")
+    command_max = Parameter(10.0, "V", min=0, max=1e6, tunable=True, doc="highest command")
 
     reference = Input("N", doc="wanted force")
     measured = Input("N", doc="measured force")

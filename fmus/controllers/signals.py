@@ -9,7 +9,8 @@ from ..kit import Discrete, Parameter
 
 def largest_current(doc: str = "largest current in either direction") -> Any:
     """Declare the limit of the current in A, that of the galvanostat in thesis table 2-2."""
-    return Parameter(1.3, "A", min=1e-9, max=1e6, source="thesis table 2-2 (HA-151)", doc=doc)
+    source = "thesis table 2-2 (HA-151)"
+    return Parameter(1.3, "A", min=1e-9, max=1e6, source=source, tunable=True, doc=doc)
 
 
 def sampled_length(update: str, doc: str, output: bool = False) -> Any:

@@ -60,11 +60,12 @@ def design_remark(gains: Mapping[str, float], plant: str) -> str:
     return f"Designed for {plant} from its linearisation, in SI units: {listed}"
 
 
-def _designed(name: str, unit: str, doc: str, least: float = -1e12) -> Any:
+def _designed(name: str, unit: str, doc: str, least: float = -1e12, **about: Any) -> Any:
     """Declare a parameter whose default is that of the design."""
     start = GAINS[name]
+    nominal = abs(start) or 1.0
     return Parameter(
-        start, unit, min=least, max=1e12, nominal=abs(start) or 1.0, source=_DESIGN, doc=doc
+        start, unit, min=least, max=1e12, nominal=nominal, source=_DESIGN, doc=doc, **about
     )
 
 
@@ -127,10 +128,15 @@ class StateFeedback(Component):
     maxwell_by_voltage = _designed(
         "maxwell_by_voltage", "m/V", "correction of the Maxwell elongation per voltage"
     )
-    charge_gain = _designed("charge_gain", "A/C", "current taken back per charge")
-    integral_gain = _designed("integral_gain", "A/m/s", "current per integral of the error")
+    charge_gain = _designed("charge_gain", "A/C", "current taken back per charge", tunable=True)
+    integral_gain = _designed(
+        "integral_gain", "A/m/s", "current per integral of the error", tunable=True
+    )
     reference_gain = _designed(
-        "reference_gain", "A/m", "current per displacement that the charge has to make"
+        "reference_gain",
+        "A/m",
+        "current per displacement that the charge has to make",
+        tunable=True,
     )
     tracking_time = Parameter(
         1.5,
@@ -138,11 +144,17 @@ class StateFeedback(Component):
         min=0,
         max=1e9,
         source="the second time constant of the design",
+        tunable=True,
         doc="time in which a command that was cut is forgotten (T_t)",
     )
     current_limit = largest_current()
     charge_limit = Parameter(
-        2.5, "C", min=1e-9, max=1e9, doc="largest estimated charge in either direction"
+        2.5,
+        "C",
+        min=1e-9,
+        max=1e9,
+        tunable=True,
+        doc="largest estimated charge in either direction",
     )
 
     reference = Input("m", nominal=1e-4, display="mm", doc="wanted displacement")

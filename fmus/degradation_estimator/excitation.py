@@ -25,6 +25,7 @@ class Excitation(Measurement):
         "A",
         min=1e-9,
         max=1e3,
+        tunable=True,
         doc="change of the current that counts as a reversal of its direction",
     )
     excitation_timeout = Parameter(
@@ -32,6 +33,7 @@ class Excitation(Measurement):
         "s",
         min=1e-3,
         max=1e7,
+        tunable=True,
         doc="time after the latest reversal when estimation stops until the next",
     )
     angular_frequency = Parameter(
@@ -53,6 +55,7 @@ class Excitation(Measurement):
         "s",
         min=0.1,
         max=1e6,
+        tunable=True,
         doc="time constant with which the tracked frequency follows the reversals",
     )
 

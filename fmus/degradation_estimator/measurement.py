@@ -23,6 +23,7 @@ class Measurement(Component):
         "A",
         min=1e-6,
         max=1e6,
+        tunable=True,
         doc="reading beyond which there is a fault, and the one before is used",
     )
     largest_voltage = Parameter(
@@ -30,6 +31,7 @@ class Measurement(Component):
         "V",
         min=1e-6,
         max=1e6,
+        tunable=True,
         doc="reading beyond which there is a fault, and the one before is used",
     )
 

@@ -40,7 +40,13 @@ class DegradationEstimator(Regression):
         120.0, "s", min=0, max=1e7, doc="excited time before the estimate is valid"
     )
     initial_voltage_limit = Parameter(
-        1.5, "V", min=0, max=100.0, source=_DESIGN, doc="voltage limit before derating (V_max)"
+        1.5,
+        "V",
+        min=0,
+        max=100.0,
+        source=_DESIGN,
+        tunable=True,
+        doc="voltage limit before derating (V_max)",
     )
     voltage_step = Parameter(
         0.05,
@@ -48,6 +54,7 @@ class DegradationEstimator(Regression):
         min=0,
         max=100.0,
         source=_DESIGN,
+        tunable=True,
         doc="voltage by which a derating step lowers the limit (delta V_der)",
     )
     impedance_step = Parameter(
@@ -57,6 +64,7 @@ class DegradationEstimator(Regression):
         max=100.0,
         display="%",
         source=_DESIGN,
+        tunable=True,
         doc="impedance change of a derating step (delta Z)",
     )
     minimum_voltage_limit = Parameter(
@@ -65,6 +73,7 @@ class DegradationEstimator(Regression):
         min=0,
         max=100.0,
         source=_DESIGN,
+        tunable=True,
         doc="voltage limit below which derating does not go",
     )
 

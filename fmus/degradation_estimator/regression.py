@@ -56,6 +56,7 @@ class Regression(Excitation):
         "s",
         min=0.1,
         max=1e7,
+        tunable=True,
         doc="age at which a sample has the remaining weight (T_f, eq. 4.11)",
     )
     remaining_weight = Parameter(
@@ -79,6 +80,7 @@ class Regression(Excitation):
         "s",
         min=0,
         max=1e7,
+        tunable=True,
         doc="excited time between resets of the covariance matrix; 0 is never",
     )
     maximum_trace = Parameter(
@@ -87,6 +89,7 @@ class Regression(Excitation):
         min=1e-6,
         max=1e15,
         nominal=1e4,
+        tunable=True,
         doc="largest trace of the covariance matrix, which is scaled down",
     )
     instrumental_variable = Parameter(
@@ -107,6 +110,7 @@ class Regression(Excitation):
         "s",
         min=0.1,
         max=1e6,
+        tunable=True,
         doc="time constant with which the auxiliary model follows the estimate",
     )
 

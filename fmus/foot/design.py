@@ -27,6 +27,7 @@ class FootDesign(Foot):
         min=0,
         max=1e4,
         source="thesis section 2.1: about 3 N",
+        tunable=True,
         doc="largest tension of an actuator",
     )
     actuator_stroke = Parameter(
@@ -37,6 +38,7 @@ class FootDesign(Foot):
         nominal=1e-4,
         display="mm",
         source="thesis fig. 3-10 and table 3-1: 0.068 mm/C, 2.7 F at 1 V",
+        tunable=True,
         doc="by how much an actuator shortens",
     )
 

@@ -48,7 +48,13 @@ class Galvanostat(Component):
     ports = (PowerPort("circuit", "electrical", "voltage", "current", ("p", "n"), delivers=True),)
 
     current_limit = Parameter(
-        1.3, "A", min=1e-9, max=1e6, source=_TABLE, doc="largest current in either direction"
+        1.3,
+        "A",
+        min=1e-9,
+        max=1e6,
+        source=_TABLE,
+        tunable=True,
+        doc="largest current in either direction",
     )
     compliance_voltage = Parameter(
         15.0,
@@ -56,6 +62,7 @@ class Galvanostat(Component):
         min=1e-6,
         max=1e6,
         source=_TABLE,
+        tunable=True,
         doc="largest voltage against which the current is driven",
     )
     response_time = Parameter(
@@ -74,6 +81,7 @@ class Galvanostat(Component):
         max=1e3,
         nominal=1e-3,
         display="mA",
+        tunable=True,
         doc=(
             "deviation of the setpoint from the current wanted, a dead band in either direction; 0"
             " is exact"
@@ -85,6 +93,7 @@ class Galvanostat(Component):
         min=0,
         max=1e3,
         source="choice; thesis section 4.2 gives no number",
+        tunable=True,
         doc=(
             "time without current after the voltage was beyond its limit, in whole protection"
             " periods and at least one"
@@ -107,10 +116,16 @@ class Galvanostat(Component):
         0.01, "s", min=1e-4, max=1e3, doc="sample period of the potentiostat's control law"
     )
     proportional_gain = Parameter(
-        0.0, "A/V", min=0, max=1e6, doc="proportional gain of the potentiostat"
+        0.0, "A/V", min=0, max=1e6, tunable=True, doc="proportional gain of the potentiostat"
     )
     integral_gain = Parameter(
-        100.0, "A/V/s", min=0, max=1e9, nominal=100.0, doc="integral gain of the potentiostat"
+        100.0,
+        "A/V/s",
+        min=0,
+        max=1e9,
+        nominal=100.0,
+        tunable=True,
+        doc="integral gain of the potentiostat",
     )
     voltage_tolerance = Parameter(
         0.0,
@@ -119,6 +134,7 @@ class Galvanostat(Component):
         max=1e3,
         nominal=1e-3,
         display="mV",
+        tunable=True,
         doc="voltage error up to which the potentiostat is content; 0 is exact",
     )
 

@@ -104,6 +104,7 @@ class IsotonicStand(Component):
         display="%",
         source="assumed: none; a share of 0.5 % in preset dcth_1000",
         fitted=False,
+        tunable=True,
         doc="largest deviation of the LVDT from a straight line, as a share of full scale (e)",
     )
     demodulator_cutoff = Parameter(
@@ -146,6 +147,7 @@ class IsotonicStand(Component):
         display="mV",
         source="assumed: none; 10 mV in preset dcth_1000",
         fitted=False,
+        tunable=True,
         doc="amplitude of what the demodulator leaves of the rectified carrier (V_r)",
     )
 

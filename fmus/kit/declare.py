@@ -116,7 +116,7 @@ class Started(Declaration):
 
 @dataclass(kw_only=True, eq=False)
 class ParameterDeclaration(Started):
-    """A value that is fixed before the simulation starts.
+    """A value that does not change by itself during a simulation.
 
     Attributes
     ----------
@@ -125,9 +125,14 @@ class ParameterDeclaration(Started):
     fitted : bool
         Whether a diagnosis fits it. False for example for a limit of a comparison, which no record
         can identify.
+    tunable : bool or None
+        Whether a host may change it during a simulation, between steps or at an event. States keep
+        their values then, so that none may stand for a product with the parameter. None: no, except
+        for the parameter that switches an effect.
     """
 
     fitted: bool = True
+    tunable: bool | None = None
     starts: str | None = field(default=None, init=False)
 
 
@@ -250,7 +255,7 @@ def Parameter(default: Number, unit: str, **about: Any) -> Any:
     unit : str
         SI unit as pint reads it.
     **about
-        Other attributes of :class:`Declaration`: range, nominal value, description, ...
+        Other attributes of :class:`ParameterDeclaration`: range, nominal value, description, ...
     """
     return ParameterDeclaration(start=default, unit=unit, **about)
 

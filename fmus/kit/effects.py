@@ -11,7 +11,7 @@ from typing import Any, ClassVar, ParamSpec, cast
 from zlib import crc32
 
 from .component import Component
-from .declare import Declaration, OutputDeclaration, name_declaration
+from .declare import Declaration, OutputDeclaration, ParameterDeclaration, name_declaration
 from .errors import UserError, find
 from .layout import APART
 
@@ -90,6 +90,7 @@ class EffectType(type):
 
         A declaration with the name of an attribute is set apart, because ``getattr`` on the class
         would find the attribute (`_effect_attribute`) in its place. Of an output, the method stays.
+        The parameter that switches the effect is tunable unless it is declared not to be.
         """
         members: dict[str, Any] = {}
         attributes: dict[str, Any] = {}
@@ -103,7 +104,11 @@ class EffectType(type):
                     members[key] = value.law
             else:
                 members[key] = value
-        members |= {"_about": attributes | about, APART: declarations}
+        attributes |= about
+        switch = body.get(attributes.get("neutral", ""))
+        if isinstance(switch, ParameterDeclaration) and switch.tunable is None:
+            switch.tunable = True
+        members |= {"_about": attributes, APART: declarations}
         return super().__new__(mcs, name, bases, members)
 
     def __init__(

@@ -189,6 +189,8 @@ def law_term_effect(component: type[Component], law: str, term: LawTerm) -> type
         return base + addition
 
     members = _shape_parameters(term) | memory.members
+    # a new coefficient of these would act from the start
+    members[stem].tunable = term.memory not in ("integral", "throughput")
     text = f"{law} hangs on {term.signal or 'a constant'}: {term.shape} shape"
     if term.memory != "none":
         text += f" of its {term.memory}"

@@ -197,6 +197,7 @@ def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
             min=0,
             max=1e6,
             nominal=quantity.sampling.time_constant,
+            tunable=False,  # the state lags by it
             doc=f"time constant of the sensor of {quantity.name}; 0 is without",
         ),
         change: State(
@@ -281,6 +282,7 @@ def transport_delay(quantity: _Quantity) -> dict[str, Any]:
             min=0,
             max=period * DELAY_SAMPLES,
             nominal=5.0 * period,
+            tunable=False,  # the states extend the output by it to before the start
             doc=f"delay of {quantity.name}; 0 is without",
         ),
         latest: sampled(
@@ -374,6 +376,7 @@ def sensor_drift(quantity: _Quantity) -> dict[str, Any]:
             0.0,
             min=-_ANY,
             max=_ANY,
+            tunable=False,  # a new rate would act from the start
             doc=f"rate at which the bias of {quantity.name} grows",
             **quantity.about("/s", 1e-3),
         ),

@@ -107,6 +107,7 @@ class Actuator(Component):
         max=1e9,
         source="thesis table 2-1: permanent deformation above approximately 3 N",
         fitted=False,
+        tunable=True,
         doc="load above which the films deform for good",
     )
     compression_limit = Parameter(
@@ -116,6 +117,7 @@ class Actuator(Component):
         max=1e9,
         source="thesis section 3.1.2: used in tension only, films buckle under small compression",
         fitted=False,
+        tunable=True,
         doc="compression above which the films are slack",
     )
     displacement_limit = Parameter(
@@ -127,6 +129,7 @@ class Actuator(Component):
         display="mm",
         source="thesis table 2-1: the maximum displacement is approximately 7 mm",
         fitted=False,
+        tunable=True,
         doc="elongation, of either sign, that the actuator does not reach",
     )
     voltage_limit = Parameter(
@@ -136,6 +139,7 @@ class Actuator(Component):
         max=1e6,
         source="choice, V_max of degradation_estimator; thesis section 4.2 has no number",
         fitted=False,
+        tunable=True,
         doc="voltage, of either sign, at which the oxidation of the films is near",
     )
 

@@ -189,6 +189,7 @@ class VoiceCoilDma(Component):
         min=-1e3,
         max=1e3,
         source=_LAW,
+        tunable=True,
         doc="controller coefficient of the present error",
     )
     previous_error_gain = Parameter(
@@ -197,13 +198,26 @@ class VoiceCoilDma(Component):
         min=-1e3,
         max=1e3,
         source=_LAW,
+        tunable=True,
         doc="controller coefficient of the previous error",
     )
     voltage_min = Parameter(
-        0.0, "V", min=-100.0, max=0, source="thesis section 2.2.3", doc="lowest coil voltage"
+        0.0,
+        "V",
+        min=-100.0,
+        max=0,
+        source="thesis section 2.2.3",
+        tunable=True,
+        doc="lowest coil voltage",
     )
     voltage_max = Parameter(
-        10.0, "V", min=0, max=100.0, source="thesis section 2.2.3", doc="highest coil voltage"
+        10.0,
+        "V",
+        min=0,
+        max=100.0,
+        source="thesis section 2.2.3",
+        tunable=True,
+        doc="highest coil voltage",
     )
     anti_windup = Parameter(
         True, "1", type="boolean", doc="whether the controller remembers the voltage as limited"

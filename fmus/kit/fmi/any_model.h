@@ -16,6 +16,7 @@ typedef struct {
     double start;            /* used for parameters and inputs; states and discretes start at a parameter */
     double minimum, maximum; /* -INFINITY, INFINITY where open; both ends are allowed values */
     double nominal;          /* > 0, in the unit of the variable */
+    bool tunable;            /* whether a host may move the parameter during a simulation */
 } Variable;
 
 typedef struct {

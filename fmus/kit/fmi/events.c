@@ -14,10 +14,22 @@ static bool enters_events(const Instance *instance, int modes, const char *funct
     return handles_events(instance);
 }
 
+/* Gives discrete inputs the values that were set in continuous-time mode. */
+static void take_changes(State *now) {
+    for (int i = 0; i < MODEL_INPUTS; i++) {
+        now->memory[FIRST_INPUT + i] += now->changes[i];
+        now->changes[i] = 0.0;
+    }
+}
+
 EXPORT Status FMI(EnterEventMode)(void *c) {
     Instance *instance = c;
     if (!enters_events(instance, RUNNING, __func__))
         return FMI(Error);
+    if (instance->now.mode == CONTINUOUS) {
+        take_changes(&instance->now);
+        touch(instance, false);
+    }
     instance->now.mode = EVENT;
     return FMI(OK);
 }

@@ -29,6 +29,7 @@ typedef struct {
     double time;
     double stop_time; /* +infinity when the host defined none */
     double sides[MODEL_INDICATORS + 1]; /* signs of the event indicators at the latest event; 0.0 where not known */
+    double changes[MODEL_INPUTS + 1]; /* of discrete inputs at the next event, which were set before it */
     double memory[MEMORY_SIZE];
 } State;
 
@@ -44,6 +45,7 @@ typedef struct {
     char *name;
     Host host;
     bool logging;
+    bool warned; /* that a discrete input was set in continuous-time mode */
 } Instance;
 
 /* Whether the host enters event mode: in model exchange it always does. */

@@ -98,20 +98,22 @@ Status set_up(Instance *instance, const char *function, bool tolerance_defined, 
     return FMI(OK);
 }
 
+bool in_range(const Instance *instance, const Variable *parameter, double value) {
+    bool plain = strcmp(parameter->unit, "1") == 0; /* a number without a unit */
+    const char *gap = plain ? "" : " ", *unit = plain ? "" : parameter->unit;
+    if (value >= parameter->minimum && value <= parameter->maximum)
+        return true;
+    report(instance, FMI(Error), "parameter '%s' = %.10g%s%s is outside its range [%.10g, %.10g]%s%s", parameter->name,
+           value, gap, unit, parameter->minimum, parameter->maximum, gap, unit);
+    return false;
+}
+
 /* Every parameter outside its range and every useless sample period gets its own line. */
 static bool parameters_valid(const Instance *instance) {
     const double *memory = instance->now.memory;
     bool valid = true;
-    for (int i = FIRST_PARAMETER; i < FIRST_INPUT; i++) {
-        const Variable *v = &model_variables[i];
-        bool plain = strcmp(v->unit, "1") == 0; /* a number without a unit */
-        const char *gap = plain ? "" : " ", *unit = plain ? "" : v->unit;
-        if (memory[i] >= v->minimum && memory[i] <= v->maximum)
-            continue;
-        report(instance, FMI(Error), "parameter '%s' = %.10g%s%s is outside its range [%.10g, %.10g]%s%s", v->name,
-               memory[i], gap, unit, v->minimum, v->maximum, gap, unit);
-        valid = false;
-    }
+    for (int i = FIRST_PARAMETER; i < FIRST_INPUT; i++)
+        valid &= in_range(instance, &model_variables[i], memory[i]);
     for (int i = 0; i < MODEL_GROUPS; i++) {
         int parameter = model_groups[i].period_parameter;
         if (parameter < 0 || memory[parameter] > 0.0)

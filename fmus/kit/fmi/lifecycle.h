@@ -12,4 +12,7 @@ static Instance *instance_create(const char *function, const Host *host, Integra
 static Status set_up(Instance *instance, const char *function, bool tolerance_defined, double tolerance, double start,
                      bool stop_defined, double stop);
 
+/* Whether a parameter may have a value; reports it if not. */
+static bool in_range(const Instance *instance, const Variable *parameter, double value);
+
 #endif

@@ -1,8 +1,10 @@
 /* Reading and writing of variables. */
 #include "values.h"
 #include "evaluate.h"
+#include "lifecycle.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 /* Says why a reference is not taken where variables of one type are. */
@@ -112,27 +114,57 @@ Status get_texts(Instance *instance, const char *function, const Reference vr[],
 /* ---- writing ------------------------------------------------------------------------------------ */
 
 static bool settable(const Instance *instance, const char *function, const Variable *variable, double value) {
-    bool started = ((int)instance->now.mode & BEFORE_START) == 0;
+    bool tuned = variable->role == ROLE_PARAMETER && ((int)instance->now.mode & BEFORE_START) == 0;
     bool changes = value != instance->now.memory[variable - model_variables];
     bool integrated = variable->role == ROLE_STATE && ((int)instance->now.mode & (EVENT | CONTINUOUS)) != 0;
     if (variable->role > ROLE_INPUT && !integrated) /* hosts that integrate may set states one by one */
         report(instance, FMI(Error), "%s: '%s' is calculated and cannot be set", function, variable->name);
-    else if (variable->role == ROLE_PARAMETER && started)
+    else if (tuned && !variable->tunable)
         report(instance, FMI(Error), "%s: parameter '%s' cannot be set after initialization", function, variable->name);
-    else if (variable->type != TYPE_REAL && changes && instance->now.mode == CONTINUOUS)
-        report(instance, FMI(Error), "%s: '%s' is discrete and can change in event mode only", function, variable->name);
+    else if (tuned && changes && instance->now.mode == CONTINUOUS)
+        report(instance, FMI(Error), "%s: parameter '%s' can change in event mode only", function, variable->name);
     else if (!isfinite(value))
         report(instance, FMI(Error), "%s: '%s' = %g is not a finite number", function, variable->name, value);
     else if (variable->type == TYPE_BOOLEAN && value != 0.0 && value != 1.0)
         report(instance, FMI(Error), "%s: '%s' = %g is neither 0 (false) nor 1 (true)", function, variable->name, value);
     else
-        return true;
+        return !tuned || in_range(instance, variable, value);
     return false;
+}
+
+/* FMI forbids to set discrete inputs in continuous-time mode, but hosts do it: such a value waits for the next event. */
+static bool waits(const Instance *instance, const Variable *variable) {
+    return instance->now.mode == CONTINUOUS && variable->role == ROLE_INPUT && variable->type != TYPE_REAL;
+}
+
+/* True where a value changes at the next event. */
+static bool take(Instance *instance, Reference vr, double value) {
+    double *present = &instance->now.memory[vr];
+    double *change;
+    if (!waits(instance, &model_variables[vr])) {
+        *present = value;
+        return false;
+    }
+    change = &instance->now.changes[vr - FIRST_INPUT];
+    *change = value - *present;
+    return *change != 0.0;
+}
+
+/* Tells a host of the first such value, whether or not logging is on: what it asked for was not done. */
+static Status warn(Instance *instance, const char *function, const Variable *variable) {
+    Message text;
+    if (instance->warned)
+        return FMI(OK);
+    instance->warned = true;
+    snprintf(text, sizeof text, "%s: '%s' is discrete and changes at the next event only", function, variable->name);
+    deliver(&instance->host, instance->name, FMI(Warning), text);
+    return FMI(Warning);
 }
 
 Status set_numbers(Instance *instance, const char *function, Type type, const Reference vr[], size_t n,
                    const void *values, Number *number) {
     bool parameters = false;
+    const Variable *waiting = NULL;
     if (!allowed(instance, BEFORE_START | RUNNING, function) || !valid(instance, function, type, vr, n, values))
         return FMI(Error);
     for (size_t i = 0; i < n; i++) {
@@ -141,10 +173,11 @@ Status set_numbers(Instance *instance, const char *function, Type type, const Re
         parameters |= model_variables[vr[i]].role == ROLE_PARAMETER;
     }
     for (size_t i = 0; i < n; i++)
-        instance->now.memory[vr[i]] = number(values, i);
+        if (take(instance, vr[i], number(values, i)))
+            waiting = &model_variables[vr[i]];
     if (n > 0)
         touch(instance, parameters);
-    return FMI(OK);
+    return waiting == NULL ? FMI(OK) : warn(instance, function, waiting);
 }
 
 Status set_texts(Instance *instance, const char *function, const Reference vr[], size_t n,

@@ -72,6 +72,11 @@ def c_double(value: float) -> str:
     return repr(float(value))
 
 
+def _c_bool(value: bool) -> str:
+    """Write a boolean in C."""
+    return "true" if value else "false"
+
+
 def c_string(text: str) -> str:
     """Write a string literal in C: in UTF-8, with escapes by three octal digits.
 
@@ -126,7 +131,7 @@ def tables(graph: Graph, guid: str) -> dict[str, str]:
         "static const Text model_texts[] = {",
         *(texts or ['    {"", ""},']),
         "};",
-        f"static const bool model_restorable = {'true' if graph.restorable else 'false'};",
+        f"static const bool model_restorable = {_c_bool(graph.restorable)};",
     ]
     return {"model.h": "\n".join(header) + "\n", "tables.h": "\n".join(body) + "\n"}
 
@@ -167,12 +172,13 @@ def _variable_rows(layout: Layout) -> list[str]:
         numbers = ", ".join(map(c_double, (start, v.min, v.max, v.nominal)))
         rows.append(
             f"    {{{c_string(v.name)}, {c_string(v.unit)}, {_ROLES[type(v)]},"
-            f" TYPE_{v.type.upper()}, {numbers}}},"
+            f" TYPE_{v.type.upper()}, {numbers}, {_c_bool(getattr(v, 'tunable', False))}}},"
         )
     for (name, unit), state in zip(layout.derivatives, layout.states, strict=True):
         numbers = f"0.0, -INFINITY, INFINITY, {c_double(state.nominal)}"
         rows.append(
-            f"    {{{c_string(name)}, {c_string(unit)}, ROLE_DERIVATIVE, TYPE_REAL, {numbers}}},"
+            f"    {{{c_string(name)}, {c_string(unit)}, ROLE_DERIVATIVE, TYPE_REAL, {numbers},"
+            " false},"
         )
     return rows
 

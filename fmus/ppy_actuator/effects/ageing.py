@@ -37,6 +37,7 @@ class ResistanceGrowth(ActuatorEffect):
         min=0,
         max=1e3,
         nominal=1e-3,
+        tunable=False,  # a new rate would act on the charge moved before
         doc="relative growth of the series resistance per charge moved (gamma)",
     )
     throughput = State(
@@ -79,6 +80,7 @@ class CapacitanceFade(ActuatorEffect):
         min=0,
         max=1e3,
         nominal=1e-3,
+        tunable=False,  # as the rate of `ResistanceGrowth`
         doc="relative fall of the capacitance per charge moved (phi)",
     )
     fading_throughput = State(

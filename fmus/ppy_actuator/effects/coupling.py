@@ -196,7 +196,12 @@ class StrainLag(ActuatorEffect):
     sizes = (Size("a time constant of {}", ("lag_time",)),)
 
     lag_time = Parameter(
-        0.0, "s", min=0, max=1e6, doc="time constant with which elongation follows charge"
+        0.0,
+        "s",
+        min=0,
+        max=1e6,
+        tunable=False,  # the charge that is pending hangs on it
+        doc="time constant with which elongation follows charge",
     )
     pending_charge = State(
         "C", rate="pending_charge_rate", doc="charge that has not yet elongated the films"
@@ -233,7 +238,12 @@ class TwoStageStrainLag(ActuatorEffect):
     )
 
     staged_lag_time = Parameter(
-        0.0, "s", min=0, max=1e6, doc="time of two stages with which elongation follows charge"
+        0.0,
+        "s",
+        min=0,
+        max=1e6,
+        tunable=False,  # as `StrainLag.lag_time`
+        doc="time of two stages with which elongation follows charge",
     )
     first_stage_charge = State(
         "C", rate="first_stage_rate", doc="charge that has not passed the first stage"

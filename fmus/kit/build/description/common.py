@@ -314,7 +314,9 @@ def variable_attributes(reference: int, variable: Declaration) -> dict[str, str]
     kind = dict(_KINDS[type(variable)])
     if getattr(variable, "output", False):
         kind["causality"] = "output"
-    if variable.type != "real" and kind["variability"] == "continuous":
+    if getattr(variable, "tunable", False):
+        kind["variability"] = "tunable"
+    elif variable.type != "real" and kind["variability"] == "continuous":
         kind["variability"] = "discrete"
     description = variable.doc + (f" [{variable.source}]" if variable.source else "")
     return _identity(variable.name, reference, description) | kind

@@ -17,6 +17,7 @@ from pythonfmu import Boolean, Fmi2Slave, Integer, Real, String
 
 if TYPE_CHECKING:
     from fmus.kit.component import Component
+    from fmus.kit.declare import ParameterDeclaration
 
 kept: list[dict[str, Any]] = []
 _KINDS = {"real": Real, "integer": Integer, "boolean": Boolean}
@@ -95,10 +96,13 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
 
     def _write(self, i: int, value: float) -> None:
         """Set a parameter or an input."""
-        if not isfinite(value) or (self.started and i < self.first_input):
-            raise ValueError(
-                f"{self.vars[i].name} = {value} is not finite, or a parameter after initialization"
-            )
+        if not isfinite(value):
+            raise ValueError(f"{self.vars[i].name} = {value} is not finite")
+        if self.started and i < self.first_input:
+            parameter = self.model.layout.parameters[i]
+            if not parameter.tunable:
+                raise ValueError(f"{parameter.name} cannot be set after initialization")
+            self._check_range(parameter, value)
         self.memory[i] = float(value)
         self.stale = True
         if i < self.first_input:
@@ -112,6 +116,14 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
             )
             self.stale = False
         return self.memory[i]
+
+    def _check_range(self, parameter: ParameterDeclaration, value: float) -> None:
+        """Raise an error for a parameter out of its range."""
+        if not parameter.min <= value <= parameter.max:
+            self._check_result(
+                f"parameter '{parameter.name}' = {value:.10g} {parameter.unit} is outside"
+                f" [{parameter.min:g}, {parameter.max:g}]"
+            )
 
     def _check_result(self, message: str | None) -> None:
         """Raise an error for a message, or for a value that is not finite.
@@ -136,12 +148,8 @@ class ComponentSlave(Fmi2Slave):  # type: ignore[misc]
 
     def exit_initialization_mode(self) -> None:
         """Check the ranges of parameters, and initialize the slave."""
-        for v, value in zip(self.model.layout.parameters, self.memory, strict=False):
-            if not v.min <= value <= v.max:
-                self._check_result(
-                    f"parameter '{v.name}' = {value:.10g} {v.unit} is outside [{v.min:g},"
-                    f" {v.max:g}]"
-                )
+        for parameter, value in zip(self.model.layout.parameters, self.memory, strict=False):
+            self._check_range(parameter, value)
         self._check_result(self.slave.initialize())
         self.started = True
         self.stale = True

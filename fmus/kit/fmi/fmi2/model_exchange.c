@@ -20,8 +20,9 @@ EXPORT fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *event) {
     event->newDiscreteStatesNeeded = next <= instance->now.time ? fmi2True : fmi2False;
     event->terminateSimulation = fmi2False;
     /* Rates jump at every event: at a sample, where a law switches, where the host's input does. Some hosts restart their
-       solvers only if told that values or nominals have changed; to read the nominals again costs nothing. */
-    event->nominalsOfContinuousStatesChanged = fmi2True;
+       solvers only if told that values or nominals have changed; to read the nominals again costs nothing. Where there are
+       no states, others refuse to read their nominals. */
+    event->nominalsOfContinuousStatesChanged = MODEL_STATES > 0 ? fmi2True : fmi2False;
     event->valuesOfContinuousStatesChanged = fmi2False; /* a sample changes what is sampled, never a state */
     return fmi2OK;
 }

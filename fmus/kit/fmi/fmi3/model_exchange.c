@@ -20,7 +20,8 @@ EXPORT fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *more, fm
     /* of a host that comes late, as those of fixed steps do: what it has missed is sampled now, one after the other */
     *more = *next <= instance->now.time;
     *terminate = false;
-    *nominals_changed = instance->integrator == HOST_INTEGRATES; /* hosts then restart their solvers: rates have jumped */
+    /* hosts then restart their solvers: rates have jumped */
+    *nominals_changed = instance->integrator == HOST_INTEGRATES && MODEL_STATES > 0;
     *states_changed = false; /* a sample changes what is sampled, never a state */
     return fmi3OK;
 }
