@@ -71,7 +71,7 @@ class Preparation:
     @property
     def signals(self) -> dict[str, Signal]:
         """All signals of the results, by name."""
-        signals = {name: self.subject.inputs[name] for name in self.inputs}
+        signals = {name: self.subject.driven[name] for name in self.inputs}
         signals |= {name: self.subject.outputs[name] for name in self.record}
         return signals | {signal.name: signal for signal in self.imbalances.values()}
 
@@ -129,7 +129,7 @@ def prepare(
         output: _make_noise(output, table, complete, recorded.get(output), time.size, where)
         for output, table in complete.noise.items()
     }
-    signals = {name: subject.inputs[name] for name in inputs} | recorded
+    signals = {name: subject.driven[name] for name in inputs} | recorded
     if complete.over != "time":
         known(complete.over, signals, "over: nothing recorded", where)
     if complete.work_loop:
@@ -216,7 +216,11 @@ def _make_stimuli(
     """Return the stimuli by input, and note each input that stays at its start value."""
     values = {}
     for name in experiment.inputs:
-        signal = known(name, subject.inputs, f"{subject.name} has no input", where)
+        signal = known(name, subject.driven, f"{subject.name} has no input", where)
+        if name in experiment.parameters:
+            raise UserError(
+                f"{where}: {name} is given by parameters.{name} and by inputs.{name}; one is needed"
+            )
         values[name] = stimulus_values(experiment, name, signal.unit, time, where, note)
         _check_values(signal, values[name], f"{where}: inputs.{name}")
     for name, signal in subject.inputs.items():

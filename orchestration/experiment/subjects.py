@@ -18,7 +18,7 @@ from orchestration.experiment.model import Experiment, Master
 from orchestration.fmu import Signal, Value, find_model, read_description
 from orchestration.fmu.isolation import Limits
 from orchestration.fmu.model import declared_model, refuse_runtime
-from orchestration.fmu.signal import read_signal
+from orchestration.fmu.signal import is_tunable, read_signal
 from orchestration.fmu.simulation import FmuSource, LimitOutputs
 from orchestration.master.reference import Mechanical, fuse, mechanical
 from orchestration.system import Member, Port, System, library, ssp
@@ -75,6 +75,8 @@ class Subject:
     inputs, parameters, outputs : Mapping of str to Signal
         Variables that can be driven, set and recorded; in a system the latter two are
         ``member.variable``. Parameters include the inputs of members without a connection.
+    tunable : Mapping of str to Signal
+        Parameters that can be driven, too.
     open_inputs : Mapping of str to Signal
         Inputs of members without a connection and without a value.
     why_not_settable : Mapping of str to str
@@ -101,6 +103,7 @@ class Subject:
     inputs: Mapping[str, Signal]
     why_not_settable: Mapping[str, str]
     parameters: Mapping[str, Signal]
+    tunable: Mapping[str, Signal]
     open_inputs: Mapping[str, Signal]
     outputs: Mapping[str, Signal]
     recorded_by_default: Sequence[str]
@@ -113,6 +116,11 @@ class Subject:
     run: Runner
     foreign: bool
     notes: Sequence[str] = ()
+
+    @property
+    def driven(self) -> Mapping[str, Signal]:
+        """Everything that a stimulus can drive: inputs and tunable parameters."""
+        return {**self.inputs, **self.tunable}
 
 
 @contextmanager
@@ -199,11 +207,14 @@ def subject_of(system: System, master_options: Master | None = None, prefix: str
     signals = {name: read_signal(variable) for name, variable in variables.items()}
     outputs = {}
     parameters = {}
+    tunable = {}
     for name, variable in variables.items():
         if _is_recordable(variable):
             outputs[name] = signals[name]
         if _is_settable(variable) and f"{prefix}{name}" not in why_not_settable:
             parameters[name] = signals[name]
+            if is_tunable(variable):
+                tunable[name] = signals[name]
     recorded_by_default = [str(port) for port in system.outputs.values()]
     if not recorded_by_default:
         margins = LimitOutputs.among(outputs, signals).margins
@@ -220,6 +231,7 @@ def subject_of(system: System, master_options: Master | None = None, prefix: str
         },
         why_not_settable=why_not_settable,
         parameters=parameters,
+        tunable=tunable,
         open_inputs={
             str(port).removeprefix(prefix): signal
             for port, signal in check.open_inputs(system).items()
@@ -260,12 +272,16 @@ def _runner(system: System, prefix: str, master_options: Master) -> Runner:
     ) -> master.Run:
         ready = system.given({f"{prefix}{name}": value for name, value in settings.items()})
         names = [f"{prefix}{name}" for name in record]
+        driven = {
+            name if name in system.inputs else f"{prefix}{name}": values
+            for name, values in inputs.items()
+        }
         if master_options.method == "fused":
-            return _run_fused(ready, time, inputs, names, progress)
+            return _run_fused(ready, time, driven, names, progress)
         return master.run(
             ready,
             time,
-            inputs,
+            driven,
             record=names,
             progress=progress,
             real_time=pace,
@@ -297,6 +313,9 @@ def _run_fused(
 
     Inputs are constant between communication points, as with a master.
     """
+    for name in inputs:
+        if name not in system.inputs:
+            raise UserError(f"{name}: parameters of a fused system cannot be driven, only inputs")
     model = CompiledModel(fuse(with_classes(system)))
     begin = perf_counter()
     signals = model.run(time, inputs).signals

@@ -13,7 +13,7 @@ from fmus.kit.arrays import Array, Signals
 from fmus.kit.errors import UserError, error_context, find, suggestion
 from fmus.kit.storage import scratch
 from orchestration.fmu import Fmu, RemoteFmu, unpack
-from orchestration.fmu.signal import type_of
+from orchestration.fmu.signal import is_tunable, type_of
 from orchestration.master.dependency_graph import Structure
 from orchestration.master.executor import Executor
 from orchestration.master.instances import Instance
@@ -262,7 +262,11 @@ def _feedthrough(
             if stated is None:
                 assumed.add(port)
             feedthrough[port] = tuple(
-                p for p in fed[member.name] if stated is None or p.variable in stated
+                p
+                for p in fed[member.name]
+                if stated is None
+                or p.variable in stated
+                or is_tunable(member.fmu.variables[p.variable])  # which is never stated
             )
     return feedthrough, assumed
 
@@ -270,13 +274,13 @@ def _feedthrough(
 def _check_variables(
     members: Sequence[Instance], ports: Sequence[Port], fed_inputs: set[Port]
 ) -> None:
-    """Refuse ports that do not exist, and fed ports that are no inputs."""
+    """Refuse ports that do not exist, and fed ports that are neither inputs nor tunable."""
     variables_of = {member.name: member.fmu.variables for member in members}
     for port in ports:
         known = variables_of[port.member]
-        causality = find(port.variable, known, f"{port.member}: no variable").causality
-        if port in fed_inputs and causality != "input":
-            raise UserError(f"{port}: is {causality or 'local'}, no input")
+        variable = find(port.variable, known, f"{port.member}: no variable")
+        if port in fed_inputs and variable.causality != "input" and not is_tunable(variable):
+            raise UserError(f"{port}: is {variable.causality or 'local'}, no input")
 
 
 # --- initialization

@@ -6,6 +6,51 @@ They are built as a user's own model would be, from a module outside the package
 from fmus.kit import Component, Discrete, Effect, Input, Output, Parameter, State, sqrt, where
 
 
+class Tuned(Component):
+    """Tunable parameters of all types, in a rate, at samples and in an output."""
+
+    name = "tuned"
+    experiment = (10.0, 0.25)
+
+    period = Parameter(0.25, "s", min=1e-3, max=10.0, doc="sample period")
+    gain = Parameter(2.0, "1/s", min=0, max=10.0, tunable=True, doc="rate per input")
+    step = Parameter(1, "1", type="integer", min=0, max=9, tunable=True, doc="count of a sample")
+    counts = Parameter(True, "1", type="boolean", tunable=True, doc="whether samples count")
+
+    u = Input("1", start=1.0, doc="input")
+    switch = Input("1", start=False, type="boolean", doc="a discrete input")
+
+    x = State("1", rate="product_law", output=True, doc="integral of the product")
+    count = Discrete("1", update="next_count", period="period", output=True, doc="counts samples")
+    seen = Discrete(
+        "1",
+        update="next_seen",
+        period="period",
+        type="boolean",
+        output=True,
+        doc="switch at the latest sample",
+    )
+
+    def product_law(self):
+        return self.gain * self.u
+
+    def next_count(self):
+        return self.count + where(self.counts, self.step, 0.0)
+
+    def next_seen(self):
+        return where(self.switch, 1.0, 0.0)
+
+    @Output("1/s")
+    def product(self):
+        """Gain times input."""
+        return self.product_law()
+
+    @Output("1")
+    def twice(self):
+        """Twice the switch."""
+        return where(self.switch, 2.0, 0.0)
+
+
 class Sampler(Component):
     """Two sampled groups beside a continuous state, with all three types of variables."""
 

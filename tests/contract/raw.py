@@ -99,6 +99,8 @@ class Library:
     ----------
     variables : dict of str to tuple
         Name to value reference and FMI type.
+    causality, variability : dict of str to str
+        By name.
     step : float
         Communication step that the model description proposes, in seconds.
     """
@@ -113,6 +115,9 @@ class Library:
         }
         self.causality = {
             v.attrib["name"]: v.attrib["causality"] for v in description.iter("ScalarVariable")
+        }
+        self.variability = {
+            v.attrib["name"]: v.attrib["variability"] for v in description.iter("ScalarVariable")
         }
         self.step = float(description.find("DefaultExperiment").attrib["stepSize"])  # type: ignore[union-attr]
         identifier = description.find("CoSimulation").attrib["modelIdentifier"]  # type: ignore[union-attr]

@@ -24,8 +24,18 @@ from fmus.kit import (
     stack,
     where,
 )
-from tests.contract.models import BrokenRate, Sampler
-from tests.contract.raw import ERROR, Instance, Library, doubles, instance, integers, unzipped
+from tests.contract.models import BrokenRate, Sampler, Tuned
+from tests.contract.raw import (
+    ERROR,
+    OK,
+    WARNING,
+    Instance,
+    Library,
+    doubles,
+    instance,
+    integers,
+    unzipped,
+)
 
 EXCHANGE, COSIMULATION, DISCARD = 0, 1, 2
 
@@ -254,6 +264,71 @@ def test_every_event_tells_the_host_to_start_its_solver_again(exchanged, cls):
     assert one.array("GetNominalsOfContinuousStates", len(cls.layout.states)) == nominals
 
 
+def test_without_states_no_nominal_changes(exchanged):
+    """PyFMI asks for the nominals then, and fails if there are none."""
+    one = exchanged(component("pid")).initialize()
+    assert one.event().nominals == 0
+
+
+def set_boolean(one, name, value):
+    return one.call("fmi2SetBoolean", one.references([name]), 1, integers(value))
+
+
+def test_a_discrete_input_that_is_set_between_events_waits_for_the_next(exchanged):
+    """FMI forbids the call; fmpy makes it wherever it looks for roots."""
+    one = exchanged(Tuned).initialize({"switch": 0})
+    one.event()
+    one.do("fmi2EnterContinuousTimeMode")
+    assert set_boolean(one, "switch", 0) == OK
+    assert one.messages == []
+    assert set_boolean(one, "switch", 1) == WARNING
+    assert one.messages == [
+        "fmi2SetBoolean: 'switch' is discrete and changes at the next event only"
+    ]
+    assert one.levels == [WARNING]
+    assert one.get("switch", "seen", "twice") == [0, 0, 0]
+    state = one.save()
+    one.do("fmi2EnterEventMode")
+    assert one.get("switch", "seen", "twice") == [1, 0, 2]
+    one.do("fmi2SetTime", 0.25)
+    one.event()
+    assert one.get("seen") == [1]
+    one.do("fmi2EnterContinuousTimeMode")
+    assert [set_boolean(one, "switch", value) for value in (0, 1)] == [OK, OK]
+    one.do("fmi2EnterEventMode")
+    assert one.get("switch") == [1], "set back before the event"
+    assert len(one.messages) == 1, "one warning is enough"
+    one.restore(state)
+    assert one.get("switch") == [0]
+    one.do("fmi2EnterEventMode")
+    assert one.get("switch") == [1], "what waits is part of the state"
+    one.forget(state)
+    one.do("fmi2Reset")
+    one.initialize({"switch": 0})
+    one.do("fmi2EnterContinuousTimeMode")
+    one.do("fmi2EnterEventMode")
+    assert one.get("switch") == [0]
+
+
+def test_a_tunable_parameter_is_taken_in_event_mode_only(exchanged):
+    one = exchanged(Tuned).initialize({"gain": 2.0, "u": 3.0})
+    one.event()
+    one.set({"gain": 4.0})
+    assert one.get("product") == [12.0]
+    one.do("fmi2EnterContinuousTimeMode")
+    assert one.array("GetDerivatives", 1) == [12.0]
+    one.set({"gain": 4.0})  # as it is
+    gain = one.references(["gain"])
+    assert one.call("fmi2SetReal", gain, 1, doubles(5.0)) == ERROR
+    assert one.messages == ["fmi2SetReal: parameter 'gain' can change in event mode only"]
+    assert one.array("GetDerivatives", 1) == [12.0]
+    one.do("fmi2EnterEventMode")
+    one.set({"gain": 5.0})
+    one.do("fmi2EnterContinuousTimeMode")
+    assert one.array("GetDerivatives", 1) == [15.0]
+    assert one.array("GetContinuousStates", 1) == [0.0]
+
+
 def test_indicators_change_sign_where_laws_switch_and_there_only(exchanged):
     one = exchanged(Kinks).initialize({"edge": 1.0})
     one.event()
@@ -446,11 +521,6 @@ REFUSED = {
         "continuous",
         lambda o: o.call("fmi2CompletedIntegratorStep", 1, None, None),
         "a pointer is NULL",
-    ),
-    "a discrete input between events": (
-        "continuous",
-        lambda o: o.call("fmi2SetBoolean", o.references(["enabled"]), 1, integers(0)),
-        "'enabled' is discrete and can change in event mode only",
     ),
 }
 

@@ -166,6 +166,15 @@ def declared_signal(variable: Declaration) -> Signal:
     )
 
 
+def is_tunable(variable: Any) -> bool:
+    """Return whether a variable of fmpy is a parameter, but no text, that may be moved in a run."""
+    return (
+        variable.causality == "parameter"
+        and variable.variability == "tunable"
+        and variable.type != "String"
+    )
+
+
 def type_of(variable: Any) -> str:
     """Return the type of a scalar variable of fmpy: real, integer, boolean or string.
 
