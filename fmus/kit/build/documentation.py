@@ -245,5 +245,7 @@ def _default(variable: Declaration) -> str:
 
 
 def _range(variable: Declaration) -> str:
-    """Return the range of a parameter; a text has none."""
-    return "" if isinstance(variable, TextDeclaration) else format_range(variable)
+    """Return the range of a parameter, and whether it is tunable; a text has none."""
+    if isinstance(variable, TextDeclaration):
+        return ""
+    return format_range(variable) + (", tunable" if getattr(variable, "tunable", False) else "")

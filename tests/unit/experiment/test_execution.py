@@ -64,6 +64,81 @@ def burgers(time, jumps, k1=K1, b1=B1, k2=K2, b2=B2):
     return total
 
 
+STIFFENED = """
+component = "impedance_controller"
+duration = "0.4 s"
+step = "0.02 s"
+record = ["force_reference"]
+[parameters]
+damping = 0
+[inputs]
+length = "0.5 mm"
+rest_length = "0 mm"
+[inputs.stiffness]
+kind = "steps"
+initial = 1000
+times = ["0.2 s"]
+levels = [3000]
+"""
+
+
+def test_a_tunable_parameter_is_driven_like_an_input():
+    """F = F0 + K l (Hogan) with F0 = 0.5 N; the command at a point is that of the sample before."""
+    result = make(STIFFENED)
+    stiffness = np.where(result.time < 0.2 - 1e-9, 1000.0, 3000.0)
+    np.testing.assert_array_equal(result.signals["stiffness"], stiffness)
+    expected = 0.5 + stiffness * 5e-4
+    assert result.signals["force_reference"][0] == 0.0
+    np.testing.assert_allclose(result.signals["force_reference"][1:], expected[:-1], rtol=1e-12)
+
+
+SHOWN_AT_ONCE = """
+component = "ppy_actuator"
+duration = "1 s"
+step = "0.1 s"
+record = ["force_margin"]
+[inputs]
+current = 0
+force = "1 N"
+force_limit = { kind = "sine", amplitude = "0.5 N", offset = "2 N", frequency = "1 Hz" }
+"""
+
+
+def test_an_output_has_the_parameter_of_its_own_point():
+    result = make(SHOWN_AT_ONCE)
+    limit = 2.0 + 0.5 * np.sin(2.0 * np.pi * result.time)
+    np.testing.assert_allclose(result.signals["force_margin"], limit - 1.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("stiffness = 5", "damping = 0"), "stiffness is given by parameters.stiffness and by"),
+        (("inputs.sample_period", "inputs.stiffness"), "has no input named 'sample_period'"),
+        (("levels = [3e12]", "levels = [3000]"), "inputs.stiffness"),
+    ],
+)
+def test_what_cannot_be_driven_is_refused(change, words):
+    new, old = change
+    with pytest.raises(UserError, match=words):
+        make(STIFFENED.replace(old, new))
+
+
+def test_a_fused_system_drives_inputs_only():
+    text = """
+system = "displacement_loop"
+duration = "1 s"
+master.method = "fused"
+record = ["actuator.charge"]
+[inputs]
+reference = "10 um"
+"controller.proportional_gain" = 100
+"""
+    with pytest.raises(UserError, match="proportional_gain: parameters of a fused system cannot"):
+        make(text)
+
+
+
 # --- the thesis's experiments
 # -----------------------------------------------------------------------------------------
 
