@@ -285,8 +285,10 @@ def _make_result(prepared: Preparation, ran: Run, where: str) -> Remarked:
     delivered = dict(zip(prepared.wanted, ran.signals.values(), strict=True))
     energies, energy_remarks = _coupling_energies(prepared, ran)
     count = ran.time.size  # fewer than were prepared if the run was stopped
-    limit_remarks = prepared.limits.remarks(prepared.time[:count], delivered, prepared.settings)
     values = {name: array[:count] for name, array in prepared.inputs.items()}
+    limit_remarks = prepared.limits.remarks(
+        prepared.time[:count], {**values, **delivered}, prepared.settings
+    )
     values |= _add_noise(prepared, delivered) | energies
     data = results.dataset(
         prepared.time[:count],

@@ -76,7 +76,7 @@ class LimitOutputs:
         time : ndarray, shape (n,)
             Seconds.
         signals : Mapping of str to ndarray, shape (n,)
-            Recorded outputs.
+            Recorded outputs, and limits that were driven.
         settings : Mapping of str to float or str
             Parameters that differ from their defaults.
 
@@ -86,7 +86,9 @@ class LimitOutputs:
         """
         for name, margin in self.margins.items():
             if name in signals:
-                yield from _exceeded_limit(name, margin, time, signals[name], settings)
+                stated = settings.get(_limit_name(name), margin.limit.start)
+                limit = np.broadcast_to(signals.get(_limit_name(name), float(stated)), time.shape)
+                yield from _exceeded_limit(name, margin, time, signals[name], limit)
         for name, limiter in self.limiters.items():
             if name in signals:
                 yield from _limited_command(name, limiter, time, signals[name])
@@ -98,18 +100,18 @@ def _limit_name(margin: str) -> str:
 
 
 def _exceeded_limit(
-    name: str, margin: Margin, time: Array, values: Array, settings: Mapping[str, Value]
+    name: str, margin: Margin, time: Array, values: Array, limits: Array
 ) -> Iterator[str]:
     """Yield a line if a limit is exceeded: its signal, the largest excess, and the first time."""
     is_beyond = values < -_ROUNDING * float(np.abs(values).max(initial=0.0))
     if not is_beyond.any():
         return
-    limit_name = _limit_name(name)
-    limit = float(settings.get(limit_name, margin.limit.start))
-    farthest = limit - float(values.min())
+    worst = int(np.argmin(values))
+    limit = float(limits[worst])
+    farthest = limit - float(values[worst])
     yield (
         f"{name.removesuffix(_MARGIN)} reaches {format_value(farthest, margin.output)}, beyond"
-        f" {limit_name} = {format_value(limit, margin.output)}, first at"
+        f" {_limit_name(name)} = {format_value(limit, margin.output)}, first at"
         f" {float(time[np.argmax(is_beyond)]):g} s: {margin.limit.doc}"
     )
 

@@ -84,12 +84,12 @@ levels = [3000]
 
 def test_a_tunable_parameter_is_driven_like_an_input():
     """F = F0 + K l (Hogan) with F0 = 0.5 N; the command at a point is that of the sample before."""
-    result = make(STIFFENED)
-    stiffness = np.where(result.time < 0.2 - 1e-9, 1000.0, 3000.0)
-    np.testing.assert_array_equal(result.signals["stiffness"], stiffness)
+    found = make(STIFFENED)
+    stiffness = np.where(found.time.values < 0.2 - 1e-9, 1000.0, 3000.0)
+    np.testing.assert_array_equal(found.stiffness.values, stiffness)
     expected = 0.5 + stiffness * 5e-4
-    assert result.signals["force_reference"][0] == 0.0
-    np.testing.assert_allclose(result.signals["force_reference"][1:], expected[:-1], rtol=1e-12)
+    assert found.force_reference.values[0] == 0.0
+    np.testing.assert_allclose(found.force_reference.values[1:], expected[:-1], rtol=1e-12)
 
 
 SHOWN_AT_ONCE = """
@@ -105,9 +105,9 @@ force_limit = { kind = "sine", amplitude = "0.5 N", offset = "2 N", frequency = 
 
 
 def test_an_output_has_the_parameter_of_its_own_point():
-    result = make(SHOWN_AT_ONCE)
-    limit = 2.0 + 0.5 * np.sin(2.0 * np.pi * result.time)
-    np.testing.assert_allclose(result.signals["force_margin"], limit - 1.0, atol=1e-12)
+    found = make(SHOWN_AT_ONCE)
+    limit = 2.0 + 0.5 * np.sin(2.0 * np.pi * found.time.values)
+    np.testing.assert_allclose(found.force_margin.values, limit - 1.0, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -136,7 +136,6 @@ reference = "10 um"
 """
     with pytest.raises(UserError, match="proportional_gain: parameters of a fused system cannot"):
         make(text)
-
 
 
 # --- the thesis's experiments

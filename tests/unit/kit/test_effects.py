@@ -215,3 +215,21 @@ def test_an_effect_has_all_arguments_by_which_it_is_made_anew_however_they_were_
         assert list(made_with(effect).items()) == list(expected.items())
         again = louder(Divider, **made_with(effect))
         assert again.declared["gain"].start == effect.declared["gain"].start == 3.0
+
+
+def test_the_parameter_that_switches_an_effect_is_tunable_unless_it_is_declared_not_to_be():
+    class Tuned(Effect):
+        id = "tuned"
+        neutral = "size"
+
+        size = Parameter(0.0, "1")
+        width = Parameter(1.0, "1")
+
+    class Held(Effect):
+        id = "held"
+        neutral = "duration"
+
+        duration = Parameter(0.0, "s", tunable=False)
+
+    parameters = stack(Divider, Tuned, Held, defaults={"size": 2.0, "duration": 1.0}).layout.parameters
+    assert {p.name for p in parameters if p.tunable} == {"size"}

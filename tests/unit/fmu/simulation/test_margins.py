@@ -68,3 +68,12 @@ def test_a_limited_command_is_told_of_with_its_share_of_the_time():
 def test_a_command_that_is_not_limited_or_only_at_the_end_is_not_told_of():
     assert held([0.0, 0.0, 0.0, 0.0]) == []
     assert held([0.0, 0.0, 0.0, 1.0]) == []
+
+
+def test_a_limit_that_moves_is_that_of_the_worst_point():
+    signals = {
+        "a.stroke_margin": np.array([1e-3, -1e-3, -3e-3, 0.0]),
+        "a.stroke_limit": np.array([7e-3, 7e-3, 4e-3, 4e-3]),
+    }
+    (line,) = KNOWN.remarks(TIME, signals, {})
+    assert line.startswith("a.stroke reaches 7 mm, beyond a.stroke_limit = 4 mm, first at 1 s")

@@ -13,6 +13,7 @@ import lxml.etree
 from fmpy.validation import validate_fmu
 
 import fmus
+from fmus.kit import Parameter
 from fmus.kit.build import archive
 from fmus.kit.build.description import (
     Capabilities,
@@ -152,3 +153,20 @@ def test_build_description_has_a_configuration_for_each_platform():
     assert libraries["x86_64-windows"] == ["ws2_32"]
     assert libraries["aarch64-darwin"] == []
     assert {file.get("name") for file in root.iter("SourceFile")} == {"all.c"}
+
+
+def test_a_parameter_that_is_declared_tunable_is_described_so():
+    class Tuned(Divider):
+        name = "tuned"
+
+        gain = Parameter(1.0, "1", tunable=True, doc="gain")
+        turns = Parameter(1, "1", type="integer", tunable=True, doc="turns")
+
+    for describe in (describe_fmi2, describe_fmi3):
+        variables = read(describe(Tuned, trace(Tuned), CAN, "1.2.3", GUID)).modelVariables
+        found = {v.name: v.variability for v in variables if v.causality == "parameter"}
+        assert {n for n, variability in found.items() if variability == "tunable"} == {
+            "gain",
+            "turns",
+        }
+        assert set(found.values()) == {"fixed", "tunable"}
