@@ -24,7 +24,7 @@ from orchestration.fmu.check import check_fmu
 from orchestration.fmu.model import find_class
 from tests.contract import checks, structure
 from tests.contract.models import BrokenRate, Oscillator, Sampler
-from tests.contract.raw import FATAL, Instance, Library, resident, unzipped
+from tests.contract.raw import FATAL, Instance, Library, doubles, resident, unzipped
 from tests.contract.schedule import go, schedule
 from tests.contract.subjects import SUBJECTS, TELLING_NAMES
 from tests.support import hosts
@@ -274,6 +274,32 @@ def test_a_parameter_out_of_range_is_refused_fatally_by_name_value_and_range(sto
     status, messages = works(refusals, stock("ppy_actuator"), {"R1": -1.0})
     assert status == FATAL
     assert "parameter 'R1' = -1 ohm is outside [0, 1e+06]" in " ".join(messages)
+
+
+def tuned(archive: Path) -> tuple[list[float], list[int], list[str]]:
+    """Readings of a margin while its limit moves, then statuses of values that are not taken."""
+    with unzipped(archive) as folder, Instance(Library(folder), logging=1) as one:
+        one.initialize({"force": 1.0, "force_limit": 3.0})
+        one.step(0.1)
+        found = one.get("force_margin")
+        one.set({"force_limit": 5.0})
+        found += one.get("force_margin")
+        one.step(0.1)
+        found += one.get("force_margin")
+        refused = [
+            one.call("fmi2SetReal", one.references([name]), 1, doubles(value))
+            for name, value in {"force_limit": -1.0, "R1": 0.5}.items()
+        ]
+        return found, refused, one.messages
+
+
+def test_tunable_parameters_are_taken_between_steps(stock):
+    found, refused, messages = works(tuned, stock("ppy_actuator"))
+    assert found == pytest.approx([2.0, 4.0, 4.0], abs=1e-12)
+    assert refused == [FATAL, FATAL]
+    text = " ".join(messages)
+    assert "parameter 'force_limit' = -1 N is outside [0, 1e+09]" in text
+    assert "R1 cannot be set after initialization" in text
 
 
 def broken(archive: Path) -> tuple[int, list[str]]:

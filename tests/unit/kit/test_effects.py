@@ -231,5 +231,7 @@ def test_the_parameter_that_switches_an_effect_is_tunable_unless_it_is_declared_
 
         duration = Parameter(0.0, "s", tunable=False)
 
-    parameters = stack(Divider, Tuned, Held, defaults={"size": 2.0, "duration": 1.0}).layout.parameters
+    parameters = stack(
+        Divider, Tuned, Held, defaults={"size": 2.0, "duration": 1.0}
+    ).layout.parameters
     assert {p.name for p in parameters if p.tunable} == {"size"}
