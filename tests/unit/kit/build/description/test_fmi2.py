@@ -223,7 +223,8 @@ def test_awkward_texts_are_escaped():
     assert "page 3 &amp; 4" in page(Awkward, Path("none.md"))
     tables = codegen.tables(trace(Awkward), GUID)
     assert (
-        '{"p", "1", ROLE_PARAMETER, TYPE_REAL, 1.0, -INFINITY, INFINITY, 1.0}' in tables["tables.h"]
+        '{"p", "1", ROLE_PARAMETER, TYPE_REAL, 1.0, -INFINITY, INFINITY, 1.0, false}'
+        in tables["tables.h"]
     )
 
 
