@@ -124,18 +124,28 @@ def test_what_cannot_be_driven_is_refused(change, words):
         make(STIFFENED.replace(old, new))
 
 
-def test_a_fused_system_drives_inputs_only():
-    text = """
-system = "displacement_loop"
-duration = "1 s"
-master.method = "fused"
-record = ["actuator.charge"]
+TUNED_BENCH = """
+system = "dma_bench"
+duration = "0.5 s"
+record = ["bench.coil_voltage"]
 [inputs]
-reference = "10 um"
-"controller.proportional_gain" = 100
+force_reference = "1 N"
+current = 0
 """
-    with pytest.raises(UserError, match="proportional_gain: parameters of a fused system cannot"):
-        make(text)
+
+
+def test_a_parameter_of_a_member_that_is_driven_by_a_constant_is_that_constant():
+    driven = make(TUNED_BENCH + '"bench.error_gain" = 0.4')
+    fixed = make(TUNED_BENCH + "[parameters]\nbench.error_gain = 0.4")
+    np.testing.assert_array_equal(
+        driven["bench.coil_voltage"].values, fixed["bench.coil_voltage"].values
+    )
+    assert np.ptp(driven["bench.coil_voltage"].values) > 0.1
+
+
+def test_a_fused_system_drives_inputs_only():
+    with pytest.raises(UserError, match="error_gain: parameters of a fused system cannot"):
+        make('master = { method = "fused" }' + TUNED_BENCH + '"bench.error_gain" = 0.4')
 
 
 # --- the thesis's experiments

@@ -75,7 +75,7 @@ def test_tables_carry_start_values_ranges_and_groups():
     }
     body = files["tables.h"]
     assert '{"stages", "1", ROLE_PARAMETER, TYPE_INTEGER, 2.0, 1.0, 5.0, 1.0, false},' in body
-    assert '{"boost", "1", ROLE_INPUT, TYPE_BOOLEAN, 0.0, -INFINITY, INFINITY, 1.0},' in body
+    assert '{"boost", "1", ROLE_INPUT, TYPE_BOOLEAN, 0.0, -INFINITY, INFINITY, 1.0, false},' in body
     assert "model_start_of[] = {7, 8, 9, 10, 11};" in body
     assert "{0.0, 6, {-1, -1}}," in body
     assert "{0.3, -1, {-1, -1}}," in body
