@@ -98,8 +98,6 @@ duration = "1 s"
 step = "0.1 s"
 record = ["force_margin"]
 [inputs]
-current = 0
-force = "1 N"
 force_limit = { kind = "sine", amplitude = "0.5 N", offset = "2 N", frequency = "1 Hz" }
 """
 
@@ -107,7 +105,7 @@ force_limit = { kind = "sine", amplitude = "0.5 N", offset = "2 N", frequency = 
 def test_an_output_has_the_parameter_of_its_own_point():
     found = make(SHOWN_AT_ONCE)
     limit = 2.0 + 0.5 * np.sin(2.0 * np.pi * found.time.values)
-    np.testing.assert_allclose(found.force_margin.values, limit - 1.0, atol=1e-12)
+    np.testing.assert_allclose(found.force_margin.values, limit, atol=1e-12)
 
 
 @pytest.mark.parametrize(
