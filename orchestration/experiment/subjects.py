@@ -18,7 +18,7 @@ from orchestration.experiment.model import Experiment, Master
 from orchestration.fmu import Signal, Value, find_model, read_description
 from orchestration.fmu.isolation import Limits
 from orchestration.fmu.model import declared_model, refuse_runtime
-from orchestration.fmu.signal import is_tunable, read_signal
+from orchestration.fmu.signal import read_signal
 from orchestration.fmu.simulation import FmuSource, LimitOutputs
 from orchestration.master.reference import Mechanical, fuse, mechanical
 from orchestration.system import Member, Port, System, library, ssp
@@ -207,14 +207,11 @@ def subject_of(system: System, master_options: Master | None = None, prefix: str
     signals = {name: read_signal(variable) for name, variable in variables.items()}
     outputs = {}
     parameters = {}
-    tunable = {}
     for name, variable in variables.items():
         if _is_recordable(variable):
             outputs[name] = signals[name]
         if _is_settable(variable) and f"{prefix}{name}" not in why_not_settable:
             parameters[name] = signals[name]
-            if is_tunable(variable):
-                tunable[name] = signals[name]
     recorded_by_default = [str(port) for port in system.outputs.values()]
     if not recorded_by_default:
         margins = LimitOutputs.among(outputs, signals).margins
@@ -231,7 +228,7 @@ def subject_of(system: System, master_options: Master | None = None, prefix: str
         },
         why_not_settable=why_not_settable,
         parameters=parameters,
-        tunable=tunable,
+        tunable={name: signal for name, signal in parameters.items() if signal.is_tunable},
         open_inputs={
             str(port).removeprefix(prefix): signal
             for port, signal in check.open_inputs(system).items()

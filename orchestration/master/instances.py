@@ -84,6 +84,10 @@ class Instance:
             and scalar.variability in (None, "continuous")
         )
 
+    def is_tunable(self, variable: str) -> bool:
+        """Return whether a variable is a parameter that may be set between steps."""
+        return read_signal(self.fmu.variables[variable]).is_tunable
+
     def nominal(self, variable: str) -> float:
         """Return the nominal value of a variable; 1 if it has none."""
         scalar = self.fmu.variables[variable]

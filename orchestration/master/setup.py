@@ -13,7 +13,7 @@ from fmus.kit.arrays import Array, Signals
 from fmus.kit.errors import UserError, error_context, find, suggestion
 from fmus.kit.storage import scratch
 from orchestration.fmu import Fmu, RemoteFmu, unpack
-from orchestration.fmu.signal import is_tunable, type_of
+from orchestration.fmu.signal import type_of
 from orchestration.master.dependency_graph import Structure
 from orchestration.master.executor import Executor
 from orchestration.master.instances import Instance
@@ -266,7 +266,7 @@ def _feedthrough(
                 for p in fed[member.name]
                 if stated is None
                 or p.variable in stated
-                or is_tunable(member.fmu.variables[p.variable])  # which is never stated
+                or member.is_tunable(p.variable)  # of which nothing is stated
             )
     return feedthrough, assumed
 
@@ -275,12 +275,14 @@ def _check_variables(
     members: Sequence[Instance], ports: Sequence[Port], fed_inputs: set[Port]
 ) -> None:
     """Refuse ports that do not exist, and fed ports that are neither inputs nor tunable."""
-    variables_of = {member.name: member.fmu.variables for member in members}
+    members_by_name = {member.name: member for member in members}
     for port in ports:
-        known = variables_of[port.member]
-        variable = find(port.variable, known, f"{port.member}: no variable")
-        if port in fed_inputs and variable.causality != "input" and not is_tunable(variable):
-            raise UserError(f"{port}: is {variable.causality or 'local'}, no input")
+        member = members_by_name[port.member]
+        known = member.fmu.variables
+        causality = find(port.variable, known, f"{port.member}: no variable").causality
+        is_fed = port in fed_inputs and not member.is_tunable(port.variable)
+        if is_fed and causality != "input":
+            raise UserError(f"{port}: is {causality or 'local'}, no input")
 
 
 # --- initialization

@@ -133,15 +133,15 @@ static bool settable(const Instance *instance, const char *function, const Varia
 }
 
 /* FMI forbids to set discrete inputs in continuous-time mode, but hosts do it: such a value waits for the next event. */
-static bool waits(const Instance *instance, const Variable *variable) {
+static bool must_wait(const Instance *instance, const Variable *variable) {
     return instance->now.mode == CONTINUOUS && variable->role == ROLE_INPUT && variable->type != TYPE_REAL;
 }
 
 /* True where a value changes at the next event. */
-static bool take(Instance *instance, Reference vr, double value) {
+static bool take_value(Instance *instance, Reference vr, double value) {
     double *present = &instance->now.memory[vr];
     double *change;
-    if (!waits(instance, &model_variables[vr])) {
+    if (!must_wait(instance, &model_variables[vr])) {
         *present = value;
         return false;
     }
@@ -151,7 +151,7 @@ static bool take(Instance *instance, Reference vr, double value) {
 }
 
 /* Tells a host of the first such value, whether or not logging is on: what it asked for was not done. */
-static Status warn(Instance *instance, const char *function, const Variable *variable) {
+static Status warn_of_waiting(Instance *instance, const char *function, const Variable *variable) {
     Message text;
     if (instance->warned)
         return FMI(OK);
@@ -173,11 +173,11 @@ Status set_numbers(Instance *instance, const char *function, Type type, const Re
         parameters |= model_variables[vr[i]].role == ROLE_PARAMETER;
     }
     for (size_t i = 0; i < n; i++)
-        if (take(instance, vr[i], number(values, i)))
+        if (take_value(instance, vr[i], number(values, i)))
             waiting = &model_variables[vr[i]];
     if (n > 0)
         touch(instance, parameters);
-    return waiting == NULL ? FMI(OK) : warn(instance, function, waiting);
+    return waiting == NULL ? FMI(OK) : warn_of_waiting(instance, function, waiting);
 }
 
 Status set_texts(Instance *instance, const char *function, const Reference vr[], size_t n,

@@ -3,7 +3,6 @@ from .names import split_assignment as split_assignment
 from .signal import Signal as Signal
 from .signal import Value as Value
 from .signal import declared_signal as declared_signal
-from .signal import is_tunable as is_tunable
 from .signal import read_signal as read_signal
 from .signal import type_of as type_of
 from .values import allowed as allowed

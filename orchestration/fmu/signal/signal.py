@@ -47,6 +47,8 @@ class Signal:
         Whether values are differences, such as of temperatures (``relativeQuantity`` of FMI).
     items : dict of str to float
         Values of an enumeration, which is an integer, by name.
+    is_tunable : bool
+        Whether it is a parameter, but no text, that may be moved in a run.
     """
 
     name: str
@@ -62,6 +64,7 @@ class Signal:
     declares_unit: bool = True
     is_relative: bool = False
     items: Mapping[str, float] = field(default_factory=dict)
+    is_tunable: bool = False
 
     @property
     def unit_of_records(self) -> str:
@@ -126,6 +129,7 @@ def read_signal(variable: Any) -> Signal:
         declares_unit=bool(stated),
         is_relative=bool(_attribute(variable, "relativeQuantity")),
         items={item.name: float(item.value) for item in getattr(declared, "items", ())},
+        is_tunable=variable.causality == "parameter" and variable.variability == "tunable",
     )
 
 
@@ -163,15 +167,7 @@ def declared_signal(variable: Declaration) -> Signal:
         text=str(start) if is_string else "",
         declares_start=not isinstance(variable, _CALCULATED),
         declares_unit=variable.type == "real",
-    )
-
-
-def is_tunable(variable: Any) -> bool:
-    """Return whether a variable of fmpy is a parameter, but no text, that may be moved in a run."""
-    return (
-        variable.causality == "parameter"
-        and variable.variability == "tunable"
-        and variable.type != "String"
+        is_tunable=bool(getattr(variable, "tunable", False)),
     )
 
 
