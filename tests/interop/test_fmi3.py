@@ -173,14 +173,47 @@ def test_start_values_are_read_before_initialization(fmu, tmp_path, name):
 
 
 @pytest.mark.parametrize("exchange", [True, False])
-def test_an_event_tells_a_host_that_integrates_to_start_its_solver_again(fmu, tmp_path, exchange):
+@pytest.mark.parametrize(("name", "has_states"), [("foot", False), ("ppy_actuator", True)])
+def test_an_event_tells_a_host_that_integrates_to_start_its_solver_again(
+    fmu, tmp_path, name, has_states, exchange
+):
     """By the nominals of states: one that does not integrate has no solver."""
     given = {} if exchange else {"eventModeUsed": True}
-    with opened(fmu("foot", "native", 3), tmp_path / "foot", exchange, **given) as (one, _, of):
+    with opened(fmu(name, "native", 3), tmp_path / name, exchange, **given) as (one, _, of):
         assert of.coSimulation.hasEventMode, "or the FMU must refuse eventModeUsed"
         initialized(one)
         _, _, nominals, values, _, _ = one.updateDiscreteStates()
-        assert (nominals, values) == (exchange, False)
+        assert (nominals, values) == (exchange and has_states, False)
+
+
+@pytest.mark.parametrize("exchange", [True, False])
+def test_a_tunable_parameter_is_taken_at_events_and_between_steps(fmu, tmp_path, exchange):
+    """A margin is its limit less the load of 1 N."""
+    given = {} if exchange else {"eventModeUsed": True}
+    path = fmu("ppy_actuator", "native", 3)
+    with opened(path, tmp_path / "actuator", exchange, **given) as (one, names, _):
+        limit, margin = [names["force_limit"]], [names["force_margin"]]
+        one.setFloat64([names["force"]], [1.0])
+        initialized(one)
+        one.updateDiscreteStates()
+        one.setFloat64(limit, [5.0])
+        assert one.getFloat64(margin) == [4.0]
+        if exchange:
+            one.enterContinuousTimeMode()
+            one.setFloat64(limit, [5.0])
+            with pytest.raises(FMICallException):
+                one.setFloat64(limit, [6.0])
+        else:
+            one.enterStepMode()
+            one.setFloat64(limit, [6.0])
+            assert one.getFloat64(margin) == [5.0]
+            one.doStep(0.0, 0.1)
+            one.setFloat64(limit, [5.0])
+        with pytest.raises(FMICallException):
+            one.setFloat64(limit, [-1.0])
+        with pytest.raises(FMICallException):
+            one.setFloat64([names["R1"]], [0.5])
+        assert one.getFloat64(margin) == [4.0]
 
 
 def test_samples_cannot_be_evaluated_in_advance(fmu, tmp_path):
