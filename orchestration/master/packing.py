@@ -148,6 +148,13 @@ class _Whole:
         given = self._system.member(port.member).parameters
         return given.get(port.variable, declared.start)
 
+    def _constant(self, port: Port) -> ParameterDeclaration:
+        """Return the parameter for one of a member, or for an input that nothing feeds."""
+        declared = self._declarations[port]
+        tunable = getattr(declared, "tunable", True)
+        start = self._start(port)
+        return _declared(ParameterDeclaration, declared, str(port), start=start, tunable=tunable)
+
     def _layout(self) -> Layout:
         step = ParameterDeclaration(
             start=self._system.step,
@@ -155,12 +162,7 @@ class _Whole:
             doc="longest time between two exchanges of values among the members",
             min=1e-12,
         )
-        constants = [
-            _declared(
-                ParameterDeclaration, self._declarations[port], str(port), start=self._start(port)
-            )
-            for port in self._constants
-        ]
+        constants = [self._constant(port) for port in self._constants]
         inputs = [
             _declared(
                 InputDeclaration, self._declarations[ports[0]], name, start=self._start(ports[0])

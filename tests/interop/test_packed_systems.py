@@ -96,6 +96,15 @@ def test_parameters_of_members_can_be_set_and_come_back_by_a_reset(packed):
 
 
 @pytest.mark.slow
+def test_a_tunable_parameter_of_a_member_acts_from_where_it_is_moved(packed):
+    time = H * np.arange(11)
+    tau = np.where(time < 0.45, 0.4, 0.1)
+    found = run_fmpy(packed(chain()), time, {"u": 1.0, "first.tau": tau}, ["v1"])
+    rest = np.append(1.0, np.exp(-np.cumsum(H / tau[:-1])))
+    same(found["v1"], 1.0 - rest, 1e-10)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("gains", [(0.5, -0.8), (3.0, 2.0)])
 def test_an_algebraic_loop_is_solved(packed, gains):
     time = H * np.arange(20)

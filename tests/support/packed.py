@@ -13,7 +13,7 @@ class Section(Component):
 
     name = "section"
     tolerance = 1e-12
-    tau = Parameter(0.5, "s", min=1e-3, doc="time constant")
+    tau = Parameter(0.5, "s", min=1e-3, doc="time constant", tunable=True)
     u = Input("V", doc="voltage at the resistor")
     v = State("V", rate="slope", output=True, doc="voltage of the capacitor")
 

@@ -331,6 +331,11 @@ bool engine_evaluate(Engine *engine, double time, Message message) {
     double *memory = engine->memory, *inputs = memory + FIRST_INPUT, *before = memory + EXCHANGED_INPUTS;
     if (memory[STARTED] == 0.0 && !start(engine, time, message))
         return false;
+    if (memory[MEMORY_PARAMETERS_CHANGED] != 0.0) {
+        if (!perform(engine, parameters_of_members, time, time, message))
+            return false;
+        memory[MEMORY_PARAMETERS_CHANGED] = memory[EXCHANGED] = 0.0;
+    }
     if (memory[STARTED] != 0.0 && memory[EXCHANGED] != 0.0 && memcmp(before, inputs, size) == 0)
         return true;
     if (!perform(engine, exchange, time, time, message))
