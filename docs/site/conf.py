@@ -111,6 +111,7 @@ navigation = {
         "docs/public-records",
         "docs/foreign-fmus",
         "docs/black-box-structures",
+        "docs/compatibility",
         "docs/hil-faults",
         "docs/proxy-faults",
         "docs/commissioning",
