@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..kit.registry import ComponentPackage
-from .systems import WORK_LOOP
+from .systems import EXAMPLES, WORK_LOOP
 
 if TYPE_CHECKING:
     from .adaptive_controller import AdaptiveController
@@ -38,6 +38,7 @@ PACKAGE = ComponentPackage(
         }.items()
     },
     declared_systems=(WORK_LOOP,),
+    examples=EXAMPLES,
     experiment_folder=Path(__file__).with_name("experiments"),
 )
 __getattr__ = PACKAGE.offered

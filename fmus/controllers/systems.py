@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..kit.registry import MemberDeclaration, SystemDeclaration
+from ..kit.registry import Example, MemberDeclaration, SystemDeclaration
 
 # The currents of feedforward and learning are added and pass through the feedback controller, whose
 # limits apply to the sum. Each has its own switch: `feedforward.active`, `learning.learning` and
@@ -61,4 +61,10 @@ WORK_LOOP = SystemDeclaration(
     ),
     step=0.01,  # the period at which the galvanostat looks at the voltage
     stop=50.0,
+)
+# a step of the length under a constant load
+EXAMPLES = (
+    Example(
+        WORK_LOOP, {"force": 0.5, "next_force": 0.5, "reference": 2e-4, "next_reference": 2e-4}
+    ),
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..kit.registry import MemberDeclaration, SystemDeclaration
+from ..kit.registry import Example, MemberDeclaration, SystemDeclaration
 
 # The estimator is the first member of both: it samples before the protection acts.
 _WIRES = (
@@ -120,4 +120,8 @@ POTENTIOSTAT_WATCH = SystemDeclaration(
     outputs=("galvanostat.current", "actuator.voltage", "estimator.R1", "estimator.impedance"),
     step=_PERIOD,
     stop=160.0,
+)
+EXAMPLES = (
+    Example(DEGRADATION_WATCH, {"current_command": 0.3, "force": 0.0}),
+    Example(POTENTIOSTAT_WATCH, {"voltage_command": 0.5, "force": 0.0}),
 )

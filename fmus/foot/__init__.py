@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..kit.registry import ComponentPackage, StimulusDeclaration
-from .systems import FOOT_GAIT
+from .systems import EXAMPLES, FOOT_GAIT
 
 if TYPE_CHECKING:
     from .model import Foot
@@ -18,6 +18,7 @@ PACKAGE = ComponentPackage(
         "foot_free": "fmus.foot.model:FootFree",
     },
     declared_systems=(FOOT_GAIT,),
+    examples=EXAMPLES,
     stimuli={
         "gait": StimulusDeclaration(
             "Length change of an actuator of the foot in the stance phase (eqs. 5.13 to 5.16).",

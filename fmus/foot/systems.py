@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..kit.registry import MemberDeclaration, SystemDeclaration
+from ..kit.registry import Example, MemberDeclaration, SystemDeclaration
 
 ACTUATORS = ("an", "po", "do", "pl")
 # N, tensions under which the foot rests in its reference configuration: 5 N in the actuators with
@@ -52,4 +52,18 @@ FOOT_GAIT = SystemDeclaration(
     outputs=("foot.ankle_angle", "foot.tm_angle", "foot.mtp_angle", "foot.toe_x", "foot.toe_y"),
     step=1e-4,  # at 5e-4 the oscillation of the toe grows under a Jacobi master
     stop=2.0,
+)
+# dorsiflexion: the actuators in front contract, those behind give way
+EXAMPLES = (
+    Example(
+        FOOT_GAIT,
+        {
+            "an_current": -0.5,
+            "po_current": 0.5,
+            "do_current": -0.5,
+            "pl_current": 0.5,
+            "toe_force_x": 0.0,
+            "toe_force_y": 0.0,
+        },
+    ),
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..kit.registry import MemberDeclaration, SystemDeclaration
+from ..kit.registry import Example, MemberDeclaration, SystemDeclaration
 
 ISOTONIC_STAND = SystemDeclaration(
     name="isotonic_stand",
@@ -39,3 +39,4 @@ ISOTONIC_STAND = SystemDeclaration(
     step=0.01,  # the period at which the galvanostat looks at the voltage
     stop=60.0,
 )
+EXAMPLES = (Example(ISOTONIC_STAND, {"current_command": 0.5, "mass": 0.1, "zero": 0.0}),)

@@ -92,6 +92,22 @@ class SystemDeclaration:
 
 
 @dataclass(frozen=True)
+class Example:
+    """A system with constant inputs, as an example in other languages.
+
+    Attributes
+    ----------
+    system : SystemDeclaration
+        A system of the package, or one that is an example only.
+    inputs : Mapping of str to float
+        Value of each input of the system, SI.
+    """
+
+    system: SystemDeclaration
+    inputs: Mapping[str, float]
+
+
+@dataclass(frozen=True)
 class Excitation:
     """Inputs that a rig can apply to a component.
 
@@ -165,6 +181,7 @@ class ComponentPackage:
     excitations : Mapping of str to Excitation
         Inputs that a rig can apply, by name of the component.
     declared_systems : tuple of SystemDeclaration
+    examples : tuple of Example
     stimuli : Mapping of str to StimulusDeclaration
         Kinds of stimuli by name.
     rigs : Mapping of str to RigDeclaration
@@ -178,6 +195,7 @@ class ComponentPackage:
     default_model: str = ""
     excitations: Mapping[str, Excitation] = field(default_factory=dict)
     declared_systems: tuple[SystemDeclaration, ...] = ()
+    examples: tuple[Example, ...] = ()
     stimuli: Mapping[str, StimulusDeclaration] = field(default_factory=dict)
     rigs: Mapping[str, RigDeclaration] = field(default_factory=dict)
     experiment_folder: Path | None = None
@@ -328,6 +346,11 @@ def systems() -> dict[str, SystemDeclaration]:
     return _merged("systems")
 
 
+def examples() -> list[Example]:
+    """Return every example."""
+    return [example for package in packages() for example in package.examples]
+
+
 def stimuli() -> dict[str, StimulusDeclaration]:
     """Return every kind of stimulus by name."""
     return _merged("stimuli")
@@ -413,6 +436,24 @@ def component(name: str) -> type[Component]:
 def is_registered(cls: type[Component]) -> bool:
     """Return whether a class is a registered component without effects."""
     return cls.name in models() and component(cls.name) is cls
+
+
+def member_class(declared: MemberDeclaration) -> type[Component]:
+    """Return the class of a member of a system: its component with its effects.
+
+    Raises
+    ------
+    UserError
+        If there is no such component or effect.
+    """
+    from .effects import stack
+
+    base = component(declared.component)
+    if not declared.effects:
+        return base
+    known = effects(declared.component)
+    chosen = [find(name, known, f"{declared.component}: no effect") for name in declared.effects]
+    return stack(base, *chosen, name=declared.model_name)
 
 
 def effects(name: str) -> dict[str, type[Effect]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..kit.registry import MemberDeclaration, SystemDeclaration
+from ..kit.registry import Example, MemberDeclaration, SystemDeclaration
 
 _ACTUATOR = MemberDeclaration("ppy_actuator_length_driven")
 _WIRES = ("bench.position -> actuator.length_change", "actuator.tension -> bench.tension")
@@ -53,4 +53,9 @@ PROTECTED_BENCH = SystemDeclaration(
     outputs=(*_OUTPUTS, "galvanostat.recovering", "bench.coil_voltage"),
     step=_STEP,
     stop=20.0,
+)
+EXAMPLES = (
+    Example(DMA_BENCH, {"force_reference": 1.0, "current": 0.5}),
+    # drives the actuator beyond the limit of the protection
+    Example(PROTECTED_BENCH, {"force_reference": 1.0, "current_command": 0.9}),
 )

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from fmus.kit import Component, registry, stack
-from fmus.kit.errors import UserError, find, suggestion
+from fmus.kit import registry
+from fmus.kit.errors import find
 from orchestration.system.model import Connection, Member, Port, System, connect
 from orchestration.system.voltmeter import Voltmeter
 
@@ -29,12 +29,28 @@ def system(name: str, runtime: str = "native") -> System:
     UserError
         If there is no such system or runtime, or an FMU cannot be built.
     """
-    declared = find(name, registry.systems(), "no system")
+    return build(find(name, registry.systems(), "no system"), runtime)
+
+
+def build(declared: registry.SystemDeclaration, runtime: str = "native") -> System:
+    """Return a declared system, with FMUs from the cache or newly built.
+
+    Parameters
+    ----------
+    declared : SystemDeclaration
+    runtime : {"native", "python"}
+        Kind of build of its members.
+
+    Raises
+    ------
+    UserError
+        If there is no such component, effect or runtime, or an FMU cannot be built.
+    """
     outputs = [_port(text) for text in declared.outputs]
     return System(
-        name=name,
+        name=declared.name,
         members=tuple(
-            Member.of(member_name, member_class(member), member.values, runtime)
+            Member.of(member_name, registry.member_class(member), member.values, runtime)
             for member_name, member in declared.members.items()
         ),
         connections=connect(*declared.connections),
@@ -44,24 +60,6 @@ def system(name: str, runtime: str = "native") -> System:
         step=declared.step,
         stop=declared.stop,
     )
-
-
-def member_class(declared: registry.MemberDeclaration) -> type[Component]:
-    """Return the class of a member: its component with its effects.
-
-    Raises
-    ------
-    UserError
-        If there is no such component or effect.
-    """
-    base = registry.component(declared.component)
-    if not declared.effects:
-        return base
-    known = registry.effects(declared.component)
-    for name in declared.effects:
-        if name not in known:
-            raise UserError(f"{declared.component}: no effect {name!r}{suggestion(name, known)}")
-    return stack(base, *(known[name] for name in declared.effects), name=declared.model_name)
 
 
 def _port(text: str) -> Port:

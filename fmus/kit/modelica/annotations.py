@@ -1,31 +1,34 @@
 """Annotations of Modelica models: documentation, icons and placements of connectors.
 
-An icon is a box with the name, signals at its sides and connectors of ports below.
+An icon is a box with the name, signals at its sides and connectors of ports below; in it are a
+symbol for each domain of its ports, and steps if something in it is sampled.
 """
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from fmus.kit import quoting
 from fmus.kit.component import Component
+from fmus.kit.modelica.connectors import symbol
+from fmus.kit.modelica.graphics import SIGNAL, box, placement, positions
 from fmus.kit.modelica.names import string
 
-_BOX = (
-    "Icon(graphics={Rectangle(extent={{-100,-100},{100,100}}, lineColor={0,0,127},"
-    " fillColor={255,255,255}, fillPattern=FillPattern.Solid),"
-    ' Text(extent={{-150,110},{150,150}}, textString="%name")})'
-)
 _EDGE = 110  # distance of connectors from the middle; the box ends at 100
-_SIZE = 10
+_STEPS = ((-40, -30), (-15, -30), (-15, 0), (10, 0), (10, 30), (40, 30))
 
 
 def annotation(cls: type[Component]) -> str:
     """Write the annotation of a model: its icon and its documentation."""
     paragraphs = [*inspect.cleandoc(cls.__doc__ or "").split("\n\n"), *cls.remark.splitlines()]
     body = "".join(f"<p>{quoting.html(' '.join(p.split()))}</p>" for p in paragraphs if p)
-    return f"annotation({_BOX}, Documentation(info={string(f'<html>{body}</html>')}));"
+    symbols = [symbol(domain) for domain in dict.fromkeys(port.domain for port in cls.ports)]
+    if cls.layout.sampled:
+        symbols.append((_STEPS, SIGNAL))
+    return (
+        f"annotation({box(SIGNAL, symbols)}, Documentation(info={string(f'<html>{body}</html>')}));"
+    )
 
 
 def placements(cls: type[Component]) -> dict[str, str]:
@@ -45,19 +48,13 @@ def placements(cls: type[Component]) -> dict[str, str]:
     inputs = [v.name for v in cls.layout.inputs if v.name not in at_ports]
     outputs = [v.name for v in cls.layout.shown]
     connectors = [name for port in cls.ports for name in port.connectors]
-    # in an icon y increases upwards
     return {
-        **{name: _placement(-_EDGE, -y) for name, y in _positions_along_side(inputs)},
-        **{name: _placement(_EDGE, -y) for name, y in _positions_along_side(outputs)},
-        **{name: _placement(x, -_EDGE) for name, x in _positions_along_side(connectors)},
+        **{name: placement(-_EDGE, -y) for name, y in _along_side(inputs)},
+        **{name: placement(_EDGE, -y) for name, y in _along_side(outputs)},
+        **{name: placement(x, -_EDGE) for name, x in _along_side(connectors)},
     }
 
 
-def _positions_along_side(names: Sequence[str]) -> list[tuple[str, int]]:
+def _along_side(names: Sequence[str]) -> Iterator[tuple[str, int]]:
     """Return each name with its position on a side of the box, evenly between -100 and 100."""
-    return [(name, round(200 * (k + 0.5) / len(names)) - 100) for k, name in enumerate(names)]
-
-
-def _placement(x: int, y: int) -> str:
-    extent = f"{{{{{x - _SIZE},{y - _SIZE}}},{{{x + _SIZE},{y + _SIZE}}}}}"
-    return f" annotation(Placement(transformation(extent={extent})))"
+    return zip(names, positions(len(names)), strict=True)

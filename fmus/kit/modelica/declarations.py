@@ -35,13 +35,13 @@ def declarations(cls: type[Component], states: bool = True) -> list[str]:
     """
     places = placements(cls)
     lines = [
-        _declaration(f"parameter {SIGNALS[p.type]}", p, {}, value=_literal(p.start, p.type))
+        declaration(f"parameter {SIGNALS[p.type]}", p, {}, value=literal(p.start, p.type))
         for p in cls.layout.parameters
     ]
     lines += _input_declarations(cls, places)
     lines += _state_declarations(cls, places) if states else []
     lines += [
-        _declaration(signal_class(v.type, "Output"), v, {}, annotation=places[v.name])
+        declaration(signal_class(v.type, "Output"), v, {}, annotation=places[v.name])
         for v in (cls.layout.outputs if states else cls.layout.shown)
     ]
     for port in cls.ports:
@@ -58,8 +58,8 @@ def _input_declarations(cls: type[Component], places: Mapping[str, str]) -> list
     lines = []
     for v in cls.layout.inputs:
         prefix = SIGNALS[v.type] if v.name in at_ports else signal_class(v.type, "Input")
-        start = {"start": _literal(v.start, v.type)}
-        lines.append(_declaration(prefix, v, start, annotation=places.get(v.name, "")))
+        start = {"start": literal(v.start, v.type)}
+        lines.append(declaration(prefix, v, start, annotation=places.get(v.name, "")))
     return lines
 
 
@@ -71,18 +71,38 @@ def _state_declarations(cls: type[Component], places: Mapping[str, str]) -> list
     for state in states:
         prefix = signal_class(state.type, "Output") if state.output else SIGNALS[state.type]
         start = {"start": identifier(layout.start_of[state.name]), "fixed": "true"}
-        lines.append(_declaration(prefix, state, start, annotation=places.get(state.name, "")))
+        lines.append(declaration(prefix, state, start, annotation=places.get(state.name, "")))
     return lines
 
 
-def _declaration(
+def declaration(
     prefix: str,
     v: Declaration,
     attributes: Mapping[str, str],
     value: str = "",
     annotation: str = "",
+    name: str = "",
 ) -> str:
-    """Write the declaration of a variable with its unit, its range and further attributes."""
+    """Write the declaration of a variable with its unit, its range and further attributes.
+
+    Parameters
+    ----------
+    prefix : str
+        Type, after other prefixes.
+    v : Declaration
+    attributes : Mapping of str to str
+        Further attributes by name.
+    value : str
+        Value that it is declared with; empty for none.
+    annotation : str
+        With a space before it; empty for none.
+    name : str
+        Its name if it is not that of the variable.
+
+    Returns
+    -------
+    str
+    """
     modifiers = dict(attributes)
     if v.type == "real":
         modifiers["unit"] = string(to_modelica(v.unit))
@@ -92,15 +112,15 @@ def _declaration(
             modifiers["nominal"] = real(v.nominal)
     if v.type != "boolean":
         limits = {"min": v.min, "max": v.max}
-        modifiers |= {k: _literal(x, v.type) for k, x in limits.items() if math.isfinite(x)}
+        modifiers |= {k: literal(x, v.type) for k, x in limits.items() if math.isfinite(x)}
     items = ", ".join(f"{key}={text}" for key, text in modifiers.items())
     listed = f"({items})" if items else ""
     assigned = f" = {value}" if value else ""
-    return f"{prefix} {identifier(v.name)}{listed}{assigned}{comment(v.doc)}{annotation};"
+    return f"{prefix} {identifier(name or v.name)}{listed}{assigned}{comment(v.doc)}{annotation};"
 
 
-def _literal(value: float, type: str) -> str:
-    """Write a literal of a type."""
+def literal(value: float, type: str) -> str:
+    """Write a literal of a type: real, integer or boolean."""
     if type == "boolean":
         return "true" if value else "false"
     return str(int(value)) if type == "integer" else real(value)

@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterable
 
 from fmus.kit.errors import UserError
 
+PACKAGE = "PpyRig"  # name of the package of components
 _WIDTH = 100
 # keywords (section 2.3.3), and names that the generated equations use
 _WORDS = """
@@ -17,7 +18,7 @@ final flow for function if import impure in initial inner input loop model not o
 output package parameter partial protected public pure record redeclare replaceable return stream
 then true type when while within
 abs acos asin atan atan2 cos cosh exp integer log max min pre sample sign sin sinh sqrt tan tanh
-time Boolean FMUs Functions Integer Interfaces Real String
+time Boolean Examples FMUs Functions Integer Interfaces PpyRig Real Sources String
 """
 _RESERVED = frozenset(_WORDS.split())
 _ESCAPED = str.maketrans({"\\": "\\\\", '"': '\\"'})

@@ -15,13 +15,13 @@ from xml.etree import ElementTree
 from fmus.kit.build.toolchain import fmi_headers
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
-from fmus.kit.modelica.connectors import INTERFACES, interface_classes
+from fmus.kit.modelica.connectors import INTERFACES, SOURCES, interface_classes, source_classes
+from fmus.kit.modelica.examples import EXAMPLES, example_classes
 from fmus.kit.modelica.functions import function_classes
 from fmus.kit.modelica.model import model_text
-from fmus.kit.modelica.names import class_name, comment, string
+from fmus.kit.modelica.names import PACKAGE, class_name, comment, string
 from fmus.kit.modelica.wrapper import WRAPPERS, support_classes, wrapper_text
 
-PACKAGE = "PpyRig"
 _FUNCTIONS = "Functions"
 _LICENCES = "documentation/licenses/"
 _GLUE = Path(__file__).parent / "include" / "ppy_rig_fmu.h"
@@ -64,14 +64,20 @@ def package_files(
         if name in models:
             raise UserError(f"{cls.name}: there is a model {name} already; name each once")
         models[name] = model_text(cls)
-    packages = [INTERFACES, _FUNCTIONS, *([WRAPPERS] if fmus else [])]
+    examples = example_classes(classes)
+    packages = [INTERFACES, _FUNCTIONS, SOURCES]
+    packages += [name for name, there in ((EXAMPLES, examples), (WRAPPERS, fmus)) if there]
     texts = (
         _files_of_package(PACKAGE, "", models, _ABOUT, packages, version)
         | _files_of_package(INTERFACES, PACKAGE, interface_classes(), "Connectors")
         | _files_of_package(
             _FUNCTIONS, PACKAGE, function_classes(), "Functions that equations call"
         )
+        | _files_of_package(SOURCES, PACKAGE, source_classes(), "Sources and references")
     )
+    if examples:
+        about = "Systems of components, ready to simulate"
+        texts |= _files_of_package(EXAMPLES, PACKAGE, examples, about)
     files = {path: text.encode() for path, text in texts.items()}
     return files | (_wrapper_files(classes, fmus) if fmus else {})
 
