@@ -65,6 +65,6 @@ WORK_LOOP = SystemDeclaration(
 # a step of the length under a constant load
 EXAMPLES = (
     Example(
-        WORK_LOOP, {"force": 0.5, "next_force": 0.5, "reference": 2e-4, "next_reference": 2e-4}
+        WORK_LOOP, {"force": 0.5, "next_force": 0.5, "reference": 1e-4, "next_reference": 1e-4}
     ),
 )

@@ -1,7 +1,6 @@
 """Claims: what pins and flanges connect in Modelica moves as the system of FMUs in our master.
 
-The master exchanges values at points. Its error is a series in their distance, so that three
-distances, each half of the one before, take the first two terms of it away (Romberg).
+Inputs go straight from knot to knot.
 """
 
 import re
@@ -14,10 +13,11 @@ import pytest
 import fmus
 from fmus.kit import stack
 from fmus.kit.modelica import package_files
-from orchestration import master
 from orchestration.system import library
 from tests.support.modelica import (
     Courses,
+    assert_same,
+    extrapolated,
     flatten_by_pymoca,
     parse_by_pymoca,
     simulate_by_pymoca,
@@ -66,27 +66,6 @@ def modifiers(system, member, cls):
     return ", ".join(f"{name}={text}" for name, text in texts.items())
 
 
-def extrapolated(system, inputs, shown, **options):
-    """Return what the master's runs tend to; inputs go straight from knot to knot."""
-    results = []
-    for count in (POINTS, 2 * POINTS, 4 * POINTS):
-        time = np.linspace(0.0, STOP, count + 1)
-        middle = time + 0.5 * STOP / count  # the integral of what is held is that of what moves
-        values = {name: np.interp(middle, *course) for name, course in inputs.items()}
-        run = master.run(system, time, values, record=shown, method="jacobi", **options)
-        assert run.complete
-        results.append({name: run.signals[name][:: count // COMPARED] for name in shown})
-    coarse, medium, fine = results
-    return {name: (8.0 * fine[name] - 6.0 * medium[name] + coarse[name]) / 3.0 for name in shown}
-
-
-def assert_same(simulated, wanted, places):
-    for name, values in wanted.items():
-        difference = np.abs(np.asarray(simulated[name], dtype=float)[places] - values).max()
-        assert np.ptp(values) > 0.0, f"{name} does not move"
-        assert difference <= 1e-6 * np.abs(values).max(), name
-
-
 # --- a foot and its four actuators ---------------------------------------------------------------
 
 _KNOTS = np.linspace(0.0, STOP, 5)
@@ -132,7 +111,7 @@ def test_a_foot_hangs_on_the_flanges_of_its_actuators(files):
     shown = [f"foot.{joint}_angle" for joint in ("ankle", "tm", "mtp")]
     shown += ["foot.toe_x", "foot.toe_y"]
     shown += [f"{name}.{each}" for name in MUSCLES for each in ("tension", "charge", "voltage")]
-    assert_same(simulated, extrapolated(system, GAIT, shown), slice(None))
+    assert_same(simulated, extrapolated(system, GAIT, shown, STOP, POINTS, COMPARED), slice(None))
 
 
 # --- a galvanostat, an actuator and the analyser -------------------------------------------------
@@ -188,7 +167,7 @@ def test_a_galvanostat_an_actuator_and_the_analyser_share_pins_and_flanges(folde
     inputs = {name: (np.array([0.0, STOP]), np.full(2, value)) for name, value in _DRIVEN.items()}
     shown = ["galvanostat.current", "actuator.voltage", "actuator.charge", "actuator.tension"]
     shown += ["bench.position", "bench.velocity", "bench.coil_voltage", "bench.force_measured"]
-    wanted = extrapolated(system, inputs, shown)
+    wanted = extrapolated(system, inputs, shown, STOP, POINTS, COMPARED)
     assert {0.0, 0.9} <= set(wanted["galvanostat.current"].round(12)), "no recovery"
     simulated = simulate_by_rumoca(
         folder, [sources(), bench(system)], "Bench", STOP, STOP / COMPARED, tolerance=1e-11

@@ -26,6 +26,8 @@ from fmpy.fmi2 import FMU2Slave
 from pymoca.backends.casadi.generator import generate
 
 from fmus.kit import Component
+from orchestration import master
+from orchestration.system import System
 
 logging.getLogger("pymoca").setLevel(logging.ERROR)
 if not hasattr(ca.MX, "__div__"):
@@ -208,6 +210,60 @@ def simulate_fmu(path: Path, courses: Courses, times: np.ndarray) -> dict[str, n
 def _value(fmu: FMU2Slave, v: Any) -> float:
     get = fmu.getReal if v.type == "Real" else fmu.getBoolean
     return float(get([v.valueReference])[0])
+
+
+# --- systems of FMUs -----------------------------------------------------------------------------
+
+
+def extrapolated(
+    system: System,
+    inputs: Mapping[str, tuple[np.ndarray, np.ndarray]],
+    shown: Sequence[str],
+    stop: float,
+    points: int,
+    compared: int,
+) -> dict[str, np.ndarray]:
+    """Return what runs by the master tend to as the distance of points goes to zero.
+
+    Its error is a series in their distance, so that three distances, each half of the one before,
+    take the first two terms of it away (Romberg).
+
+    Parameters
+    ----------
+    system : System
+    inputs : Mapping of str to tuple of ndarray
+        Times and values of knots, with straight lines between them.
+    shown : sequence of str
+    stop : float
+    points : int
+        Of the coarsest run, which all samples are at.
+    compared : int
+        Distances between the points that are returned.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (compared + 1,)
+    """
+    results = []
+    for count in (points, 2 * points, 4 * points):
+        time = np.linspace(0.0, stop, count + 1)
+        middle = time + 0.5 * stop / count  # the integral of what is held is that of what moves
+        values = {name: np.interp(middle, *course) for name, course in inputs.items()}
+        run = master.run(system, time, values, record=shown, method="jacobi")
+        assert run.complete
+        results.append({name: run.signals[name][:: count // compared] for name in shown})
+    coarse, medium, fine = results
+    return {name: (8.0 * fine[name] - 6.0 * medium[name] + coarse[name]) / 3.0 for name in shown}
+
+
+def assert_same(
+    simulated: Mapping[str, Any], wanted: Mapping[str, np.ndarray], places: Any, still: Any = ()
+) -> None:
+    """Assert that variables agree to a millionth at some places, and move except some."""
+    for name, values in wanted.items():
+        difference = np.abs(np.asarray(simulated[name], dtype=float)[places] - values).max()
+        assert name in still or np.ptp(values) > 0.0, f"{name} does not move"
+        assert difference <= 1e-6 * np.abs(values).max(), name
 
 
 # --- rumoca --------------------------------------------------------------------------------------
