@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from fmus.kit.modelica.expressions import ExpressionNode, Writer
+from fmus.kit.modelica.expressions import ExpressionNode, Writer, described
 from fmus.kit.modelica.names import identifier
 
 _RELATION = re.compile("[<>]")
@@ -70,6 +70,7 @@ class EquationSet:
 def define(
     targets: Sequence[Target],
     laws: Mapping[ExpressionNode, str],
+    intermediates: Mapping[ExpressionNode, str],
     taken: set[str],
     literal: bool = False,
 ) -> EquationSet:
@@ -82,6 +83,8 @@ def define(
     targets : sequence of Target
     laws : Mapping of ExpressionNode to str
         Name of the law by the expression for its value.
+    intermediates : Mapping of ExpressionNode to str
+        Names for common subexpressions; others are named after what they compute.
     taken : set of str
         Names in use; the names of auxiliary variables are added.
     literal : bool
@@ -97,12 +100,17 @@ def define(
         if is_real_variable and not (target.node.is_boolean or target.node.is_leaf):
             names.setdefault(target.node, target.text)
     auxiliaries = []
+    spoken = dict(names)  # those that others are composed of
     for node in _nodes_with_names([t.node for t in targets], laws):
         if node not in names:
             law = laws.get(node, "")
-            name = _name_of_law(law, taken) if law else _name_of_term(taken)
+            term = intermediates.get(node, "")
+            name = _name_of_law(law, taken) if law else ""
+            name = name or _numbered(term or described(node, spoken), taken)
             taken.add(name)
             names[node] = name
+            if law or term:
+                spoken[node] = name
             auxiliaries.append(Auxiliary(name, node, law))
     writer = Writer(names)
     lines = []
@@ -120,12 +128,14 @@ def _name_of_law(law: str, taken: set[str]) -> str:
     return identifier(f"sampled_{law}" if law in taken else law, taken)
 
 
-def _name_of_term(taken: set[str]) -> str:
-    """Return a name for a common subexpression."""
+def _numbered(name: str, taken: set[str]) -> str:
+    """Return a name for a common subexpression, with a number if it is in use."""
     number = 1
-    while f"term_{number}" in taken:
+    numbered = name
+    while numbered in taken or identifier(numbered) != numbered:
         number += 1
-    return f"term_{number}"
+        numbered = f"{name}_{number}"
+    return numbered
 
 
 def _nodes_with_names(

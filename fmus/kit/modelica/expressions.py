@@ -7,6 +7,7 @@ values. It is converted where the other type is needed.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -48,7 +49,23 @@ _FUNCTIONS = {
     ca.OP_TAN: "tan",
     ca.OP_TANH: "tanh",
 }
+_LONGEST_NAME = 40  # composed of names of operands
 _SYMBOL, _CONSTANT, _IF = -1, -2, -3  # further kinds of nodes, which are no CasADi operations
+# how the value of an operation is called, and what stands between the names of its operands
+_NOUNS = {
+    ca.OP_ADD: ("sum", "plus"),
+    ca.OP_SUB: ("difference", "minus"),
+    ca.OP_MUL: ("product", "times"),
+    ca.OP_DIV: ("quotient", "over"),
+    ca.OP_SQ: ("square", ""),
+    ca.OP_TWICE: ("twice", ""),
+    ca.OP_INV: ("reciprocal", ""),
+    ca.OP_NEG: ("negative", ""),
+    ca.OP_POW: ("power", ""),
+    ca.OP_CONSTPOW: ("power", ""),
+    ca.OP_IF_ELSE_ZERO: ("choice", ""),
+    _IF: ("choice", ""),
+}
 _EQUALITIES = {ca.OP_EQ, ca.OP_NE}
 _TRUTHS = {*_RELATIONS, *_LOGICAL, *_EQUALITIES, ca.OP_NOT}
 
@@ -114,6 +131,33 @@ def apply(operation: int, operands: list[ExpressionNode]) -> ExpressionNode:
     is_choice = operation == ca.OP_IF_ELSE_ZERO
     is_boolean = operands[1].is_boolean if is_choice else operation in _TRUTHS
     return ExpressionNode(operation, tuple(operands), is_boolean=is_boolean)
+
+
+def described(node: ExpressionNode, names: Mapping[ExpressionNode, str]) -> str:
+    """Return a name for an expression after what it computes.
+
+    Parameters
+    ----------
+    node : ExpressionNode
+    names : Mapping of ExpressionNode to str
+        Names of other expressions.
+
+    Returns
+    -------
+    str
+        Composed of the names of its operands, such as ``sin_angle`` or ``R1_plus_R2``; the
+        operation, such as ``product``, if they have none or are long.
+    """
+    function = _FUNCTIONS.get(node.operation, "").rpartition(".")[2]
+    noun, between = _NOUNS.get(node.operation, (f"{function}_value", ""))
+    operands = [names.get(o, o.text) for o in node.operands]
+    words = [re.sub(r"^pre\((.*)\)$", r"\1", text) for text in operands]
+    if not all(words):
+        return noun
+    name = (
+        f"_{between}_".join(words) if between else "_".join([noun.removesuffix("_value"), *words])
+    )
+    return name if len(name) <= _LONGEST_NAME else noun
 
 
 def _are_branches(first: ExpressionNode, second: ExpressionNode) -> bool:

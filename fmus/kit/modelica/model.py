@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -27,6 +27,7 @@ from fmus.kit.modelica.names import (
     wrapped,
 )
 from fmus.kit.symbolic import Graph, carry_out, trace_with_laws, units_of_laws
+from fmus.kit.symbolic.intermediates import recorded_intermediates
 from fmus.kit.units import to_modelica
 
 
@@ -49,8 +50,9 @@ def model_text(cls: type[Component]) -> str:
     UserError
         If a law calls a function that Modelica does not have.
     """
-    graph, laws = trace_with_laws(cls)
-    return _Model(cls, graph, laws).text()
+    with recorded_intermediates() as intermediates:
+        graph, laws = trace_with_laws(cls)
+    return _Model(cls, graph, laws, intermediates).text()
 
 
 @dataclass(frozen=True)
@@ -70,11 +72,6 @@ class _ModelEquations:
     continuous: EquationSet
     sampled: list[EquationSet]
 
-    @property
-    def auxiliaries(self) -> list[Auxiliary]:
-        """Auxiliary variables of all equations."""
-        return [a for part in (self.continuous, *self.sampled) for a in part.auxiliaries]
-
 
 @dataclass(frozen=True)
 class _Model:
@@ -86,11 +83,14 @@ class _Model:
     graph : Graph
     laws : Mapping of str to casadi.SX
         Value of each law.
+    intermediates : sequence of tuple
+        Names and expressions of intermediate values of laws.
     """
 
     cls: type[Component]
     graph: Graph
     laws: Mapping[str, ca.SX]
+    intermediates: Sequence[tuple[str, ca.SX]]
 
     @property
     def layout(self) -> Layout:
@@ -127,7 +127,9 @@ class _Model:
 
     def _protected(self, equations: _ModelEquations) -> list[str]:
         """Write the declarations of auxiliary variables and event variables."""
-        lines = [*map(self._auxiliary, equations.auxiliaries)]
+        lines = [self._auxiliary(a) for a in equations.continuous.auxiliaries]
+        for part in equations.sampled:
+            lines += [self._auxiliary(a, "start=0.0, fixed=true") for a in part.auxiliaries]
         lines += [f"Boolean {name};" for name in equations.events]
         return ["protected", *indented(lines)] if lines else []
 
@@ -143,10 +145,12 @@ class _Model:
             ]
         return lines
 
-    def _auxiliary(self, auxiliary: Auxiliary) -> str:
-        """Write the declaration of an auxiliary variable."""
+    def _auxiliary(self, auxiliary: Auxiliary, start: str = "") -> str:
+        """Write the declaration of an auxiliary variable, with attributes of its start."""
         unit = self.units.get(auxiliary.law, "")
-        attributes = f"(unit={string(to_modelica(unit))})" if unit and unit != "1" else ""
+        of_unit = f"unit={string(to_modelica(unit))}" if unit and unit != "1" else ""
+        items = ", ".join(filter(None, (start, of_unit)))
+        attributes = f"({items})" if items else ""
         about = summary(getattr(self.cls, auxiliary.law)) if auxiliary.law else ""
         return f"Real {auxiliary.name}{attributes}{comment(about)};"
 
@@ -159,7 +163,7 @@ class _Model:
         layout = self.layout
         texts = {v.name: identifier(v.name) for v in layout.variables}
         graph = self.graph
-        rates, outputs, signs, laws = self._expression_nodes(
+        rates, outputs, signs, *named = self._expression_nodes(
             texts, [graph.rates, graph.outputs, graph.indicators > 0.0]
         )
         targets = [
@@ -171,7 +175,7 @@ class _Model:
             for o, node in zip(layout.outputs, outputs, strict=True)
         ]
         targets += [Target(name, "boolean", node) for name, node in zip(events, signs, strict=True)]
-        return define(targets, self._laws_by_node(laws), taken, literal=True)
+        return define(targets, *self._names(*named), taken, literal=True)
 
     def _sampled(self, group: int, taken: set[str]) -> EquationSet:
         """Write the equations of one clock.
@@ -185,14 +189,14 @@ class _Model:
         for v in (*layout.inputs, *layout.discretes):
             if v.name not in before:
                 texts[v.name] = f"pre({texts[v.name]})"
-        after, laws = self._expression_nodes(texts, [self.graph.updates[group]])
+        after, *named = self._expression_nodes(texts, [self.graph.updates[group]])
         members = {d.name for d in layout.sampled[group][1]}
         targets = [
             Target(identifier(d.name), d.type, node)
             for d, node in zip(layout.discretes, after, strict=True)
             if d.name in members
         ]
-        return define(targets, self._laws_by_node(laws), taken)
+        return define(targets, *self._names(*named), taken)
 
     def _expression_nodes(
         self, texts: Mapping[str, str], results: list[ca.SX]
@@ -209,10 +213,13 @@ class _Model:
         Returns
         -------
         list of list of ExpressionNode
-            The last list is that of the values of all laws. Equal subexpressions are one object.
+            The last two lists are those of all laws and of intermediate values. Equal
+            subexpressions are one object.
         """
         graph = self.graph
-        columns = [ca.densify(c) for c in (*results, ca.vertcat(ca.SX(0, 1), *self.laws.values()))]
+        laws = ca.vertcat(ca.SX(0, 1), *self.laws.values())
+        intermediates = ca.vertcat(ca.SX(0, 1), *(value for _, value in self.intermediates))
+        columns = [ca.densify(column) for column in (*results, laws, intermediates)]
         function = ca.Function("laws", graph.arguments, ca.cse(columns))
         layout = self.layout
         arguments = [[symbol("time")]]
@@ -220,13 +227,25 @@ class _Model:
             arguments.append([symbol(texts[v.name], v.type == "boolean") for v in group])
         return carry_out(function, arguments, constant, apply)
 
-    def _laws_by_node(self, laws: list[ExpressionNode]) -> dict[ExpressionNode, str]:
-        """Return the law of each expression; the first one if several laws have the same value."""
-        names: dict[ExpressionNode, str] = {}
-        for name, node in zip(self.laws, laws, strict=True):
-            if not node.is_leaf:
-                names.setdefault(node, name)
-        return names
+    def _names(
+        self, laws: Sequence[ExpressionNode], intermediates: Sequence[ExpressionNode]
+    ) -> tuple[dict[ExpressionNode, str], dict[ExpressionNode, str]]:
+        """Return the names of the expressions of laws and of intermediate values.
+
+        The first name counts if several have the same value.
+        """
+        return (
+            _first_names(zip(self.laws, laws, strict=True)),
+            _first_names(zip((name for name, _ in self.intermediates), intermediates, strict=True)),
+        )
+
+
+def _first_names(pairs: Iterable[tuple[str, ExpressionNode]]) -> dict[ExpressionNode, str]:
+    names: dict[ExpressionNode, str] = {}
+    for name, node in pairs:
+        if not node.is_leaf:
+            names.setdefault(node, name)
+    return names
 
 
 def _sample_condition(clock: Clock) -> str:

@@ -9,17 +9,20 @@ from fmus.kit.symbolic import carry_out
 x, y, z = (ca.SX.sym(name) for name in "xyz")
 
 
-def equations(expressions, laws=None, types=None, taken=(), literal=False):
+def equations(expressions, laws=None, types=None, taken=(), literal=False, intermediates=None):
     laws = laws or {}
-    columns = ca.cse([ca.vertcat(*expressions.values()), ca.vertcat(ca.SX(0, 1), *laws.values())])
+    intermediates = intermediates or {}
+    groups = (expressions, laws, intermediates)
+    columns = ca.cse([ca.vertcat(ca.SX(0, 1), *group.values()) for group in groups])
     function = ca.Function("f", [x, y, z], [ca.densify(column) for column in columns])
-    nodes, of_laws = carry_out(function, [[symbol(n)] for n in "xyz"], constant, apply)
+    nodes, of_laws, of_others = carry_out(function, [[symbol(n)] for n in "xyz"], constant, apply)
     targets = [
         Target(name, (types or {}).get(name, "real"), node)
         for name, node in zip(expressions, nodes, strict=True)
     ]
     named = dict(zip(of_laws, laws, strict=True))
-    return define(targets, named, {"x", "y", "z", *taken}, literal)
+    others = dict(zip(of_others, intermediates, strict=True))
+    return define(targets, named, others, {"x", "y", "z", *taken}, literal)
 
 
 def test_a_law_has_a_variable_even_where_it_stands_once():
@@ -32,17 +35,35 @@ def test_a_law_that_nothing_calls_has_none():
     assert equations({"a": x + y}, {"other": x * z}).lines == ["a = x + y;"]
 
 
-def test_what_stands_in_several_places_has_a_number():
+def test_what_stands_in_several_places_is_named_after_what_it_computes():
     made = equations(
-        {"a": ca.sin(x + y), "b": ca.cos(x + y), "c": -x, "d": y * -x}, taken={"term_1"}
+        {"a": ca.sin(x + y), "b": ca.cos(x + y), "c": -x, "d": y * -x}, taken={"x_plus_y"}
     )
     assert made.lines == [
-        "term_2 = x + y;",
-        "a = sin(term_2);",
-        "b = cos(term_2);",
+        "x_plus_y_2 = x + y;",
+        "a = sin(x_plus_y_2);",
+        "b = cos(x_plus_y_2);",
         "c = -x;",
         "d = -y * x;",
     ]
+
+
+def test_what_a_law_calls_it_is_its_name():
+    shared = x * y
+    made = equations(
+        {"a": ca.sin(shared + z), "b": ca.cos(shared + z), "c": shared / z},
+        intermediates={"arm": shared, "unused": x / y, "lead": shared + z},
+        taken={"lead"},
+    )
+    assert made.lines[:2] == ["arm = x * y;", "lead_2 = arm + z;"]
+    assert [a.law for a in made.auxiliaries] == ["", ""]
+
+
+def test_names_are_composed_of_what_has_a_name_and_stay_short():
+    made = equations(
+        {"a": ca.sin(3.0 * x - y), "b": ca.cos(3.0 * x - y), "c": x**2 * y, "d": x**2 / z}
+    )
+    assert [a.name for a in made.auxiliaries] == ["difference", "square_x"]
 
 
 def test_a_variable_stands_for_its_expression():
@@ -55,17 +76,17 @@ def test_a_variable_of_another_type_does_not():
     made = equations({"a": (x < y) * 1.0, "b": (x < y) * z}, types={"a": "boolean"})
     assert made.lines == ["a = x < y;", "b = (if x < y then 1.0 else 0.0) * z;"]
     made = equations({"a": x + y, "b": (x + y) * z}, types={"a": "boolean"})
-    assert made.lines == ["term_1 = x + y;", "a = abs(term_1) > 0.0;", "b = term_1 * z;"]
+    assert made.lines == ["x_plus_y = x + y;", "a = abs(x_plus_y) > 0.0;", "b = x_plus_y * z;"]
 
 
 def test_the_derivative_of_a_variable_stands_for_nothing():
     made = equations({"der(x)": x + y, "b": x + y, "der(y)": x * y, "der(z)": x * y})
     assert made.lines == [
-        "term_1 = x * y;",
+        "x_times_y = x * y;",
         "der(x) = b;",
         "b = x + y;",
-        "der(y) = term_1;",
-        "der(z) = term_1;",
+        "der(y) = x_times_y;",
+        "der(z) = x_times_y;",
     ]
 
 
@@ -77,8 +98,8 @@ def test_a_law_whose_name_is_taken_is_that_at_samples():
 def test_operands_of_an_equality_stand_twice():
     made = equations({"a": ca.if_else(x + y == z, 1.0, 2.0)})
     assert made.lines == [
-        "term_1 = x + y;",
-        "a = if term_1 >= z and term_1 <= z then 1.0 else 2.0;",
+        "x_plus_y = x + y;",
+        "a = if x_plus_y >= z and x_plus_y <= z then 1.0 else 2.0;",
     ]
 
 
@@ -86,9 +107,9 @@ def test_what_a_truth_is_made_of_is_shared():
     expression = ca.sin(x * y) < z
     made = equations({"a": expression * x, "b": expression * y})
     assert made.lines == [
-        "term_1 = sin(x * y);",
-        "a = (if term_1 < z then 1.0 else 0.0) * x;",
-        "b = (if term_1 < z then 1.0 else 0.0) * y;",
+        "sin_value = sin(x * y);",
+        "a = (if sin_value < z then 1.0 else 0.0) * x;",
+        "b = (if sin_value < z then 1.0 else 0.0) * y;",
     ]
 
 
