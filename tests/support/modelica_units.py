@@ -7,7 +7,7 @@ Angles have no dimension.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -112,11 +112,18 @@ class _Checker:
         if isinstance(node, pymoca.ast.IfExpression):
             for condition in node.conditions:
                 self.of(condition)
-            first, *others = map(self.of, node.expressions)
-            for other in others:
-                first = self.meet(node, first, other)
-            return first
+            return self._alike(node, node.expressions)
+        if isinstance(node, pymoca.ast.Array):
+            return self._alike(node, node.values)
+        if getattr(node.operator, "name", node.operator) == "cat":
+            return self._alike(node, node.operands[1:])
         return self._operation(node)
+
+    def _alike(self, node: Any, members: Sequence[Any]) -> Dimension:
+        first, *others = map(self.of, members)
+        for other in others:
+            first = self.meet(node, first, other)
+        return first
 
     def _operation(self, node: Any) -> Dimension:
         name = getattr(node.operator, "name", node.operator)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
+from itertools import takewhile
 
 from fmus.kit.component import Component
 from fmus.kit.declare import Declaration, DiscreteDeclaration, StateDeclaration
 from fmus.kit.modelica.annotations import placements
 from fmus.kit.modelica.connectors import SIGNALS, connector_class, signal_class
 from fmus.kit.modelica.names import comment, identifier, real, string
+from fmus.kit.modelica.registers import Register
 from fmus.kit.units import to_modelica
 
 
@@ -19,7 +21,9 @@ def declared_identifiers(cls: type[Component]) -> set[str]:
     return connectors | {identifier(name) for name in cls.layout.names}
 
 
-def declarations(cls: type[Component], states: bool = True) -> list[str]:
+def declarations(
+    cls: type[Component], states: bool = True, registers: Sequence[Register] = ()
+) -> list[str]:
     """Write the declarations of a component's variables and of the connectors of its ports.
 
     Parameters
@@ -28,18 +32,23 @@ def declarations(cls: type[Component], states: bool = True) -> list[str]:
     states : bool
         Whether states are declared with their start values. Otherwise states that are outputs of
         the FMU are declared as outputs, and the others are omitted.
+    registers : sequence of Register
+        Those whose states are arrays.
 
     Returns
     -------
     list of str
     """
     places = placements(cls)
+    elements = {name for register in registers for name in register.elements}
     lines = [
         declaration(f"parameter {SIGNALS[p.type]}", p, {}, value=literal(p.start, p.type))
         for p in cls.layout.parameters
+        if p.name not in elements
     ]
+    lines += [line for register in registers for line in _array_declarations(cls, register)]
     lines += _input_declarations(cls, places)
-    lines += _state_declarations(cls, places) if states else []
+    lines += _state_declarations(cls, places, elements) if states else []
     lines += [
         declaration(signal_class(v.type, "Output"), v, {}, annotation=places[v.name])
         for v in (cls.layout.outputs if states else cls.layout.shown)
@@ -63,12 +72,41 @@ def _input_declarations(cls: type[Component], places: Mapping[str, str]) -> list
     return lines
 
 
-def _state_declarations(cls: type[Component], places: Mapping[str, str]) -> list[str]:
+def _array_declarations(cls: type[Component], register: Register) -> list[str]:
+    """Write the declarations of the states of a shift register and of their start values."""
+    declared = {v.name: v for v in cls.layout.variables}
+    state = declared[register.states[0]]
+    starts = [real(declared[f"{name}_start"].start) for name in register.states]
+    value = (
+        f"fill({starts[0]}, {register.size})"
+        if len(set(starts)) == 1
+        else f"{{{', '.join(starts)}}}"
+    )
+    unit = f"each unit={string(to_modelica(state.unit))}"
+    size = f"[{register.size}]"
+    start = f"{register.name}_start"
+    # descriptions end with the age of each
+    newest, oldest = declared[register.states[0]].doc, declared[register.states[-1]].doc
+    alike_letters = takewhile(lambda pair: pair[0] == pair[1], zip(newest, oldest, strict=False))
+    about = "".join(letter for letter, _ in alike_letters).rstrip(", ")
+    return [
+        f"parameter Real {start}{size}({unit}) = {value}"
+        f"{comment(f'values of {register.name} at the start')};",
+        f"Real {register.array}{size}(start={start}, each fixed=true, {unit})"
+        f"{comment(f'{about}, the newest first')};",
+    ]
+
+
+def _state_declarations(
+    cls: type[Component], places: Mapping[str, str], omitted: Collection[str]
+) -> list[str]:
     """Write the declarations of continuous and discrete states, with their start values."""
     layout = cls.layout
     states: list[StateDeclaration | DiscreteDeclaration] = [*layout.states, *layout.discretes]
     lines = []
     for state in states:
+        if state.name in omitted:
+            continue
         prefix = signal_class(state.type, "Output") if state.output else SIGNALS[state.type]
         start = {"start": identifier(layout.start_of[state.name]), "fixed": "true"}
         lines.append(declaration(prefix, state, start, annotation=places.get(state.name, "")))

@@ -26,6 +26,7 @@ from fmus.kit.modelica.names import (
     string,
     wrapped,
 )
+from fmus.kit.modelica.registers import Register, registers
 from fmus.kit.symbolic import Graph, carry_out, trace_with_laws, units_of_laws
 from fmus.kit.symbolic.intermediates import recorded_intermediates
 from fmus.kit.units import to_modelica
@@ -98,6 +99,19 @@ class _Model:
         return self.graph.layout
 
     @cached_property
+    def registers(self) -> list[Register]:
+        """Shift registers, which are arrays."""
+        return registers(self.graph)
+
+    @cached_property
+    def texts(self) -> dict[str, str]:
+        """Text of each variable by its name."""
+        texts = {v.name: identifier(v.name) for v in self.layout.variables}
+        for register in self.registers:
+            texts |= register.elements
+        return texts
+
+    @cached_property
     def units(self) -> dict[str, str]:
         """Unit of each law that has one."""
         layout = self.layout
@@ -109,7 +123,10 @@ class _Model:
         name = class_name(self.cls.name)
         kind = "model" if self.cls.ports else "block"
         equations = self._equations()
-        lines = [f"{kind} {name}{comment(summary(self.cls))}", *indented(declarations(self.cls))]
+        lines = [
+            f"{kind} {name}{comment(summary(self.cls))}",
+            *indented(declarations(self.cls, registers=self.registers)),
+        ]
         lines += self._protected(equations)
         lines += ["equation", *self._equation_section(equations)]
         lines += [f"  {annotation(self.cls)}", f"end {name};"]
@@ -118,6 +135,8 @@ class _Model:
     def _equations(self) -> _ModelEquations:
         """Write the equations, with unused names for their auxiliary variables."""
         taken = declared_identifiers(self.cls)
+        for register in self.registers:
+            taken |= {register.array, f"{register.name}_start"}
         numbers = range(1, self.graph.indicators.numel() + 1)
         events = [identifier(f"event_{k}", taken) for k in numbers]
         taken.update(events)
@@ -161,10 +180,9 @@ class _Model:
         they switch, the signs of the event indicators are Boolean variables.
         """
         layout = self.layout
-        texts = {v.name: identifier(v.name) for v in layout.variables}
         graph = self.graph
         rates, outputs, signs, *named = self._expression_nodes(
-            texts, [graph.rates, graph.outputs, graph.indicators > 0.0]
+            self.texts, [graph.rates, graph.outputs, graph.indicators > 0.0]
         )
         targets = [
             Target(f"der({identifier(s.name)})", "real", node)
@@ -185,18 +203,28 @@ class _Model:
         """
         layout = self.layout
         before = {d.name for _, members in layout.sampled[:group] for d in members}
-        texts = {v.name: identifier(v.name) for v in layout.variables}
+        texts = dict(self.texts)
         for v in (*layout.inputs, *layout.discretes):
             if v.name not in before:
                 texts[v.name] = f"pre({texts[v.name]})"
         after, *named = self._expression_nodes(texts, [self.graph.updates[group]])
-        members = {d.name for d in layout.sampled[group][1]}
+        shifted = {state for register in self.registers for state in register.states[1:]}
+        members = {d.name for d in layout.sampled[group][1]} - shifted
         targets = [
-            Target(identifier(d.name), d.type, node)
+            Target(self.texts[d.name], d.type, node)
             for d, node in zip(layout.discretes, after, strict=True)
             if d.name in members
         ]
-        return define(targets, *self._names(*named), taken)
+        part = define(targets, *self._names(*named), taken)
+        for register in self.registers:
+            start = f"{register.array}[1] = "
+            part.lines[:] = [
+                register.shifted(line.removeprefix(start).removesuffix(";"))
+                if line.startswith(start)
+                else line
+                for line in part.lines
+            ]
+        return part
 
     def _expression_nodes(
         self, texts: Mapping[str, str], results: list[ca.SX]
