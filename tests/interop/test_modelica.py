@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rumoca
+from pymoca.backends.casadi.api import transfer_model
 
 import fmus
 from fmus import COMPONENTS
@@ -153,6 +154,42 @@ def test_pymoca_flattens_it_into_as_many_equations_as_variables(name, flat):
     given = [v for v in cls.layout.inputs if v.name not in at_ports]
     equations = sum(len(e.blocks[0]) if hasattr(e, "blocks") else 1 for e in model.equations)
     assert equations == len(unknown) - len(given)
+
+
+def transferred(folder, name, first="Resources/Pymoca"):
+    """Return a model as a user of pymoca gets it, with the package as its library."""
+    options = {"library_folders": [str(folder)]}
+    return transfer_model(str(folder / first), f"PpyRig.{class_name(name)}", options)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CONTINUOUS)
+def test_pymoca_transfers_it_as_it_stands(name, folder):
+    """Potentials whose rate is an input are states, and signals that are inputs are unknowns."""
+    cls = fmus.component(name)
+    model = transferred(folder, name)
+    states = {s.name for s in cls.layout.states} | {p.potential for p in cls.ports if p.rate}
+    assert {v.symbol.name() for v in model.states} == states
+    unknown = {v.symbol.name() for v in (*model.states, *model.alg_states)}
+    at_ports = {n for port in cls.ports for n in port.variables}
+    given = {v.name for v in cls.layout.inputs} - at_ports
+    assert given <= unknown
+    assert sum(e.numel() for e in model.equations) == len(unknown - given)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(COMPONENTS.keys() - CONTINUOUS))
+def test_pymoca_knows_no_samples(name, folder):
+    """The day it does, these join the others."""
+    with pytest.raises(Exception, match=r"^Unknown function (sample|noEvent)$"):
+        transferred(folder, name)
+
+
+@pytest.mark.slow
+def test_pymoca_loses_signals_that_are_connectors(folder):
+    """The day it does not, the types that replace them are not needed any more."""
+    with pytest.raises(KeyError, match="voltage"):
+        transferred(folder, "ppy_actuator", first="Interfaces")
 
 
 @pytest.mark.slow

@@ -298,20 +298,15 @@ def simulate_by_rumoca(
 
 
 def parse_by_pymoca(files: Mapping[str, bytes], texts: Sequence[str] = ()) -> pymoca.ast.Tree:
-    """Return the syntax tree of a package's files and of further texts.
+    """Return the syntax tree of a package's files and of further texts, in pymoca's order.
 
-    A connector that is one number loses its symbol in pymoca 0.12; a type of that kind does not. It
-    knows no noEvent, and computes without events.
+    The first definition of a class counts.
     """
-    packages = sorted(path for path in files if path.endswith("package.mo"))
-    others = sorted(path for path in files if path.endswith(".mo") and path not in packages)
+    modelica = [path for path in files if path.endswith(".mo")]
+    first = sorted(modelica, key=lambda path: ("Resources/Pymoca/" not in path, path))
     tree = None
-    for text in [*(files[path].decode() for path in (*packages, *others)), *texts]:
-        for kind in ("Real", "Integer", "Boolean"):
-            for causality in ("Input", "Output"):
-                name = f"{kind}{causality}"
-                text = text.replace(f"connector {name} =", f"type {name} =")
-        parsed = pymoca.parser.parse(text.replace("noEvent(", "("))
+    for text in [*(files[path].decode() for path in first), *texts]:
+        parsed = pymoca.parser.parse(text)
         assert parsed is not None, text
         if tree is None:
             tree = parsed

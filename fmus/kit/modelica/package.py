@@ -15,7 +15,13 @@ from xml.etree import ElementTree
 from fmus.kit.build.toolchain import fmi_headers
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError
-from fmus.kit.modelica.connectors import INTERFACES, SOURCES, interface_classes, source_classes
+from fmus.kit.modelica.connectors import (
+    INTERFACES,
+    SOURCES,
+    interface_classes,
+    pymoca_interfaces,
+    source_classes,
+)
 from fmus.kit.modelica.examples import EXAMPLES, example_classes
 from fmus.kit.modelica.functions import function_classes
 from fmus.kit.modelica.model import model_text
@@ -78,6 +84,8 @@ def package_files(
     if examples:
         about = "Systems of components, ready to simulate"
         texts |= _files_of_package(EXAMPLES, PACKAGE, examples, about)
+    # no class of the package: it has no package.mo, by which a tool knows a folder of classes
+    texts[f"{PACKAGE}/Resources/Pymoca/{INTERFACES}.mo"] = pymoca_interfaces()
     files = {path: text.encode() for path, text in texts.items()}
     return files | (_wrapper_files(classes, fmus) if fmus else {})
 
