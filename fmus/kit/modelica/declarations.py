@@ -74,9 +74,10 @@ def _input_declarations(cls: type[Component], places: Mapping[str, str]) -> list
 
 def _array_declarations(cls: type[Component], register: Register) -> list[str]:
     """Write the declarations of the states of a shift register and of their start values."""
-    declared = {v.name: v for v in cls.layout.variables}
+    declared = {d.name: d for d in cls.layout.discretes}
+    parameters = {p.starts: p for p in cls.layout.parameters}
     state = declared[register.states[0]]
-    starts = [real(declared[f"{name}_start"].start) for name in register.states]
+    starts = [real(parameters[name].start) for name in register.states]
     value = (
         f"fill({starts[0]}, {register.size})"
         if len(set(starts)) == 1

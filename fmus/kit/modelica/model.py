@@ -27,8 +27,13 @@ from fmus.kit.modelica.names import (
     wrapped,
 )
 from fmus.kit.modelica.registers import Register, registers
-from fmus.kit.symbolic import Graph, carry_out, trace_with_laws, units_of_laws
-from fmus.kit.symbolic.intermediates import recorded_intermediates
+from fmus.kit.symbolic import (
+    Graph,
+    carry_out,
+    recorded_intermediates,
+    trace_with_laws,
+    units_of_laws,
+)
 from fmus.kit.units import to_modelica
 
 

@@ -7,6 +7,7 @@ from .forcing import Forcing as Forcing
 from .forcing import Points as Points
 from .hoisting import hoist as hoist
 from .instructions import carry_out as carry_out
+from .intermediates import recorded_intermediates as recorded_intermediates
 from .laws import list_laws as list_laws
 from .laws import units_of_laws as units_of_laws
 from .perturbed import PerturbedLaws as PerturbedLaws
