@@ -32,7 +32,7 @@ _BASE = {
     "s": {"s": 1},
 }
 _SAME = {"+", "-", "min", "max", "<", "<=", ">", ">=", "=="}
-_KEEPING = {"abs", "pre", "PpyRig.Functions.hypotenuse"}
+_KEEPING = {"abs", "noEvent", "pre", "PpyRig.Functions.hypotenuse"}
 _RELATIONS = {"<", "<=", ">", ">=", "==", "and", "or", "not", "sign"}
 
 
