@@ -28,6 +28,6 @@ EXAMPLES = (
             step=0.01,  # the period at which the galvanostat looks at the voltage
             stop=20.0,
         ),
-        {"current_command": 0.5, "length_change": 0.0},
+        {"current_command": 0.5, "length_change": 2e-4},
     ),
 )

@@ -67,15 +67,6 @@ def test_every_system_without_a_rig_is_an_example():
     assert registry.systems().keys() - EXAMPLES.keys() == proxied
 
 
-def test_an_example_is_written_if_the_package_has_its_members():
-    names = ("galvanostat", "ppy_actuator_length_driven")
-    written = package_files([*map(fmus.component, names)], "0")
-    assert written["PpyRig/Examples/package.order"] == b"ClampedActuator\n"
-    alone = package_files([fmus.component("galvanostat")], "0")
-    assert not [path for path in alone if "Examples" in path]
-    assert b"Examples" not in alone["PpyRig/package.order"]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_it_says_how_long_to_simulate_it(name, files):

@@ -14,6 +14,7 @@ from typing import NamedTuple
 from fmus.kit import registry
 from fmus.kit.component import Component
 from fmus.kit.declare import Declaration
+from fmus.kit.errors import find
 from fmus.kit.modelica.connectors import SIGNALS, reference_name, source_class
 from fmus.kit.modelica.declarations import declaration, literal
 from fmus.kit.modelica.graphics import placement, positions
@@ -50,7 +51,8 @@ def example_classes(classes: Sequence[type[Component]]) -> dict[str, str]:
     Raises
     ------
     UserError
-        If a component or an effect of an example is not known.
+        If a component, an effect, a member or a variable of an example is not known, or an input
+        has no value.
     """
     texts: dict[str, str] = {}
     for example in registry.examples():
@@ -154,7 +156,9 @@ class _Model:
         """Declare the inputs of the system as parameters."""
         for name, ends in self.inputs.items():
             v = ends[0].variable
-            value = literal(self.example.inputs[name], v.type)
+            system = self.example.system.name
+            constant = find(name, self.example.inputs, f"{system}: the example sets no input")
+            value = literal(constant, v.type)
             yield declaration(f"parameter {SIGNALS[v.type]}", v, {}, value=value, name=name)
 
     def _members(self) -> Iterator[str]:
@@ -209,9 +213,11 @@ class _Model:
 
     def _end(self, text: str) -> _End:
         """Return the end of a text ``member.variable``."""
+        system = self.example.system.name
         member, name = text.split(".")
-        cls = self.members[member]
-        variable = next(v for v in cls.layout.variables if v.name == name)
+        cls = find(member, self.members, f"{system}: no member")
+        variables = {v.name: v for v in cls.layout.variables}
+        variable = find(name, variables, f"{system}: {member} has no variable")
         port = next((port for port in cls.ports if name in port.variables), None)
         return _End(member, variable, port)
 
