@@ -33,7 +33,7 @@ def test_effects_are_laid_over_a_named_component(tmp_path):
 def test_fmus_come_with_what_loads_them(tmp_path):
     works("export", "modelica", "pid", "--fmus", cwd=tmp_path)
     folder = tmp_path / "modelica" / "PpyRig"
-    assert (folder / "package.order").read_text().split()[2:] == ["FMUs", "Pid"]
+    assert (folder / "package.order").read_text().split()[2:] == ["Sources", "FMUs", "Pid"]
     assert (folder / "FMUs" / "package.order").read_text().split() == [
         "Instance",
         "communicate",
