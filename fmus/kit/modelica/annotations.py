@@ -16,7 +16,7 @@ from fmus.kit.modelica.graphics import SIGNAL, box, placement, positions
 from fmus.kit.modelica.names import string
 
 _EDGE = 110  # distance of connectors from the middle; the box ends at 100
-_STEPS = ((-40, -30), (-15, -30), (-15, 0), (10, 0), (10, 30), (40, 30))
+_STEPS = "{-40,-30},{-15,-30},{-15,0},{10,0},{10,30},{40,30}"
 
 
 def annotation(cls: type[Component]) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from fmus.kit.modelica.graphics import SIGNAL, Points, box, placement, square, triangle
+from fmus.kit.modelica.graphics import SIGNAL, box, placement, square, triangle
 from fmus.kit.modelica.names import PACKAGE, identifier, string
 from fmus.kit.ports import DOMAINS, PowerPort
 from fmus.kit.units import to_modelica
@@ -33,7 +33,7 @@ class _Connector(NamedTuple):
         Sources of the two variables, by name.
     reference : str
         Name for a component at which the potential is zero.
-    symbol : sequence of tuple of int
+    symbol : str
         Points of the line that stands for the domain on icons.
     """
 
@@ -44,7 +44,7 @@ class _Connector(NamedTuple):
     colour: str
     sources: tuple[str, str]
     reference: str
-    symbol: Points
+    symbol: str
 
 
 _CONNECTORS = {
@@ -56,18 +56,7 @@ _CONNECTORS = {
         "0,0,255",
         ("Voltage", "Current"),
         "ground",
-        (
-            (-40, 0),
-            (-30, 0),
-            (-25, 15),
-            (-15, -15),
-            (-5, 15),
-            (5, -15),
-            (15, 15),
-            (25, -15),
-            (30, 0),
-            (40, 0),
-        ),
+        "{-40,0},{-30,0},{-20,15},{-5,-15},{5,15},{20,-15},{30,0},{40,0}",
     ),
     "translational": _Connector(
         "Flange",
@@ -77,7 +66,7 @@ _CONNECTORS = {
         "0,127,0",
         ("Position", "Force"),
         "frame",
-        ((-40, 0), (40, 0), (25, 12), (40, 0), (25, -12)),
+        "{-40,0},{40,0},{25,12},{40,0},{25,-12}",
     ),
     "rotational": _Connector(
         "RotationalFlange",
@@ -87,7 +76,7 @@ _CONNECTORS = {
         "95,95,95",
         ("Angle", "Torque"),
         "bearing",
-        ((30, -25), (40, 0), (25, 25), (0, 35), (-25, 25), (-40, 0), (-30, 5), (-40, 0), (-45, 15)),
+        "{30,-25},{40,0},{25,25},{0,35},{-25,25},{-40,0},{-30,5},{-40,0},{-45,15}",
     ),
     "thermal": _Connector(
         "HeatPort",
@@ -97,7 +86,7 @@ _CONNECTORS = {
         "191,0,0",
         ("Temperature", "HeatFlow"),
         "absolute_zero",
-        ((-10, -40), (10, -15), (-10, 10), (10, 35), (-2, 28), (10, 35), (12, 20)),
+        "{-10,-40},{10,-15},{-10,10},{10,35},{-2,28},{10,35},{12,20}",
     ),
 }
 SIGNALS = {"real": "Real", "integer": "Integer", "boolean": "Boolean"}  # by type of the variable
@@ -114,7 +103,7 @@ def signal_class(type: str, causality: str) -> str:
     return f"{INTERFACES}.{SIGNALS[type]}{causality}"
 
 
-def symbol(domain: str) -> tuple[Points, str]:
+def symbol(domain: str) -> tuple[str, str]:
     """Return the points and the colour of the line that stands for a domain on icons."""
     connector = _CONNECTORS[domain]
     return connector.symbol, connector.colour

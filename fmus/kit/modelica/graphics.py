@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-Points = Sequence[tuple[int, int]]
 SIGNAL = "0,0,127"  # colour of signals of type Real: red, green, blue
 _WHOLE = "extent={{-100,-100},{100,100}}"
 _SIZE = 10  # half the width of a connector
@@ -21,11 +20,11 @@ def square(colour: str) -> str:
 
 def triangle(colour: str) -> str:
     """Write an icon that is a filled triangle of a colour, which points to the right."""
-    corners = _points([(-100, 100), (100, 0), (-100, -100)])
+    corners = "{{-100,100},{100,0},{-100,-100}}"
     return _icon([f"Polygon(points={corners}, {_filled(colour, colour)})"])
 
 
-def box(colour: str, lines: Sequence[tuple[Points, str]]) -> str:
+def box(colour: str, lines: Sequence[tuple[str, str]]) -> str:
     """Write an icon that is a box with lines in it and the name of the component above it.
 
     Parameters
@@ -41,8 +40,8 @@ def box(colour: str, lines: Sequence[tuple[Points, str]]) -> str:
     """
     shapes = [f"Rectangle({_WHOLE}, {_filled(colour, '255,255,255')})", _TITLE]
     for (points, of_line), middle in zip(lines, positions(len(lines)), strict=True):
-        moved = _points([(x + middle, y) for x, y in points])
-        shapes.append(f"Line(points={moved}, color={{{of_line}}}, thickness=1.0)")
+        line = f"points={{{points}}}, color={{{of_line}}}, thickness=1.0"
+        shapes.append(f"Line(origin={{{middle},0}}, {line})")
     return _icon(shapes)
 
 
@@ -65,16 +64,12 @@ def placement(x: int, y: int, size: int = _SIZE) -> str:
     -------
     str
     """
-    extent = _points([(x - size, y - size), (x + size, y + size)])
+    extent = f"{{{{{x - size},{y - size}}},{{{x + size},{y + size}}}}}"
     return f" annotation(Placement(transformation(extent={extent})))"
 
 
 def _icon(shapes: Sequence[str]) -> str:
     return f"Icon(graphics={{{', '.join(shapes)}}})"
-
-
-def _points(points: Points) -> str:
-    return f"{{{','.join(f'{{{x},{y}}}' for x, y in points)}}}"
 
 
 def _filled(line: str, fill: str) -> str:

@@ -17,7 +17,7 @@ def test_a_package_of_named_components(tmp_path):
     printed = works("export", "modelica", "ppy_actuator", "pid", "--out", "made", cwd=tmp_path)
     assert printed == f"wrote {Path('made') / 'PpyRig'}\n"
     order = (tmp_path / "made" / "PpyRig" / "package.order").read_text().split()
-    assert order == ["Interfaces", "Functions", "PpyActuator", "Pid"]
+    assert order == ["Interfaces", "Functions", "Sources", "PpyActuator", "Pid"]
     session = rumoca.Session(roots=[str(tmp_path / "made" / "PpyRig")])
     assert session.loads("model T PpyRig.PpyActuator m; end T;", model="T").states.names
 

@@ -20,9 +20,9 @@ def test_a_placement_is_a_square_about_its_middle():
 
 
 def test_lines_stand_side_by_side_in_the_box():
-    text = box("0,0,127", [(((-50, 0), (50, 0)), "1,2,3"), (((-50, 9), (50, 9)), "4,5,6")])
-    lines = re.findall(r"Line\(points=\{(.+?)\}, color=\{(\S+)\}", text)
-    assert lines == [("{-100,0},{0,0}", "1,2,3"), ("{0,9},{100,9}", "4,5,6")]
+    text = box("0,0,127", [("{-50,0},{50,0}", "1,2,3"), ("{-50,9},{50,9}", "4,5,6")])
+    lines = re.findall(r"Line\(origin=\{(\S+)\}, points=\{(\S+)\}, color=\{(\S+)\}", text)
+    assert lines == [("-50,0", "{-50,0},{50,0}", "1,2,3"), ("50,0", "{-50,9},{50,9}", "4,5,6")]
     assert 'textString="%name"' in text
 
 
