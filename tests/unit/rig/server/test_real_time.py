@@ -117,6 +117,7 @@ def test_a_backend_that_does_not_open_is_an_error_with_its_reason(
         return process
 
     monkeypatch.setattr(RealTimeRig, "_start_process", fail)
+    monkeypatch.setattr(module, "_SPARE", 0.1)  # nothing of these processes ever ends
     with pytest.raises(UserError, match=rf"^backend own\.py:Own: {reason}$"):
         RealTimeRig(ServerSettings("own.py:Own"), lambda text, kind: None)
 
