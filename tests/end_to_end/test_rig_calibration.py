@@ -35,7 +35,8 @@ COMMAND += ("--uncertainty", "0.001")
 
 
 def settle(folder, volts):
-    (folder / "volts").write_text(str(volts))
+    (folder / "new").write_text(str(volts))
+    (folder / "new").replace(folder / "volts")  # the device may be reading it
     time.sleep(0.2)
 
 
