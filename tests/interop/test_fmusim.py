@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from functools import partial
 
-import numpy as np
 import pytest
 
 from tests.support import fmusim
@@ -34,11 +33,12 @@ def test_cvode_computes_what_co_simulation_does(fmu, name, fmi, tolerance):
 
 @pytest.mark.parametrize(("fmi", "flags"), [(2, ()), (3, ()), (3, fmusim.EVENT_MODE)])
 @pytest.mark.parametrize("name", STIMULI)
-def test_co_simulation_gives_the_bits_of_our_master(fmu, name, fmi, flags):
+def test_co_simulation_gives_the_numbers_of_our_master(fmu, name, fmi, flags):
+    """To the 16 digits that it writes."""
     for output, (found, expected) in both_ways(
         *(fmu(name, "native", fmi), fmu(name, "native")),
         *STIMULI[name],
         simulate=partial(fmusim.simulate_fmu, flags=flags),
         fmi_type="CoSimulation",
     ).items():
-        np.testing.assert_array_equal(found, expected, output)
+        assert distance(found, expected) <= 1e-15, output
