@@ -59,6 +59,8 @@ LINUX = {
     "linux64": "Advanced Micro Devices X86-64",
     "aarch64-linux": "AArch64",
 }  # as readelf calls processors
+# feet that move grow the last bit, in which functions of another C library differ
+AMPLIFIED = {("win64", "foot_dynamic"): PORTED, ("win64", "foot_free"): 1e-11}
 PLATFORMS = (*LINUX, "win64", "darwin64")
 
 
@@ -178,7 +180,8 @@ def test_binary_of_another_platform_gives_the_numbers_of_this_one(machine, name,
     found = hosts.run_c_host(archive, time, inputs, outputs, machine=machine)
     for output in outputs:
         size = np.abs(expected[output]).max()
-        assert np.abs(found[output] - expected[output]).max() <= PORTED * size, output
+        allowed = AMPLIFIED.get((machine.name, name), 1e-12)
+        assert np.abs(found[output] - expected[output]).max() <= allowed * size, output
 
 
 # --- Windows
