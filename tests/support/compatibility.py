@@ -177,7 +177,7 @@ def _masters() -> list[Tool]:
     return [
         Tool("libcosim", libcosim, 2, "co-simulation", native[0], ROUNDED),
         Tool("libcosim", libcosim, 2, "co-simulation", python[0], ROUNDED, "python"),
-        Tool("libcosim", libcosim, 3, "co-simulation", native[0], ROUNDED, lacks=lambda: crash),
+        Tool("libcosim", libcosim, 3, "co-simulation", _cannot, ROUNDED, lacks=lambda: crash),
         Tool("Ecos", ecos, 2, "co-simulation", native[1], SAME),
         Tool("Ecos", ecos, 2, "co-simulation", python[1], SAME, "python"),
         Tool("Ecos", ecos, 3, "co-simulation", of_3, SAME),
@@ -207,6 +207,11 @@ def _fmusim_is_missing() -> str:
     return "" if fmusim.BINARY else fmusim.MISSING
 
 
+def _cannot(name: str) -> float:
+    """Fail: for a way in which a tool runs nothing."""
+    raise NotImplementedError(name)
+
+
 def _by_pyfmi() -> list[Tool]:
     """PyFMI, by the interfaces that it imports."""
 
@@ -216,7 +221,7 @@ def _by_pyfmi() -> list[Tool]:
     ways = _all("PyFMI", pyfmi_host.version, pyfmi_host.simulate_fmu, lacks=lacks)
     unknown = "PyFMI imports no co-simulation of FMI 3.0"
     return [
-        way._replace(lacks=lambda: unknown)
+        way._replace(runs=_cannot, lacks=lambda: unknown)
         if (way.fmi, way.interface) == (3, "co-simulation")
         else way
         for way in ways
@@ -246,7 +251,7 @@ TOOLS = [
         str,
         2,
         "co-simulation",
-        lambda name: 0.0,
+        _cannot,
         SAME,
         lacks=lambda: "its package holds no binaries, and was not built from source",
     ),
