@@ -161,7 +161,7 @@ def test_the_state_is_the_whole_state(stock, name):
 
 
 def serialised(archive: Path) -> bool:
-    """Whether an instance goes on alike from a state, and from the same state out of its bytes."""
+    """True if an instance goes on alike from a state, and from the same state out of its bytes."""
     with hosts.extracted(archive) as folder:
         one = hosts.slave(folder)
         one.instantiate()

@@ -253,7 +253,7 @@ def clocks(cls):
 
 
 def compiles_balanced(cls, folder):
-    """Whether a class compiles; not where a clock reads a sample of another period, which rumoca
+    """True if a class compiles; not where a clock reads a sample of another period, which rumoca
     refuses.
     """
     write(package_files([cls], "0"), folder)

@@ -61,7 +61,7 @@ class Lamp(Component):
 
     @Output("W")
     def power(self):
-        """What it takes."""
+        """Power that it takes."""
         return where(self.on, 60.0, 0.0)
 
 

@@ -95,7 +95,7 @@ class _End(NamedTuple):
 
     @property
     def is_flow(self) -> bool:
-        """Whether the variable is the flow of its port."""
+        """True if the variable is the flow of its port."""
         return self.port is not None and self.port.flow == self.variable.name
 
 

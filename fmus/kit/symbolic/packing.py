@@ -71,7 +71,7 @@ class Loop(NamedTuple):
 
 @dataclass(frozen=True)
 class Program:
-    """What the master of a system does, as operations.
+    """The work of a system's master, as operations.
 
     Attributes
     ----------
