@@ -564,7 +564,7 @@ def _c_host(version: int, machine: Machine) -> Path:
     """Compile the program for a version of FMI and a platform."""
     folder = Path(tempfile.mkdtemp(prefix="c_host_"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    program = folder / "c_host.exe"
+    program = folder / "c_host.exe"  # a name that every platform runs
     zig = [sys.executable, "-m", "ziglang", "cc", "-target", machine.target]
     command = [*(zig if machine.runners else [compiler()]), "-std=c99", "-O2", f"-DFMI={version}"]
     command += [f"-I{HEADERS}", str(TESTS / "c" / "c_host.c"), "-o", str(program)]
