@@ -60,7 +60,7 @@ LINUX = {
     "aarch64-linux": "AArch64",
 }  # as readelf calls processors
 # feet that move grow the last bit, in which functions of another C library differ
-AMPLIFIED = {("win64", "foot_dynamic"): PORTED, ("win64", "foot_free"): 1e-11}
+AMPLIFIED = {("win64", "foot_dynamic"): PORTED, ("win64", "foot_free"): PORTED}
 PLATFORMS = (*LINUX, "win64", "darwin64")
 
 
