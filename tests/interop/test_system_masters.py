@@ -16,6 +16,7 @@ import pytest
 from fmus import component
 from fmus.kit.build.building import RUNTIMES
 from orchestration.system import Connection, Member, Port, System, library, ssp
+from tests.support import omsimulator
 from tests.support.hosts import NANOSECONDS, HostError, build_one_state_fmu, finish_in_subprocess
 from tests.support.pace import slow_but
 from tests.support.system.archive import BINDINGS, INLINE, NAMESPACES, repacked
@@ -121,6 +122,19 @@ def exported(tmp_path):
 def close(found, wanted, tolerance=1e-9):
     """Equal within a part of the largest value."""
     assert np.abs(found - wanted).max() <= tolerance * np.abs(wanted).max()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not omsimulator.LIBRARY, reason=omsimulator.MISSING)
+@pytest.mark.parametrize("name", ["dma_bench", "degradation_watch"])
+def test_omsimulator_feeds_a_system_a_step_late(exported, name):
+    """The charge follows from nothing but a constant input, which acts from the second step on."""
+    inputs, count, _, _ = RUNS[name]
+    system = library.system(name)
+    path = exported(system)
+    ours = run_own_ssp(path, system.step, count, inputs, ["actuator.charge"])
+    found = omsimulator.run_ssp(path, system.step, count, inputs, ["actuator.charge"])
+    close(found["actuator.charge"][1:], ours["actuator.charge"][:-1])
 
 
 @pytest.mark.slow

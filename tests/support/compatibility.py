@@ -23,7 +23,7 @@ from fmpy.validation import validate_fmu
 from fmus import COMPONENTS, component
 from fmus.kit.build import build, build_cached
 from fmus.kit.storage import scratch
-from tests.support import fmusim, hosts, pyfmi_host
+from tests.support import fmusim, hosts, omsimulator, pyfmi_host
 from tests.support.compatibility_page import FAILED, NOT_RUN, PASSED, badges, page
 from tests.support.exchange import BY_FMPY, both_ways, distance
 from tests.support.machines import MACHINES, Machine
@@ -122,8 +122,10 @@ def by_fmpy(path: str, **options: Any) -> Any:
     return BY_FMPY(path, **options)
 
 
-def co_simulated(simulate: Callable[..., Any], fmi: int) -> Callable[[str], float]:
-    """Co-simulation by a tool, beside fmpy's bare functions and the build of FMI 2.0."""
+def fed_constants(
+    simulate: Callable[..., Any], fmi: int, interface: str = "CoSimulation", **how: Any
+) -> Callable[[str], float]:
+    """Constant inputs by a tool, beside co-simulation by fmpy's bare functions and FMI 2.0."""
 
     def deviation(name: str) -> float:
         time, inputs, outputs = _signals(name)
@@ -134,7 +136,8 @@ def co_simulated(simulate: Callable[..., Any], fmi: int) -> Callable[[str], floa
             output_interval=time[1],
             start_values=inputs,
             output=outputs,
-            fmi_type="CoSimulation",
+            fmi_type=interface,
+            **how,
         )
         native = build_cached(component(name), "native")
         return _largest(found, hosts.run_fmpy(native, time, inputs, outputs), outputs)
@@ -158,7 +161,7 @@ def _all(
     name: str, version: Callable[[], str], simulate: Callable[..., Any], **more: Any
 ) -> list[Tool]:
     """Both interfaces of both versions of FMI."""
-    interfaces = [("co-simulation", co_simulated, SAME), ("model exchange", solved, SOLVED)]
+    interfaces = [("co-simulation", fed_constants, SAME), ("model exchange", solved, SOLVED)]
     return [
         Tool(name, version, fmi, interface, runs(simulate, fmi), allowed, **more)
         for fmi in (2, 3)
@@ -228,6 +231,26 @@ def _by_pyfmi() -> list[Tool]:
     ]
 
 
+def _by_omsimulator() -> list[Tool]:
+    """OMSimulator, which has no events where an input jumps, and so is fed constants."""
+
+    def lacks() -> str:
+        return "" if omsimulator.LIBRARY else omsimulator.MISSING
+
+    simulate = omsimulator.simulate_fmu
+    exchanged = fed_constants(simulate, 2, "ModelExchange", relative_tolerance=1e-9)
+    ways = [
+        (2, "co-simulation", fed_constants(simulate, 2), SAME),
+        (2, "model exchange", exchanged, SOLVED),
+        (3, "co-simulation", fed_constants(simulate, 3), SAME),
+    ]
+    unknown = "this version imports no model exchange of FMI 3.0"
+    return [
+        *(Tool("OMSimulator", omsimulator.version, *way, lacks=lacks) for way in ways),
+        Tool("OMSimulator", str, 3, "model exchange", _cannot, SOLVED, lacks=lambda: unknown),
+    ]
+
+
 _FMPY = partial(metadata.version, "fmpy")
 _with_events = partial(fmusim.simulate_fmu, flags=fmusim.EVENT_MODE)
 TOOLS = [
@@ -241,20 +264,12 @@ TOOLS = [
         fmusim.version,
         3,
         "event mode",
-        co_simulated(_with_events, 3),
+        fed_constants(_with_events, 3),
         SAME,
         lacks=_fmusim_is_missing,
     ),
     *_by_pyfmi(),
-    Tool(
-        "OMSimulator",
-        str,
-        2,
-        "co-simulation",
-        _cannot,
-        SAME,
-        lacks=lambda: "its package holds no binaries, and was not built from source",
-    ),
+    *_by_omsimulator(),
 ]
 
 

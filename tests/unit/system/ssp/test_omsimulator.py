@@ -2,7 +2,8 @@
 it documents that.
 
 OMSimulator cannot be installed from a package index alone (its package fetches a binary from
-elsewhere), so the oracle is its documented form: its schema ``oms.xsd``, and how it reads a
+elsewhere; ``tests/interop/test_system_masters.py`` runs one that is there), so the oracle is its
+documented form: its schema ``oms.xsd``, and how it reads a
 description: elements by prefix and name, of several annotations the first only (pull request 890
 and issues 751, 1094 and 1318 of its repository).
 """
