@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ..kit import Component, Discrete, Input, Output, Parameter, clip, where
+from ..kit import Array, Component, Discrete, Input, Output, Parameter, clip, where
 from .signals import largest_current, sampled_length
 
 SAMPLES = 40  # of a period
@@ -19,36 +19,35 @@ _LONGEST_LEAD = 8  # samples
 _SOURCE = "Bristow, Tharayil, Alleyne, IEEE Control Systems Magazine 26(3), 2006"
 
 
-def _register(name: str, unit: str, newest: Callable[[Any], Any], doc: str) -> dict[str, Any]:
-    """Return the states and laws of a shift register, by name; it shifts at every sample.
+def _register(unit: str, law: str, doc: str) -> Any:
+    """Declare a shift register, whose newest value is the first; see `_shift_laws`."""
+
+    def place(age: int) -> Any:
+        return Discrete(unit, update=f"{law}_{age}", period="sample_period", doc=doc)
+
+    return Array(SAMPLES + _TAPS, place)
+
+
+def _shift_laws(name: str, law: str) -> dict[str, Any]:
+    """Return the laws of a shift register: at a sample, each place takes the value before it.
 
     Parameters
     ----------
     name : str
-        Stem of the names of its states; ``name_1`` is the newest.
-    unit : str
-    newest : callable
+    law : str
         Law of the value that enters.
-    doc : str
-        Description of the values, to which their age is added.
 
     Returns
     -------
-    dict of str to object
+    dict of str to callable
+        ``<law>_1`` is that of the newest place.
     """
-    states = [f"{name}_{age}" for age in range(1, SAMPLES + _TAPS + 1)]
 
-    def law_of(state: str) -> Callable[[Any], Any]:
-        return lambda self: getattr(self, state)
+    def shifted(age: int) -> Callable[[Any], Any]:
+        return lambda self: getattr(self, f"{name}[{age}]")
 
-    members: dict[str, Any] = {}
-    laws = [newest, *map(law_of, states[:-1])]  # each state takes the value of the next newer one
-    for age, (state, law) in enumerate(zip(states, laws, strict=True), start=1):
-        members[state] = Discrete(
-            unit, update=f"next_{state}", period="sample_period", doc=f"{doc}, {age} samples ago"
-        )
-        members[f"next_{state}"] = law
-    return members
+    laws = {f"{law}_{age + 1}": shifted(age) for age in range(1, SAMPLES + _TAPS)}
+    return {f"{law}_1": lambda self: getattr(self, law)()} | laws
 
 
 class LearningController(Component):
@@ -109,11 +108,9 @@ class LearningController(Component):
     )
 
     previous_error = sampled_length("error", "error at the latest sample")
-    vars().update(_register("lesson", "A", lambda self: self.next_lesson(), "change to be learnt"))
-    learnt_1: Any  # first place of the register, which `_register` declares
-    vars().update(
-        _register("learnt", "A", lambda self: self.next_learnt(), "learnt part of the command")
-    )
+    lesson = _register("A", "next_lesson", "change to be learnt, the newest first")
+    learnt = _register("A", "next_learnt", "learnt part of the command, the newest first")
+    vars().update(_shift_laws("lesson", "next_lesson") | _shift_laws("learnt", "next_learnt"))
 
     def error(self) -> Any:
         """Reference less measured displacement, e."""
@@ -128,13 +125,13 @@ class LearningController(Component):
     def lesson_with_lead(self, age: int) -> Any:
         """Correction of the command of ``age`` samples ago, which is younger by the lead."""
         return sum(
-            where(self.lead == ahead, getattr(self, f"lesson_{age - ahead}"), 0.0)
+            where(self.lead == ahead, getattr(self, f"lesson[{age - ahead}]"), 0.0)
             for ahead in range(_LONGEST_LEAD + 1)
         )
 
     def improved(self, age: int) -> Any:
         """Command of ``age`` samples ago plus its correction."""
-        return getattr(self, f"learnt_{age}") + self.lesson_with_lead(age)
+        return getattr(self, f"learnt[{age}]") + self.lesson_with_lead(age)
 
     def next_learnt(self) -> Any:
         """Corrected command of a period ago, smoothed with its neighbours in time."""
@@ -145,7 +142,8 @@ class LearningController(Component):
 
     def issued_current(self) -> Any:
         """Command of the controller to the actuator: learnt command plus feedback, limited."""
-        total = self.learnt_1 + self.feedback_command
+        newest: Any = getattr(self, "learnt[1]")
+        total = newest + self.feedback_command
         return clip(total, -self.current_limit, self.current_limit)
 
     @Output("A")

@@ -7,7 +7,7 @@ of the kit are imported by their own names.
 
 from . import functions
 from .component import Component
-from .declare import Constant, Discrete, Input, Output, Parameter, Preset, State, Text
+from .declare import Array, Constant, Discrete, Input, Output, Parameter, Preset, State, Text
 from .effects import Effect, Size, Term, stack
 from .errors import UserError
 from .functions import *  # noqa: F403 - the functions of laws are one language
@@ -16,6 +16,7 @@ from .ports import PowerPort
 from .sharing import shared
 
 __all__ = [
+    "Array",
     "Component",
     "Constant",
     "Discrete",

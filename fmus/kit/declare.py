@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from itertools import product
 from math import inf
 from typing import Any, TypeVar
 
@@ -208,6 +209,30 @@ class DiscreteDeclaration(Started):
     output: bool = False
 
 
+@dataclass(frozen=True)
+class ArrayDeclaration:
+    """An array of variables that differ in their start values and laws alone.
+
+    Attributes
+    ----------
+    shape : tuple of int
+    element : callable
+        Makes the declaration of an element from its indices, from 1.
+    """
+
+    shape: tuple[int, ...]
+    element: Callable[..., Declaration]
+
+    def elements(self, name: str) -> dict[str, Declaration]:
+        """Return the declarations of all elements by name, ``x[1,2]``, row by row."""
+        places = list(product(*(range(1, size + 1) for size in self.shape)))
+        names = [f"{name}[{','.join(map(str, place))}]" for place in places]
+        return {
+            name: name_declaration(self.element(*place), name)
+            for name, place in zip(names, places, strict=True)
+        }
+
+
 def name_declaration(declaration: _D, name: str) -> _D:
     """Set the name of a declaration outside a class body.
 
@@ -242,7 +267,8 @@ def make_start_parameter(parameter: ParameterDeclaration, state: str) -> Paramet
         The argument.
     """
     parameter.starts = state
-    return name_declaration(parameter, f"{state}_start")
+    stem, bracket, place = state.partition("[")
+    return name_declaration(parameter, f"{stem}_start{bracket}{place}")
 
 
 def Parameter(default: Number, unit: str, **about: Any) -> Any:
@@ -371,6 +397,22 @@ def Discrete(
     return DiscreteDeclaration(
         unit=unit, update=update, period=period, start=start, output=output, shift=shift, **about
     )
+
+
+def Array(shape: int | tuple[int, ...], element: Callable[..., Any]) -> Any:
+    """Declare an array ``x`` of variables, whose elements are ``x[1]`` or ``x[1,1]``.
+
+    In FMI 3.0 it is one variable, in FMI 2.0 one for each element. An element is read by
+    ``getattr(self, "x[1]")``. The start values of an array of states are an array ``x_start``.
+
+    Parameters
+    ----------
+    shape : int or tuple of int
+    element : callable
+        Makes the declaration of an element from its indices, from 1. Elements may differ in their
+        start values and laws.
+    """
+    return ArrayDeclaration((shape,) if isinstance(shape, int) else shape, element)
 
 
 @dataclass(frozen=True)

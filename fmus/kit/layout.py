@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from inspect import isfunction, signature
-from math import inf
+from math import inf, prod
 from typing import Any, NamedTuple
 
 from .declare import (
+    ArrayDeclaration,
     Declaration,
     DiscreteDeclaration,
     InputDeclaration,
@@ -28,6 +29,8 @@ _TYPES = ("real", "integer", "boolean")
 APART = "_apart"  # class attribute for declarations that are not members of the class
 _LONGEST_TEXT = 511  # bytes, as in fmi/engine.h
 LONGEST_SHIFT = 2  # parameters, as in fmi/any_model.h
+# attributes in which the elements of an array may differ
+_OF_ELEMENT = {"name", "start", "starts", "law", "rate", "update"}
 
 
 class Clock(NamedTuple):
@@ -43,6 +46,27 @@ class Clock(NamedTuple):
 
     period: str | float
     shift: tuple[str, ...] = ()
+
+
+class ArrayPlace(NamedTuple):
+    """The place of an array in memory, where its elements follow one another row by row.
+
+    Attributes
+    ----------
+    name : str
+    first : int
+        Index of its first element.
+    shape : tuple of int
+    """
+
+    name: str
+    first: int
+    shape: tuple[int, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of elements."""
+        return prod(self.shape)
 
 
 @dataclass(frozen=True)
@@ -89,6 +113,20 @@ class Layout:
     def names(self) -> list[str]:
         """Every name in memory order, derivatives included."""
         return [v.name for v in self.variables] + [name for name, _ in self.derivatives]
+
+    @cached_property
+    def arrays(self) -> tuple[ArrayPlace, ...]:
+        """Arrays in memory order, with those of start values and derivatives."""
+        elements: dict[str, list[tuple[int, str]]] = {}
+        for index, name in enumerate(self.names):
+            stem, bracket, rest = name.partition("[")
+            place, _, end = rest.partition("]")
+            if bracket:
+                elements.setdefault(stem + end, []).append((index, place))
+        return tuple(
+            ArrayPlace(name, members[0][0], tuple(map(int, members[-1][1].split(","))))
+            for name, members in elements.items()
+        )
 
     @cached_property
     def start_parameters(self) -> dict[str, str]:
@@ -178,15 +216,20 @@ def extract(owner: type) -> dict[str, Declaration]:
     dict of str to Declaration
         Declaration by name.
     """
-    declared = {
-        name: value for name, value in vars(owner).items() if isinstance(value, Declaration)
-    }
-    apart: dict[str, Declaration] = vars(owner).get(APART, {})
+    members = dict(vars(owner))
+    declared: dict[str, Declaration] = {}
+    for name, member in members.items():
+        if isinstance(member, ArrayDeclaration):
+            declared |= member.elements(name)
+        elif isinstance(member, Declaration):
+            declared[name] = member
+        else:
+            continue
+        delattr(owner, name)
     for name, declaration in declared.items():
         if isinstance(declaration, OutputDeclaration):
             setattr(owner, name, declaration.law)
-        else:
-            delattr(owner, name)
+    apart: dict[str, Declaration] = members.get(APART, {})
     return declared | apart
 
 
@@ -212,7 +255,7 @@ def arrange(declarations: Iterable[Declaration]) -> Layout:
         start = ParameterDeclaration(
             start=state.start,
             unit=state.unit,
-            doc=f"value of {state.name} at the start",
+            doc=f"value of {state.name.partition('[')[0]} at the start",
             min=state.min,
             max=state.max,
             nominal=state.nominal,
@@ -268,6 +311,9 @@ def check(owner: Any, layout: Layout) -> None:
         With the names of class and variable.
     """
     _check_variables(owner, layout)
+    for array in layout.arrays:
+        if array.first < len(layout.variables):  # those of derivatives follow
+            _check_array(owner, layout, array)
     if owner.name:
         _check_references(owner, layout)
         for port in owner.ports:
@@ -306,19 +352,37 @@ def _check_name(owner: Any, v: Declaration, taken: set[str]) -> None:
     component = _component_class(owner)
     # the law of an output has its name
     holder = component if isinstance(v, OutputDeclaration) else owner
-    if not _is_name(v.name) or v.name.startswith("_"):
+    name = v.name.partition("[")[0]
+    if not _is_name(name) or name.startswith("_"):
         raise _mistake(
             owner, v, "must be named by an ASCII identifier without an underscore in front"
         )
     if v.name in taken:
         raise _mistake(owner, v, "is declared twice; every state brings its '_start' parameter")
-    member = _member(holder, v.name)
+    member = _member(holder, name)
     # a descriptor with a setter computes the variable, such as an input that arrives late
     is_taken = member is not None and not hasattr(member, "__set__")
-    if v.name in component.__annotations__ or is_taken:
+    if name in component.__annotations__ or is_taken:
         raise _mistake(
             owner, v, "has the name of something else in the class; give one of both another name"
         )
+
+
+def _check_array(owner: Any, layout: Layout, array: ArrayPlace) -> None:
+    """Check that the elements of an array are complete and alike, and that its name is free."""
+    elements = [v for v in layout.variables if v.name.partition("[")[0] == array.name]
+    first = elements[0]
+    if first.name == array.name or elements[-1].name == array.name:
+        raise _mistake(owner, first, "is of an array that has the name of another variable")
+    if len(elements) != array.size:
+        reason = f"is of an array of {array.size}, but {len(elements)} are declared, in a base too"
+        raise _mistake(owner, first, reason)
+    for element in elements:
+        for name, value in vars(first).items():
+            is_alike = name in _OF_ELEMENT or vars(element).get(name, element) == value
+            if type(element) is not type(first) or not is_alike:
+                reason = f"differs from {first.name!r}, an element of the same array, in {name}"
+                raise _mistake(owner, element, reason)
 
 
 def _check_type_and_start(owner: Any, v: Declaration) -> None:

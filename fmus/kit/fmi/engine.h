@@ -17,6 +17,7 @@
  *     MODEL_PARAMETERS MODEL_INPUTS MODEL_STATES MODEL_DISCRETES MODEL_OUTPUTS MODEL_GROUPS MODEL_TEXTS
  *     LAWS_SZ_ARG LAWS_SZ_RES LAWS_SZ_IW LAWS_SZ_W      maxima over all functions of laws.c
  *     MODEL_INDICATORS     event indicators, none but with the native engine
+ *     MODEL_ARRAYS(X)      expands to  X("name", first value reference, number of elements) ...  for the arrays of FMI 3.0
  *     LAWS_UPDATES(X)      expands to  X(update_0) X(update_1) ...  and to nothing without groups
  * tables.h, read below, static constants:
  *     char model_name[], model_guid[]
@@ -67,6 +68,9 @@
 
 #ifndef MODEL_MEMBERS /* defined in model.h of a packed system */
 #define MODEL_MEMBERS 0
+#endif
+#ifndef MODEL_ARRAYS /* defined in model.h of a component with arrays */
+#define MODEL_ARRAYS(X)
 #endif
 
 enum {

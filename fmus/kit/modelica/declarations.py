@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from itertools import takewhile
 
 from fmus.kit.component import Component
 from fmus.kit.declare import Declaration, DiscreteDeclaration, StateDeclaration
@@ -86,15 +85,11 @@ def _array_declarations(cls: type[Component], register: Register) -> list[str]:
     unit = f"each unit={string(to_modelica(state.unit))}"
     size = f"[{register.size}]"
     start = f"{register.name}_start"
-    # descriptions end with the age of each
-    newest, oldest = declared[register.states[0]].doc, declared[register.states[-1]].doc
-    alike_letters = takewhile(lambda pair: pair[0] == pair[1], zip(newest, oldest, strict=False))
-    about = "".join(letter for letter, _ in alike_letters).rstrip(", ")
     return [
         f"parameter Real {start}{size}({unit}) = {value}"
         f"{comment(f'values of {register.name} at the start')};",
         f"Real {register.array}{size}(start={start}, each fixed=true, {unit})"
-        f"{comment(f'{about}, the newest first')};",
+        f"{comment(state.doc)};",
     ]
 
 

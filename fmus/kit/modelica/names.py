@@ -21,6 +21,7 @@ abs acos asin atan atan2 cos cosh exp integer log max min pre sample sign sin si
 time Boolean Examples FMUs Functions Integer Interfaces PpyRig Real Sources String
 """
 _RESERVED = frozenset(_WORDS.split())
+_ELEMENT = str.maketrans("[,", "__", "]")
 _ESCAPED = str.maketrans({"\\": "\\\\", '"': '\\"'})
 
 
@@ -30,7 +31,7 @@ def identifier(name: str, taken: Collection[str] = ()) -> str:
     Parameters
     ----------
     name : str
-        A Python identifier, in ASCII.
+        A Python identifier, in ASCII, or an element of an array, ``x[1,2]``: ``x_1_2``.
     taken : collection of str
         Names that are not available, besides Modelica's reserved words.
 
@@ -38,6 +39,7 @@ def identifier(name: str, taken: Collection[str] = ()) -> str:
     -------
     str
     """
+    name = name.translate(_ELEMENT)
     while name in _RESERVED or name in taken:
         name += "_"
     return name

@@ -6,19 +6,17 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from fmus.kit.layout import ArrayPlace
 from fmus.kit.modelica.names import identifier
 from fmus.kit.symbolic import Graph
 
-_SHORTEST = 3  # states
-
 
 class Register(NamedTuple):
-    """Discrete states of which each takes, at a sample, the value that the one before had.
+    """An array of discrete states of which each takes, at a sample, the value of the one before.
 
     Attributes
     ----------
     name : str
-        Stem of the names of its states: ``name_1`` is the newest.
     size : int
     """
 
@@ -27,8 +25,8 @@ class Register(NamedTuple):
 
     @property
     def states(self) -> list[str]:
-        """Names of its states."""
-        return [f"{self.name}_{age}" for age in range(1, self.size + 1)]
+        """Names of its states, the newest first."""
+        return [f"{self.name}[{age}]" for age in range(1, self.size + 1)]
 
     @property
     def array(self) -> str:
@@ -41,7 +39,7 @@ class Register(NamedTuple):
         texts = {}
         for place, state in enumerate(self.states, 1):
             texts[state] = f"{self.array}[{place}]"
-            texts[f"{state}_start"] = f"{self.name}_start[{place}]"
+            texts[f"{self.name}_start[{place}]"] = f"{self.name}_start[{place}]"
         return texts
 
     def shifted(self, newest: str) -> str:
@@ -52,19 +50,24 @@ class Register(NamedTuple):
 def registers(graph: Graph) -> list[Register]:
     """Return the shift registers of a component: no outputs, and all of one unit."""
     layout = graph.layout
-    places = {d.name: place for place, d in enumerate(layout.discretes)}
+    first = len(layout.parameters) + len(layout.inputs) + len(layout.states)
     found = []
-    for update, (_, members) in zip(graph.updates, layout.sampled, strict=True):
-        for first in members:
-            name = first.name.removesuffix("_1")
-            size = 1
-            while (following := places.get(f"{name}_{size + 1}")) is not None:
-                state = layout.discretes[following]
-                before = graph.discretes[places[f"{name}_{size}"]]
-                if state.output or not ca.is_equal(update[following], before):
-                    break
-                size += 1
-            has_place = first.name.endswith("_1") and name not in layout.names
-            if has_place and not first.output and first.type == "real" and size >= _SHORTEST:
-                found.append(Register(name, size))
+    for array in layout.arrays:
+        place = array.first - first
+        if 0 <= place < len(layout.discretes) and _shifts(graph, array, place):
+            found.append(Register(array.name, array.size))
     return found
+
+
+def _shifts(graph: Graph, array: ArrayPlace, place: int) -> bool:
+    """Return whether all but the first state of an array take the value of the one before."""
+    state = graph.layout.discretes[place]
+    clock = next(k for k, (_, group) in enumerate(graph.layout.sampled) if state in group)
+    after = graph.updates[clock][place + 1 : place + array.size]
+    before = graph.discretes[place : place + array.size - 1]
+    return (
+        array.shape == (array.size,)
+        and state.type == "real"
+        and not state.output
+        and ca.is_equal(after, before)
+    )

@@ -121,6 +121,8 @@ def tables(graph: Graph, guid: str) -> dict[str, str]:
         "#define MODEL_H",
         *(f"#define MODEL_{name} {len(group)}" for name, group in sizes.items()),
     ]
+    arrays = [f" X({c_string(a.name)}, {a.first}, {a.size})" for a in layout.arrays]
+    header += [f"#define MODEL_ARRAYS(X){''.join(arrays)}"] if arrays else []
     texts = [f"    {{{c_string(t.name)}, {c_string(t.start)}}}," for t in layout.texts]
     # C has no empty arrays
     body = [

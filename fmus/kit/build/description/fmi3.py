@@ -10,7 +10,7 @@ from fmus.kit.build.parameters import serialized
 from fmus.kit.build.provenance import annotate_fmi3
 from fmus.kit.build.toolchain import FOLDERS_OF_FMI_3
 from fmus.kit.component import Component
-from fmus.kit.layout import Layout
+from fmus.kit.layout import ArrayPlace, Layout
 from fmus.kit.symbolic import Graph, dependencies
 
 _TYPES = {"real": "Float64", "integer": "Int32", "boolean": "Boolean"}
@@ -117,13 +117,15 @@ def _append_interfaces(root: Element, cls: type[Component], can: common.Capabili
 
 
 def _append_variables(root: Element, layout: Layout, indicators: int) -> None:
-    """Append an element for each variable, in the order of value references."""
+    """Append an element for each variable or array, in the order of value references."""
     parent = SubElement(root, "ModelVariables")
     for reference, variable in enumerate(layout.variables):
         attributes = common.variable_attributes(reference, variable)
         SubElement(parent, _TYPES[variable.type], attributes | common.value_attributes(variable))
     for attributes, unit, state in common.derivatives(layout):
         SubElement(parent, "Float64", attributes, unit=unit, derivative=str(state))
+    for array in layout.arrays:
+        _join(parent, array)
     for reference, parameter in enumerate(layout.texts, len(layout.names)):
         node = SubElement(parent, "String", common.text_attributes(reference, parameter))
         SubElement(node, "Start", value=parameter.start)
@@ -144,6 +146,23 @@ def _append_variables(root: Element, layout: Layout, indicators: int) -> None:
         SubElement(parent, "Float64", attributes | {"unit": "1"})
 
 
+def _join(parent: Element, array: ArrayPlace) -> None:
+    """Replace the elements of an array by one variable, with the reference of the first."""
+    references = {str(array.first + k) for k in range(array.size)}
+    elements = [node for node in parent if node.get("valueReference") in references]
+    first, *others = elements
+    place = f"[{','.join('1' for _ in array.shape)}]"
+    starts = [node.get("start", "") for node in elements]
+    first.set("name", array.name)
+    first.set("description", first.get("description", "").replace(place, ""))
+    if starts[0]:
+        first.set("start", " ".join(starts))
+    for size in array.shape:
+        SubElement(first, "Dimension", start=str(size))
+    for node in others:
+        parent.remove(node)
+
+
 def _time_reference(layout: Layout) -> int:
     """Return the value reference of the time; those of event indicators come after it."""
     return len(layout.names) + len(layout.texts)
@@ -152,10 +171,15 @@ def _time_reference(layout: Layout) -> int:
 def _append_structure(root: Element, layout: Layout, graph: Graph, with_indicators: bool) -> None:
     """Append the dependencies of outputs, derivatives, initial unknowns and event indicators."""
     parent = SubElement(root, "ModelStructure")
+    array_of = {a.first + k: a.first for a in layout.arrays for k in range(a.size)}
     for title, unknowns in dependencies(graph, time=_time_reference(layout)).items():
         if title == "EventIndicators" and not with_indicators:
             continue
-        for reference in sorted(unknowns):
-            known = " ".join(map(str, unknowns[reference]))
-            attributes = {"valueReference": str(reference), "dependencies": known}
+        joined: dict[int, set[int]] = {}
+        for reference, known in unknowns.items():
+            of = joined.setdefault(array_of.get(reference, reference), set())
+            of.update(array_of.get(k, k) for k in known)
+        for reference in sorted(joined):
+            known_text = " ".join(map(str, sorted(joined[reference])))
+            attributes = {"valueReference": str(reference), "dependencies": known_text}
             SubElement(parent, _UNKNOWNS[title], attributes)

@@ -1,16 +1,10 @@
-/* FMI 3.0: reading and writing of variables, all of which are scalars. */
+/* FMI 3.0: reading and writing of variables. */
 #include <math.h>
 
+#include "arrays.h"
 #include "exchange.h"
 #include "values.h"
 #include "variables.h"
-
-/* The host passed another number of values than of variables. */
-static fmi3Status miscounted(const Instance *instance, const char *function, size_t n, size_t n_values) {
-    if (instance != NULL)
-        report(instance, fmi3Error, "%s: %zu values for %zu variables, which are scalars", function, n_values, n);
-    return fmi3Error;
-}
 
 /* ---- numbers ------------------------------------------------------------------------------------ */
 
@@ -51,64 +45,56 @@ static bool any_own(const Reference vr[], size_t n) {
     return false;
 }
 
-EXPORT fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 value[],
-                                 size_t n_values) {
-    if (n != n_values)
-        return miscounted(c, __func__, n, n_values);
-    if (vr != NULL && any_own(vr, n))
-        return get_mixed(c, __func__, vr, n, value);
-    return get_reals(c, __func__, vr, n, value);
+static Status get_floats(Instance *instance, const char *function, const Reference vr[], size_t n, double value[]) {
+    return vr != NULL && any_own(vr, n) ? get_mixed(instance, function, vr, n, value)
+                                        : get_reals(instance, function, vr, n, value);
 }
 
-EXPORT fmi3Status fmi3GetInt32(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Int32 value[],
-                               size_t n_values) {
-    return n == n_values ? get_integers(c, __func__, vr, n, value) : miscounted(c, __func__, n, n_values);
-}
-
-EXPORT fmi3Status fmi3GetBoolean(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Boolean value[],
-                                 size_t n_values) {
-    Instance *instance = c;
-    fmi3Status status = n == n_values ? readable(c, __func__, TYPE_BOOLEAN, vr, n, value)
-                                      : miscounted(c, __func__, n, n_values);
+static Status get_booleans(Instance *instance, const char *function, const Reference vr[], size_t n, bool value[]) {
+    Status status = readable(instance, function, TYPE_BOOLEAN, vr, n, value);
     for (size_t i = 0; i < n && status == fmi3OK; i++)
         value[i] = instance->now.memory[vr[i]] != 0.0;
     return status;
 }
 
-static double float64(const void *values, size_t i) { return ((const fmi3Float64 *)values)[i]; }
+#define GET(type, get)                                                                                                  \
+    EXPORT fmi3Status fmi3Get##type(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3##type value[],        \
+                                    size_t n_values) {                                                                  \
+        Elements all;                                                                                                   \
+        bool found = find_elements(c, __func__, vr, n, n_values, &all);                                                 \
+        fmi3Status status = found ? get(c, __func__, all.vr, all.n, value) : fmi3Error;                                 \
+        release(&all);                                                                                                  \
+        return status;                                                                                                  \
+    }
+GET(Float64, get_floats)
+GET(Int32, get_integers)
+GET(Boolean, get_booleans)
+GET(String, get_texts)
+#undef GET
 
-static double int32(const void *values, size_t i) { return ((const fmi3Int32 *)values)[i]; }
-
-static double boolean(const void *values, size_t i) { return ((const fmi3Boolean *)values)[i]; }
-
-EXPORT fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Float64 value[],
-                                 size_t n_values) {
-    return n == n_values ? set_numbers(c, __func__, TYPE_REAL, vr, n, value, float64)
-                         : miscounted(c, __func__, n, n_values);
-}
-
-EXPORT fmi3Status fmi3SetInt32(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Int32 value[],
-                               size_t n_values) {
-    return n == n_values ? set_numbers(c, __func__, TYPE_INTEGER, vr, n, value, int32)
-                         : miscounted(c, __func__, n, n_values);
-}
-
-EXPORT fmi3Status fmi3SetBoolean(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Boolean value[],
-                                 size_t n_values) {
-    return n == n_values ? set_numbers(c, __func__, TYPE_BOOLEAN, vr, n, value, boolean)
-                         : miscounted(c, __func__, n, n_values);
-}
-
-/* ---- texts -------------------------------------------------------------------------------------- */
-
-EXPORT fmi3Status fmi3GetString(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3String value[],
-                                size_t n_values) {
-    return n == n_values ? get_texts(c, __func__, vr, n, value) : miscounted(c, __func__, n, n_values);
-}
+#define SET(type, kind)                                                                                                 \
+    static double number_of_##type(const void *values, size_t i) { return ((const fmi3##type *)values)[i]; }            \
+    EXPORT fmi3Status fmi3Set##type(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3##type value[],  \
+                                    size_t n_values) {                                                                  \
+        Elements all;                                                                                                   \
+        bool found = find_elements(c, __func__, vr, n, n_values, &all);                                                 \
+        fmi3Status status =                                                                                             \
+            found ? set_numbers(c, __func__, kind, all.vr, all.n, value, number_of_##type) : fmi3Error;                 \
+        release(&all);                                                                                                  \
+        return status;                                                                                                  \
+    }
+SET(Float64, TYPE_REAL)
+SET(Int32, TYPE_INTEGER)
+SET(Boolean, TYPE_BOOLEAN)
+#undef SET
 
 EXPORT fmi3Status fmi3SetString(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3String value[],
                                 size_t n_values) {
-    return n == n_values ? set_texts(c, __func__, vr, n, value) : miscounted(c, __func__, n, n_values);
+    Elements all;
+    bool found = find_elements(c, __func__, vr, n, n_values, &all);
+    fmi3Status status = found ? set_texts(c, __func__, all.vr, all.n, value) : fmi3Error;
+    release(&all);
+    return status;
 }
 
 /* ---- types that no variable has ----------------------------------------------------------------- */

@@ -1,4 +1,5 @@
 /* FMI 3.0 co-simulation: the step in time, which may end early, at a sample. */
+#include "arrays.h"
 #include "evaluate.h"
 #include "native.h"
 #include "extra_laws.h"
@@ -80,31 +81,24 @@ EXPORT fmi3Status fmi3EnterStepMode(fmi3Instance c) {
     return fmi3OK;
 }
 
-/* Time derivatives of outputs, the inputs being held. */
-EXPORT fmi3Status fmi3GetOutputDerivatives(fmi3Instance c, const fmi3ValueReference vr[], size_t n,
-                                           const fmi3Int32 orders[], fmi3Float64 value[], size_t n_values) {
-    Instance *instance = c;
+static fmi3Status output_derivatives(Instance *instance, const char *function, const Reference vr[], size_t n,
+                                     double value[]) {
     double rate[MODEL_OUTPUTS + 1];
     fmi3Status status;
-    if (!allowed(instance, STEP_COMPLETE | FAILED | TERMINATED, __func__) ||
-        !valid(instance, __func__, TYPE_REAL, vr, n, value))
+    if (!allowed(instance, STEP_COMPLETE | FAILED | TERMINATED, function) ||
+        !valid(instance, function, TYPE_REAL, vr, n, value))
         return fmi3Error;
-    if (n != n_values || (n > 0 && orders == NULL))
-        return report(instance, fmi3Error, "%s: an order and a value are needed for each of %zu variables", __func__, n);
     if (n > 0 && !differentiate_outputs(instance, rate))
-        return report(instance, fmi3Error, "%s: the law could not be evaluated", __func__);
+        return report(instance, fmi3Error, "%s: the law could not be evaluated", function);
     status = n > 0 ? refresh_derivatives(instance) : fmi3OK;
     if (status != fmi3OK)
         return status;
     for (size_t i = 0; i < n; i++) {
         const Variable *variable = &model_variables[vr[i]];
         if (variable->role != ROLE_OUTPUT && variable->role != ROLE_STATE)
-            return report(instance, fmi3Error, "%s: '%s' is not a continuous output", __func__, variable->name);
-        if (orders[i] != 1)
-            return report(instance, fmi3Error, "%s: order %d of '%s' is not supported, only order 1", __func__,
-                          (int)orders[i], variable->name);
+            return report(instance, fmi3Error, "%s: '%s' is not a continuous output", function, variable->name);
         if (variable->role == ROLE_OUTPUT && !isfinite(rate[vr[i] - FIRST_OUTPUT]))
-            return report(instance, fmi3Error, "%s: the time derivative of '%s' is not a finite number", __func__,
+            return report(instance, fmi3Error, "%s: the time derivative of '%s' is not a finite number", function,
                           variable->name);
     }
     for (size_t i = 0; i < n; i++)
@@ -112,4 +106,32 @@ EXPORT fmi3Status fmi3GetOutputDerivatives(fmi3Instance c, const fmi3ValueRefere
                        ? rate[vr[i] - FIRST_OUTPUT]
                        : instance->now.memory[FIRST_DERIVATIVE + vr[i] - FIRST_STATE];
     return fmi3OK;
+}
+
+/* Whether all orders are 1; reports it if not. */
+static bool first_orders(const Instance *instance, const char *function, const Reference vr[], size_t n,
+                         const fmi3Int32 orders[]) {
+    if (instance == NULL)
+        return false;
+    if (n > 0 && (vr == NULL || orders == NULL)) {
+        report(instance, fmi3Error, "%s: an order is needed for each of %zu variables", function, n);
+        return false;
+    }
+    for (size_t i = 0; i < n; i++)
+        if (orders[i] != 1) {
+            report(instance, fmi3Error, "%s: order %d of value reference %u is not supported, only order 1", function,
+                   (int)orders[i], vr[i]);
+            return false;
+        }
+    return true;
+}
+
+/* Time derivatives of outputs, the inputs being held. */
+EXPORT fmi3Status fmi3GetOutputDerivatives(fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+                                           const fmi3Int32 orders[], fmi3Float64 value[], size_t n_values) {
+    Elements all;
+    bool found = find_elements(c, __func__, vr, n, n_values, &all) && first_orders(c, __func__, vr, n, orders);
+    fmi3Status status = found ? output_derivatives(c, __func__, all.vr, all.n, value) : fmi3Error;
+    release(&all);
+    return status;
 }

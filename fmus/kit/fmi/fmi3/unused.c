@@ -14,7 +14,7 @@ EXPORT fmi3Status fmi3ExitConfigurationMode(fmi3Instance c) { return unused(c, _
 EXPORT fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance c, fmi3ValueReference vr, size_t *n) {
     (void)vr;
     (void)n;
-    return unused(c, __func__, "arrays; the dependencies of scalars are in modelDescription.xml");
+    return unused(c, __func__, "dependencies of single elements; those of variables are in modelDescription.xml");
 }
 
 EXPORT fmi3Status fmi3GetVariableDependencies(fmi3Instance c, fmi3ValueReference dependent, size_t of_dependent[],
@@ -26,7 +26,7 @@ EXPORT fmi3Status fmi3GetVariableDependencies(fmi3Instance c, fmi3ValueReference
     (void)of_independents;
     (void)kinds;
     (void)n;
-    return unused(c, __func__, "arrays; the dependencies of scalars are in modelDescription.xml");
+    return unused(c, __func__, "dependencies of single elements; those of variables are in modelDescription.xml");
 }
 
 EXPORT fmi3Status fmi3ActivateModelPartition(fmi3Instance c, fmi3ValueReference clock, fmi3Float64 time) {
