@@ -7,47 +7,28 @@ learnt command is added to that of a feedback controller.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from ..kit import Array, Component, Discrete, Input, Output, Parameter, clip, where
+from ..kit.errors import UserError
 from .signals import largest_current, sampled_length
 
-SAMPLES = 40  # of a period
 _TAPS = 1  # of the filter, to either side
 _LONGEST_LEAD = 8  # samples
 _SOURCE = "Bristow, Tharayil, Alleyne, IEEE Control Systems Magazine 26(3), 2006"
 
 
+def _places(cls: Any) -> int:
+    """Return the number of places of the registers of a class."""
+    least = _LONGEST_LEAD + _TAPS + 1
+    if cls.samples < least:
+        raise UserError(f"{cls.name}: samples = {cls.samples}; a period has at least {least}")
+    return int(cls.samples) + _TAPS
+
+
 def _register(unit: str, law: str, doc: str) -> Any:
-    """Declare a shift register, whose newest value is the first; see `_shift_laws`."""
-
-    def place(age: int) -> Any:
-        return Discrete(unit, update=f"{law}_{age}", period="sample_period", doc=doc)
-
-    return Array(SAMPLES + _TAPS, place)
-
-
-def _shift_laws(name: str, law: str) -> dict[str, Any]:
-    """Return the laws of a shift register: at a sample, each place takes the value before it.
-
-    Parameters
-    ----------
-    name : str
-    law : str
-        Law of the value that enters.
-
-    Returns
-    -------
-    dict of str to callable
-        ``<law>_1`` is that of the newest place.
-    """
-
-    def shifted(age: int) -> Callable[[Any], Any]:
-        return lambda self: getattr(self, f"{name}[{age}]")
-
-    laws = {f"{law}_{age + 1}": shifted(age) for age in range(1, SAMPLES + _TAPS)}
-    return {f"{law}_1": lambda self: getattr(self, law)()} | laws
+    """Declare a shift register, whose newest value is the first."""
+    return Array(Discrete(unit, update=law, period="sample_period", doc=doc), _places)
 
 
 class LearningController(Component):
@@ -57,9 +38,14 @@ class LearningController(Component):
 
     name = "learning_controller"
     experiment = (100.0, 0.25)
+    samples = 40  # of a period; a subclass may have another number
 
     sample_period = Parameter(
-        0.25, "s", min=1e-4, max=1e4, doc="sample period (h), a fortieth of the reference's period"
+        0.25,
+        "s",
+        min=1e-4,
+        max=1e4,
+        doc="sample period (h), a whole fraction of the reference's period",
     )
     learning_gain = Parameter(
         1160.0,
@@ -110,13 +96,16 @@ class LearningController(Component):
     previous_error = sampled_length("error", "error at the latest sample")
     lesson = _register("A", "next_lesson", "change to be learnt, the newest first")
     learnt = _register("A", "next_learnt", "learnt part of the command, the newest first")
-    vars().update(_shift_laws("lesson", "next_lesson") | _shift_laws("learnt", "next_learnt"))
 
     def error(self) -> Any:
         """Reference less measured displacement, e."""
         return self.reference - self.displacement
 
-    def next_lesson(self) -> Any:
+    def next_lesson(self, age: int) -> Any:
+        """Lesson of ``age`` samples ago, at the next sample."""
+        return self.new_lesson() if age == 1 else self.lesson[age - 1]
+
+    def new_lesson(self) -> Any:
         """Correction by the error, G (e + T_l de/dt), by the backward difference."""
         change = (self.error() - self.previous_error) / self.sample_period
         lesson = self.learning_gain * (self.error() + self.learning_time * change)
@@ -125,25 +114,29 @@ class LearningController(Component):
     def lesson_with_lead(self, age: int) -> Any:
         """Correction of the command of ``age`` samples ago, which is younger by the lead."""
         return sum(
-            where(self.lead == ahead, getattr(self, f"lesson[{age - ahead}]"), 0.0)
+            where(self.lead == ahead, self.lesson[age - ahead], 0.0)
             for ahead in range(_LONGEST_LEAD + 1)
         )
 
     def improved(self, age: int) -> Any:
         """Command of ``age`` samples ago plus its correction."""
-        return getattr(self, f"learnt[{age}]") + self.lesson_with_lead(age)
+        return self.learnt[age] + self.lesson_with_lead(age)
 
-    def next_learnt(self) -> Any:
+    def next_learnt(self, age: int) -> Any:
+        """Learnt command of ``age`` samples ago, at the next sample."""
+        return self.new_learnt() if age == 1 else self.learnt[age - 1]
+
+    def new_learnt(self) -> Any:
         """Corrected command of a period ago, smoothed with its neighbours in time."""
-        centre = (1.0 - 2.0 * self.smoothing) * self.improved(SAMPLES)
-        neighbours = self.improved(SAMPLES - _TAPS) + self.improved(SAMPLES + _TAPS)
+        centre = (1.0 - 2.0 * self.smoothing) * self.improved(self.samples)
+        younger, older = self.samples - _TAPS, self.samples + _TAPS
+        neighbours = self.improved(younger) + self.improved(older)
         smooth = centre + self.smoothing * neighbours
         return clip(smooth, -self.current_limit, self.current_limit)
 
     def issued_current(self) -> Any:
         """Command of the controller to the actuator: learnt command plus feedback, limited."""
-        newest: Any = getattr(self, "learnt[1]")
-        total = newest + self.feedback_command
+        total = self.learnt[1] + self.feedback_command
         return clip(total, -self.current_limit, self.current_limit)
 
     @Output("A")

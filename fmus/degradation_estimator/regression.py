@@ -8,10 +8,10 @@ current alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from ..kit import (
+    Array,
     Parameter,
     clip,
     exp,
@@ -32,17 +32,7 @@ _LEAST_FORGETTING = 0.01
 _SLOWEST_POLE = 0.9999
 # Tolerance, in periods, of times that are sums of rounded periods.
 ROUNDING = 1e-6
-_PLACES = [(row, column) for row in range(3) for column in range(3)]
-
-
-def _next_element(row: int, column: int) -> Callable[[Any], Any]:
-    """Return the law of an element of the covariance matrix, which is updated at every sample."""
-
-    def law(self: Any) -> Any:
-        return self.next_covariance(row, column)
-
-    law.__doc__ = f"Element {row + 1}, {column + 1} of :meth:`next_covariance`."
-    return law
+_COVARIANCE = [f"p[{row},{column}]" for row in (1, 2, 3) for column in (1, 2, 3)]
 
 
 class Regression(Excitation):
@@ -117,14 +107,7 @@ class Regression(Excitation):
     b0 = sampled_state("ohm", "next_b0", "estimate of the gain of the current")
     b1 = sampled_state("ohm", "next_b1", "estimate of the gain of the current before")
     a = sampled_state("1", "next_a", "estimate of the gain of the voltage before, negative")
-    p11, p12, p13, p21, p22, p23, p31, p32, p33 = (
-        sampled_state(
-            "1",
-            f"next_p{row + 1}{column + 1}",
-            f"covariance matrix, row {row + 1}, column {column + 1}",
-        )
-        for row, column in _PLACES
-    )
+    p = Array(sampled_state("1", "next_covariance", "covariance matrix"), 3, 3)
     time_since_reset = sampled_state(
         "s", "next_time_since_reset", "time since the latest covariance reset", min=0
     )
@@ -199,17 +182,8 @@ class Regression(Excitation):
 
     def covariance(self) -> Matrix:
         """Covariance matrix before this sample."""
-        return (
-            self.p11,
-            self.p12,
-            self.p13,
-            self.p21,
-            self.p22,
-            self.p23,
-            self.p31,
-            self.p32,
-            self.p33,
-        )
+        p: Any = tuple([getattr(self, name) for name in _COVARIANCE])  # faster than self.p[1, 1]
+        return p
 
     def gain(self, phi: Vector, zeta: Vector) -> Vector:
         """Gain of this sample (eq. 4.7 with errata 6); zero without excitation."""
@@ -270,7 +244,7 @@ class Regression(Excitation):
         return where(self.excited(), elapsed, self.time_since_reset)
 
     def next_covariance(self, row: int, column: int) -> Any:
-        """Element of the covariance matrix P after this sample (eq. 4.9 with errata 6).
+        """Element of the covariance matrix P after this sample, from 1 (eq. 4.9 with errata 6).
 
         It is that of ``(P - K phi' P) / alpha`` with the gain K and the forgetting factor alpha,
         scaled so that the trace does not exceed its maximum, or that of the initial matrix at a
@@ -281,8 +255,8 @@ class Regression(Excitation):
         phi, zeta, _ = self.regression()
         gain = self.gain(phi, zeta)
         projection = recursion.transposed_times(covariance, phi)  # phi' P
-        previous = covariance[3 * row + column]
-        updated = (previous - gain[row] * projection[column]) / forgetting
+        previous = self.p[row, column]
+        updated = (previous - gain[row - 1] * projection[column - 1]) / forgetting
         # of the whole updated matrix, as the trace of K phi' P is the inner product of both
         trace = (recursion.trace(covariance) - recursion.dot(gain, projection)) / forgetting
         bounded = updated * recursion.bound(trace, self.maximum_trace)
@@ -292,7 +266,3 @@ class Regression(Excitation):
         excited = where(is_reset, initial, bounded)
         unexcited = where(self.excited_time > 0.0, previous, initial)
         return where(self.excited(), excited, unexcited)
-
-    next_p11, next_p12, next_p13, next_p21, next_p22, next_p23, next_p31, next_p32, next_p33 = (
-        _next_element(*place) for place in _PLACES
-    )

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
-from .declare import Declaration, Engine, Preset
+from .declare import ArrayDeclaration, Declaration, Engine, Preset
 from .errors import UserError
-from .layout import Layout, arrange, check, check_laws, extract
+from .layout import Layout, arrange, check, check_laws, expand, extract
 from .ports import PowerPort
 
 
@@ -54,8 +54,8 @@ class Component:
         Pairs of variables through which it exchanges power with other components.
     unchecked : tuple of str
         Laws whose units are not checked, because they compute with bare numbers.
-    declared : dict of str to Declaration
-        Variables that this class itself declares, by name.
+    declared : dict of str to Declaration or ArrayDeclaration
+        Variables and arrays that this class itself declares, by name.
     layout : Layout
         All variables, inherited ones included.
     time : float
@@ -74,7 +74,7 @@ class Component:
     limits: ClassVar[Mapping[str, str]] = {}
     ports: ClassVar[tuple[PowerPort, ...]] = ()
     unchecked: ClassVar[tuple[str, ...]] = ()
-    declared: ClassVar[dict[str, Declaration]] = {}
+    declared: ClassVar[dict[str, Declaration | ArrayDeclaration]] = {}
     layout: ClassVar[Layout]
     time: Any
     _kept: dict[Any, Any] | None = None  # of shared laws, see sharing.py
@@ -84,12 +84,12 @@ class Component:
         super().__init_subclass__(**options)
         check_laws(cls)
         cls.declared = extract(cls)
-        inherited: dict[str, Declaration] = {}
+        inherited: dict[str, Declaration | ArrayDeclaration] = {}
         for base in reversed(cls.__mro__):
             inherited |= vars(base).get("declared", {})
         # an input that a subclass computes, as a property, is no longer an input
         inherited = {n: v for n, v in inherited.items() if not _is_computed(cls, n)}
-        cls.layout = arrange(inherited.values())
+        cls.layout = arrange(expand(cls, inherited).values())
         check(cls, cls.layout)
 
     def __init__(self, **values: Any) -> None:

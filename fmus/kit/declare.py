@@ -6,11 +6,14 @@ Units are SI, as strings that pint reads; ``display`` is the unit shown to peopl
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
 from itertools import product
-from math import inf
+from math import inf, prod
 from typing import Any, TypeVar
+
+from .errors import UserError
 
 Number = float | int | bool
 _D = TypeVar("_D", bound="Declaration")
@@ -211,26 +214,97 @@ class DiscreteDeclaration(Started):
 
 @dataclass(frozen=True)
 class ArrayDeclaration:
-    """An array of variables that differ in their start values and laws alone.
+    """An array of variables of one kind, whose elements are named ``x[1]`` or ``x[1,1]``.
 
     Attributes
     ----------
-    shape : tuple of int
-    element : callable
-        Makes the declaration of an element from its indices, from 1.
+    element : Declaration
+        What all elements have in common.
+    shape : tuple
+        Of each dimension the size, or a function that returns it for a class.
+    starts : sequence of float
+        Start value of each element, row by row; empty for that of `element`.
     """
 
-    shape: tuple[int, ...]
-    element: Callable[..., Declaration]
+    element: Declaration
+    shape: tuple[int | Callable[[Any], int], ...]
+    starts: Sequence[Number] = ()
 
-    def elements(self, name: str) -> dict[str, Declaration]:
-        """Return the declarations of all elements by name, ``x[1,2]``, row by row."""
-        places = list(product(*(range(1, size + 1) for size in self.shape)))
-        names = [f"{name}[{','.join(map(str, place))}]" for place in places]
-        return {
-            name: name_declaration(self.element(*place), name)
-            for name, place in zip(names, places, strict=True)
-        }
+    def elements(self, owner: Any, name: str) -> dict[str, Declaration]:
+        """Return the elements by name, row by row, and give a class the law of each.
+
+        Parameters
+        ----------
+        owner : type
+        name : str
+
+        Raises
+        ------
+        UserError
+            If a size is no positive number, or there are more or fewer start values than elements.
+        """
+        shape = [size(owner) if callable(size) else size for size in self.shape]
+        count = prod(shape)
+        if min(shape, default=0) < 1 or len(self.starts) not in (0, count):
+            size = " x ".join(map(str, shape))
+            raise UserError(
+                f"{owner.__module__}.{owner.__qualname__}: array {name!r} has {size} elements and"
+                f" {len(self.starts)} start values; it needs at least one, and a value for each"
+            )
+        declared = {}
+        for k, place in enumerate(product(*(range(1, size + 1) for size in shape))):
+            start = {"start": self.starts[k]} if self.starts else {}
+            element = name_declaration(replace(self.element, **start), _element_name(name, place))
+            for law in _LAWS & vars(element).keys():
+                _bind_law(owner, element, law, place)
+            declared[element.name] = element
+        return declared
+
+
+class Elements:
+    """The elements of an array of an instance, ``self.x[1]`` or ``self.x[1, 1]``.
+
+    Parameters
+    ----------
+    name : str
+    instance : object
+        Its attributes are the elements, by their names.
+    """
+
+    def __init__(self, name: str, instance: Any = None):
+        self.name = name
+        self.instance = instance
+
+    def __get__(self, instance: Any, owner: Any) -> Elements:
+        return Elements(self.name, instance)
+
+    def __getitem__(self, place: int | tuple[int, ...]) -> Any:
+        return getattr(self.instance, _element_name(self.name, place))
+
+    def __setitem__(self, place: int | tuple[int, ...], value: Any) -> None:
+        setattr(self.instance, _element_name(self.name, place), value)
+
+
+@cache
+def _element_name(array: str, place: int | tuple[int, ...]) -> str:
+    indices = place if isinstance(place, tuple) else (place,)
+    return f"{array}[{','.join(map(str, indices))}]"
+
+
+_LAWS = {"rate", "update", "law"}  # attributes of declarations that are laws
+
+
+def _bind_law(owner: Any, element: Any, kind: str, place: tuple[int, ...]) -> None:
+    """Give a class the law of an element, which is that of the array for this place."""
+    of_array = getattr(element, kind)
+
+    def law(self: Any) -> Any:
+        return of_array(self, *place) if kind == "law" else getattr(self, of_array)(*place)
+
+    name = element.name if kind == "law" else _element_name(of_array, place)
+    law.__doc__ = f"Element of :meth:`{name}`."
+    setattr(owner, name, law)
+    setattr(element, kind, law if kind == "law" else name)
 
 
 def name_declaration(declaration: _D, name: str) -> _D:
@@ -399,20 +473,23 @@ def Discrete(
     )
 
 
-def Array(shape: int | tuple[int, ...], element: Callable[..., Any]) -> Any:
-    """Declare an array ``x`` of variables, whose elements are ``x[1]`` or ``x[1,1]``.
+def Array(element: Any, *shape: int | Callable[[Any], int], starts: Sequence[Number] = ()) -> Any:
+    """Declare an array: one variable in FMI 3.0, one for each element in FMI 2.0.
 
-    In FMI 3.0 it is one variable, in FMI 2.0 one for each element. An element is read by
-    ``getattr(self, "x[1]")``. The start values of an array of states are an array ``x_start``.
+    Its law takes the indices of an element, from 1; laws read it as ``self.x[1]``. The start
+    values of states are an array ``x_start``.
 
     Parameters
     ----------
-    shape : int or tuple of int
-    element : callable
-        Makes the declaration of an element from its indices, from 1. Elements may differ in their
-        start values and laws.
+    element : Declaration
+        What all elements have in common, as :func:`Discrete` declares it.
+    *shape : int or callable
+        Of each dimension the size, or a function that returns it for a class, so that a subclass
+        can have another size.
+    starts : sequence of float
+        Start value of each element, row by row; by default that of `element` for all.
     """
-    return ArrayDeclaration((shape,) if isinstance(shape, int) else shape, element)
+    return ArrayDeclaration(element, shape, starts)
 
 
 @dataclass(frozen=True)

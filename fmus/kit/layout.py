@@ -14,6 +14,7 @@ from .declare import (
     ArrayDeclaration,
     Declaration,
     DiscreteDeclaration,
+    Elements,
     InputDeclaration,
     OutputDeclaration,
     ParameterDeclaration,
@@ -202,7 +203,7 @@ def _component_class(owner: type) -> type:
     return owner.__mro__[-2]
 
 
-def extract(owner: type) -> dict[str, Declaration]:
+def extract(owner: type) -> dict[str, Declaration | ArrayDeclaration]:
     """Remove the declarations from a class; the law of an output stays as a method.
 
     CPython reads an instance attribute fast only if the class has no attribute of that name.
@@ -213,24 +214,47 @@ def extract(owner: type) -> dict[str, Declaration]:
 
     Returns
     -------
-    dict of str to Declaration
+    dict of str to Declaration or ArrayDeclaration
         Declaration by name.
     """
-    members = dict(vars(owner))
-    declared: dict[str, Declaration] = {}
-    for name, member in members.items():
-        if isinstance(member, ArrayDeclaration):
-            declared |= member.elements(name)
-        elif isinstance(member, Declaration):
-            declared[name] = member
-        else:
-            continue
-        delattr(owner, name)
+    declared = {
+        name: value
+        for name, value in vars(owner).items()
+        if isinstance(value, Declaration | ArrayDeclaration)
+    }
+    apart: dict[str, Declaration] = vars(owner).get(APART, {})
     for name, declaration in declared.items():
         if isinstance(declaration, OutputDeclaration):
             setattr(owner, name, declaration.law)
-    apart: dict[str, Declaration] = members.get(APART, {})
+        elif isinstance(declaration, ArrayDeclaration):
+            setattr(owner, name, Elements(name))
+        else:
+            delattr(owner, name)
     return declared | apart
+
+
+def expand(
+    owner: type, declared: Mapping[str, Declaration | ArrayDeclaration]
+) -> dict[str, Declaration]:
+    """Replace arrays by their elements, and give a class the law of each element.
+
+    Parameters
+    ----------
+    owner : type
+    declared : Mapping of str to Declaration or ArrayDeclaration
+        In order of appearance; that of an element replaces the one of its array before it.
+
+    Returns
+    -------
+    dict of str to Declaration
+    """
+    expanded: dict[str, Declaration] = {}
+    for name, declaration in declared.items():
+        if isinstance(declaration, ArrayDeclaration):
+            expanded |= declaration.elements(owner, name)
+        else:
+            expanded[name] = declaration
+    return expanded
 
 
 def arrange(declarations: Iterable[Declaration]) -> Layout:
@@ -361,7 +385,7 @@ def _check_name(owner: Any, v: Declaration, taken: set[str]) -> None:
         raise _mistake(owner, v, "is declared twice; every state brings its '_start' parameter")
     member = _member(holder, name)
     # a descriptor with a setter computes the variable, such as an input that arrives late
-    is_taken = member is not None and not hasattr(member, "__set__")
+    is_taken = not (member is None or hasattr(member, "__set__") or isinstance(member, Elements))
     if name in component.__annotations__ or is_taken:
         raise _mistake(
             owner, v, "has the name of something else in the class; give one of both another name"
@@ -369,18 +393,14 @@ def _check_name(owner: Any, v: Declaration, taken: set[str]) -> None:
 
 
 def _check_array(owner: Any, layout: Layout, array: ArrayPlace) -> None:
-    """Check that the elements of an array are complete and alike, and that its name is free."""
-    elements = [v for v in layout.variables if v.name.partition("[")[0] == array.name]
+    """Check that the name of an array is free, and that its elements are together and alike."""
+    elements = layout.variables[array.first : array.first + array.size]
     first = elements[0]
-    if first.name == array.name or elements[-1].name == array.name:
+    if array.name in layout.names:
         raise _mistake(owner, first, "is of an array that has the name of another variable")
-    if len(elements) != array.size:
-        reason = f"is of an array of {array.size}, but {len(elements)} are declared, in a base too"
-        raise _mistake(owner, first, reason)
     for element in elements:
         for name, value in vars(first).items():
-            is_alike = name in _OF_ELEMENT or vars(element).get(name, element) == value
-            if type(element) is not type(first) or not is_alike:
+            if name not in _OF_ELEMENT and vars(element).get(name) != value:
                 reason = f"differs from {first.name!r}, an element of the same array, in {name}"
                 raise _mistake(owner, element, reason)
 

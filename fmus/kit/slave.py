@@ -25,6 +25,11 @@ _PARAMETERS_CHANGED = 3
 _COUNTERS = 4
 
 
+def _assign(name: str, value: str) -> str:
+    """Write the assignment of a value to a variable, faster for elements than ``m.x[1] = ...``."""
+    return f"m.{name} = {value}" if name.isidentifier() else f"setattr(m, {name!r}, {value})"
+
+
 @cache
 def _compile_assignments(*statements: str) -> Callable[[Component, Any], None]:
     """Make a function that executes assignments between a component ``m`` and the memory ``y``.
@@ -59,7 +64,7 @@ class Slave:
         first_state = first_input + len(layout.inputs)
         first_output = first_state + len(layout.states) + len(layout.discretes)
         load = [
-            f"m.{v.name} = y[{i}]" + (" != 0.0" if v.type == "boolean" else "")
+            _assign(v.name, f"y[{i}]" + (" != 0.0" if v.type == "boolean" else ""))
             for i, v in enumerate(layout.variables)
         ]
         store = [f"y[{i}] = m.{v.name}" for i, v in enumerate(layout.variables)]

@@ -184,7 +184,7 @@ SUBJECTS = {
     "learning_controller": Subject(
         {"feedback_command": 0.4, "reference": 2e-5, "displacement": 1e-5},
         "command",
-        {"current_limit": 0.3, "learnt_40_start": 0.1, "sample_period": 0.2},
+        {"current_limit": 0.3, "learnt_start[40]": 0.1, "sample_period": 0.2},
         "reference m displacement m feedback_command A learning - command A",
     ),
     "impedance_controller": Subject(

@@ -88,8 +88,7 @@ def _array_declarations(cls: type[Component], register: Register) -> list[str]:
     return [
         f"parameter Real {start}{size}({unit}) = {value}"
         f"{comment(f'values of {register.name} at the start')};",
-        f"Real {register.array}{size}(start={start}, each fixed=true, {unit})"
-        f"{comment(state.doc)};",
+        f"Real {register.array}{size}(start={start}, each fixed=true, {unit}){comment(state.doc)};",
     ]
 
 

@@ -6,13 +6,14 @@ import control
 import numpy as np
 import pytest
 
-from fmus.controllers.learning_controller import SAMPLES, LearningController
+from fmus.controllers.learning_controller import LearningController
 from fmus.kit import stack
 from fmus.ppy_actuator.effects import EFFECTS
 from fmus.ppy_actuator.model import PpyActuator
 from tests.support.displacement_loop import drive, worst
 from tests.support.sampled import run
 
+SAMPLES = LearningController.samples
 R1, R2, C, ALPHA = 0.43, 2.35, 2.70, 6.8e-5
 PERIOD = 0.25
 DECAY = np.exp(-PERIOD / ((R1 + R2) * C))

@@ -18,7 +18,19 @@ def test_nothing_moves_while_the_current_rests(estimate):
     current = np.concatenate([square(300.0), np.zeros(36000), square(300.0)])
     voltage = measured(current, 20e-3, seed=3)
     found = estimate(current, voltage)
-    kept = ("b0", "b1", "a", "p11", "p23", "p33", "auxiliary_a", "R1", "R2", "C", "excited_time")
+    kept = (
+        "b0",
+        "b1",
+        "a",
+        "p[1,1]",
+        "p[2,3]",
+        "p[3,3]",
+        "auxiliary_a",
+        "R1",
+        "R2",
+        "C",
+        "excited_time",
+    )
     resting = slice(3000 + 200, 3000 + 36000)  # the timeout is 20 s
     for name in kept:
         assert np.ptp(found[name][resting]) == 0.0, name

@@ -74,9 +74,9 @@ def test_covariance_stays_bounded_and_symmetric_for_least_squares(estimate):
         found = estimate(
             current, measured(current, 5e-3), instrumental_variable=instrumental, **options
         )
-        total = found["p11"] + found["p22"] + found["p33"]
+        total = found["p[1,1]"] + found["p[2,2]"] + found["p[3,3]"]
         assert np.all(total[20:] <= 100.0 * (1 + 1e-12))
         assert np.all(total[20:] > 0.0)
         assert all(np.all(np.isfinite(values)) for values in found.values())
         if not instrumental:
-            assert found["p13"] == pytest.approx(found["p31"], rel=1e-6, abs=1e-6)
+            assert found["p[1,3]"] == pytest.approx(found["p[3,1]"], rel=1e-6, abs=1e-6)

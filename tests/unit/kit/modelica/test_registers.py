@@ -1,7 +1,7 @@
 """Claims: states that hand a value on at samples are an array; all others are variables."""
 
 import fmus
-from fmus.kit import Component, Discrete, Input
+from fmus.kit import Array, Component, Discrete, Input
 from fmus.kit.modelica.model import model_text
 from fmus.kit.modelica.registers import Register, registers
 from fmus.kit.symbolic import trace
@@ -12,30 +12,15 @@ class Chain(Component):
 
     name = "chain"
     signal = Input("V")
-    old_1 = Discrete("V", update="next_old_1", period=0.5, start=1.0, doc="signal, 1 ago")
-    old_2 = Discrete("V", update="next_old_2", period=0.5, start=2.0, doc="signal, 2 ago")
-    old_3 = Discrete("V", update="next_old_3", period=0.5, start=3.0, doc="signal, 3 ago")
-    sum_1 = Discrete("V", update="next_sum_1", period=0.5)
-    sum_2 = Discrete("V", update="next_sum_2", period=0.5)
-    sum_3 = Discrete("V", update="next_sum_3", period=0.5)
+    old = Array(Discrete("V", update="next_old", period=0.5, doc="past"), 3, starts=(1.0, 2.0, 3.0))
+    sum = Array(Discrete("V", update="next_sum", period=0.5), 3)
 
-    def next_old_1(self):
-        return 2.0 * self.signal
+    def next_old(self, age):
+        return 2.0 * self.signal if age == 1 else self.old[age - 1]
 
-    def next_old_2(self):
-        return self.old_1
-
-    def next_old_3(self):
-        return self.old_2
-
-    def next_sum_1(self):
-        return self.signal
-
-    def next_sum_2(self):
-        return self.sum_1 + self.sum_2
-
-    def next_sum_3(self):
-        return self.sum_2
+    def next_sum(self, place):
+        before = self.sum[place - 1] if place > 1 else self.signal
+        return self.sum[1] + self.sum[2] if place == 2 else before
 
 
 def test_only_what_is_handed_on_unchanged_is_a_register():
@@ -49,10 +34,10 @@ def test_a_register_is_an_array_in_declarations_and_equations():
     for line in (
         'parameter Real old_start[3](each unit="V") = {1.0, 2.0, 3.0}'
         ' "values of old at the start";',
-        'Real old[3](start=old_start, each fixed=true, each unit="V") "signal, the newest first";',
+        'Real old[3](start=old_start, each fixed=true, each unit="V") "past";',
         "old = cat(1, {2.0 * pre(signal)}, pre(old[1:2]));",
         "sum_1 = pre(signal);",
         "sum_2 = pre(sum_1) + pre(sum_2);",
     ):
         assert line in lines, line
-    assert not [line for line in lines if "old_1" in line]
+    assert not [line for line in lines if "old_1" in line or "old[1]" in line]
