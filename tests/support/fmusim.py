@@ -33,7 +33,7 @@ def simulate_fmu(
     output_interval: float,
     output: Sequence[str],
     input: np.ndarray | None = None,
-    start_values: Mapping[str, float] | None = None,
+    start_values: Mapping[str, float | str] | None = None,
     solver: str = "CVode",
     relative_tolerance: float = 1e-4,
     flags: Sequence[str] = (),
@@ -53,7 +53,7 @@ def simulate_fmu(
         for name in output:
             command += ["--output-variable", name]
         for name, value in (start_values or {}).items():
-            command += ["--start-value", name, repr(value)]
+            command += ["--start-value", name, str(value)]
         if input is not None:
             columns = ",".join(input.dtype.names or ())
             np.savetxt(table, input, "%.17g", delimiter=",", header=columns, comments="")
@@ -64,6 +64,18 @@ def simulate_fmu(
             raise RuntimeError(
                 messages[-1] if messages else f"fmusim: exit status {done.returncode}"
             )
-        rows = np.genfromtxt(result, delimiter=",", names=True, deletechars='"')
+        rows = _read(result)
     regular = output_interval * np.arange(round(stop_time / output_interval) + 1)
     return rows[np.searchsorted(rows["time"], regular + 1e-9, side="right") - 1]
+
+
+def _read(path: Path) -> np.ndarray:
+    """Results by name; the elements of an array ``x`` are ``x[0]``, ``x[1]`` and so on."""
+    header, *lines = path.read_text().splitlines()
+    names = []
+    for name, cell in zip(header.split(","), lines[0].split(","), strict=True):
+        size = len(cell.split())
+        plain = name.strip('"')
+        names += [plain] if size == 1 else [f"{plain}[{k}]" for k in range(size)]
+    columns = np.array([line.replace(",", " ").split() for line in lines], float).T
+    return np.rec.fromarrays(columns, names=names)

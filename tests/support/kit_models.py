@@ -6,7 +6,7 @@ import pytest
 
 import fmus
 from fmus.kit import stack
-from tests.support.kit_samples import Curved, Divider, Doubled, Thermostat, Warmer
+from tests.support.kit_samples import Curved, Divider, Doubled, Thermostat, Wall, Warmer
 from tests.support.pace import slow_but
 
 GUID = "{12345678-1234-1234-1234-123456789012}"
@@ -14,6 +14,7 @@ MODELS = [
     Thermostat,
     Divider,
     Curved,
+    Wall,
     stack(Thermostat, Warmer, Doubled),
     *map(fmus.component, fmus.COMPONENTS),
     *(
@@ -26,10 +27,10 @@ every_model = pytest.mark.parametrize("cls", MODELS, ids=lambda cls: cls.name)
 # Those of which each has something that no other has; small ones, one with samples and one with a
 # large body
 TELLING = [
-    *MODELS[:4],
+    *MODELS[:5],
     *(
         cls
-        for cls in MODELS[4:]
+        for cls in MODELS[5:]
         if cls.name.startswith(("voice_coil_dma_with", "foot_dynamic_with"))
     ),
 ]

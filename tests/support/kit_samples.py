@@ -1,6 +1,7 @@
 """Small components for the tests of the kit: every kind of variable, none of it about actuators."""
 
 from fmus.kit import (
+    Array,
     Component,
     Discrete,
     Effect,
@@ -254,3 +255,48 @@ class Adder(Component):
     def off(self):
         """Not on."""
         return 1.0 - self.on
+
+
+class Wall(Component):
+    """Layers in a row that exchange heat: arrays of every kind beside scalars."""
+
+    name = "wall"
+    experiment = (2.0, 0.25)
+    layers = 3
+
+    exchange = Array(Parameter(1.0, "1/s", min=0, max=9, doc="rate of each layer"), 3)
+    offset = Parameter(0.5, "K", tunable=True, doc="of all sums")
+    heat = Array(Input("K/s", doc="rate of warming"), lambda wall: wall.layers)
+    counts = Array(Input("1", start=True, type="boolean", doc="whether a layer counts"), 2)
+    temperature = Array(
+        State("K", rate="warming", nominal=10.0, output=True, doc="of each layer"),
+        lambda wall: wall.layers,
+        starts=(1.0, 2.0, 4.0),
+    )
+    count = Array(
+        Discrete("1", update="counted", period=0.5, type="integer", output=True, doc="samples"), 2
+    )
+
+    def at(self, layer):
+        """Temperature of a layer; outside it is 0."""
+        return self.temperature[layer] if 1 <= layer <= self.layers else 0.0
+
+    def warming(self, layer):
+        """Exchange with both neighbours, and heat."""
+        curvature = self.at(layer - 1) - 2.0 * self.at(layer) + self.at(layer + 1)
+        return self.exchange[layer] * curvature + self.heat[layer]
+
+    def counted(self, place):
+        """Samples so far; the second place counts in steps of 10."""
+        return self.count[place] + where(self.counts[place], 10.0 ** (place - 1), 0.0)
+
+    def product(self, row, column):
+        """Row times a temperature."""
+        return row * self.temperature[column]
+
+    products = Array(Output("K", doc="of row and temperature")(product), 2, 3)
+
+    @Output("K")
+    def total(self):
+        """Sum of all temperatures."""
+        return self.temperature[1] + self.temperature[2] + self.temperature[3] + self.offset
