@@ -16,6 +16,7 @@ import pytest
 
 import fmus
 from fmus.kit.build.building import plan_build
+from tests.support.kit_samples import Wall
 from tests.support.pace import slow_but
 
 DRIVER = Path(__file__).parents[1] / "support" / "c" / "random_calls_fmi3.c"
@@ -27,8 +28,9 @@ SANITIZED = (
     "-fno-sanitize-recover=all",
     "-fno-omit-frame-pointer",
 )
-# one with samples and integers, one with continuous states
-FAST = ("galvanostat", "ppy_actuator")
+# one with samples and integers, one with continuous states, one with arrays
+FAST = ("galvanostat", "ppy_actuator", "degradation_estimator")
+CLASSES = {"wall": Wall} | {name: fmus.component(name) for name in fmus.COMPONENTS}
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc brings the sanitizers")
 
@@ -39,7 +41,7 @@ def program(tmp_path_factory):
 
     def compiled(name, *flags):
         folder = tmp_path_factory.mktemp(name)
-        planned = plan_build(fmus.component(name), "native", 3)
+        planned = plan_build(CLASSES[name], "native", 3)
         for file, text in planned.sources.items():
             (folder / file).write_bytes(text)
         target = folder / "driver"
@@ -65,7 +67,7 @@ def output_of(*command):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", slow_but(fmus.COMPONENTS, *FAST))
+@pytest.mark.parametrize("name", slow_but(CLASSES, *FAST))
 def test_no_order_of_calls_and_no_argument_does_harm(program, name):
     driver, token = program(name, *SANITIZED)
     for seed in range(4):
@@ -73,13 +75,13 @@ def test_no_order_of_calls_and_no_argument_does_harm(program, name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", fmus.COMPONENTS)
+@pytest.mark.parametrize("name", CLASSES)
 def test_180000_calls(program, name):
     driver, token = program(name, *SANITIZED)
     assert "errors" in output_of(driver, "calls", token, 36, 180_000)
 
 
-@pytest.mark.parametrize("name", slow_but(fmus.COMPONENTS, *FAST))
+@pytest.mark.parametrize("name", slow_but(CLASSES, *FAST))
 def test_ten_thousand_instances_live_side_by_side(program, name):
     driver, token = program(name, "-O1", "-std=c11")
     assert output_of(driver, "instances", token, 10_000).startswith("10000 instances")

@@ -7,11 +7,16 @@
  * have a message, no status may be Fatal, and what was valid before a refused call is so after it. Linked with the FMU.
  */
 #include "fmi3Functions.h"
+#include "model.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+#ifndef MODEL_ARRAYS
+#define MODEL_ARRAYS(X)
+#endif
 
 enum { INSTANCES = 4, STATES = 4, MOST = 6 };
 
@@ -99,6 +104,19 @@ static void end(int k) {
     slots[k].instance = NULL;
 }
 
+/* How many values variables have, arrays one for each element; now and then another number. */
+static size_t count_values(const fmi3ValueReference *vr, size_t n) {
+    size_t sum = n;
+    if (below(10) == 0)
+        return below(8) == 0 ? below(200) : below(MOST);
+#define ADD(name, first, size) sum += vr[i] == first ? size - 1 : 0;
+    for (size_t i = 0; vr != NULL && i < n; i++) {
+        MODEL_ARRAYS(ADD)
+    }
+#undef ADD
+    return sum;
+}
+
 /* Where a host goes most of the time, so that the rest of the calls meets every mode. */
 static fmi3Status proceed(fmi3Instance one, int k) {
     bool event, terminate, early;
@@ -126,8 +144,9 @@ static fmi3Status proceed(fmi3Instance one, int k) {
     }
 
 static fmi3Status access_variable(fmi3Instance one) {
-    size_t n = below(MOST), n_values = below(10) == 0 ? below(MOST) : n;
+    size_t n = below(MOST);
     fmi3ValueReference *vr = references(n);
+    size_t n_values = count_values(vr, n);
     double *values = numbers(n_values);
     fmi3Status status = fmi3OK;
     switch (below(16)) {
@@ -173,24 +192,23 @@ static fmi3Status access_variable(fmi3Instance one) {
 }
 
 static fmi3Status differentiate(fmi3Instance one) {
-    size_t n = below(MOST), m = below(MOST), n_seeds = below(10) == 0 ? below(MOST) : m, n_results = n;
+    size_t n = below(MOST), m = below(MOST);
     fmi3ValueReference *unknowns = references(n), *knowns = references(m);
-    double *seeds = numbers(n_seeds), *results = numbers(n_results), *weights = numbers(n), *sums = numbers(m);
+    size_t of_unknowns = count_values(unknowns, n), of_knowns = count_values(knowns, m);
+    double *of_first = numbers(of_unknowns), *of_second = numbers(of_knowns);
     fmi3Int32 *orders = array(n, sizeof *orders);
     fmi3Status status;
     for (size_t i = 0; orders != NULL && i < n; i++)
         orders[i] = (fmi3Int32)below(3);
     switch (below(3)) {
-    case 0: status = fmi3GetDirectionalDerivative(one, unknowns, n, knowns, m, seeds, n_seeds, results, n_results); break;
-    case 1: status = fmi3GetAdjointDerivative(one, unknowns, n, knowns, m, weights, n, sums, m); break;
-    default: status = fmi3GetOutputDerivatives(one, unknowns, n, orders, results, n_results); break;
+    case 0: status = fmi3GetDirectionalDerivative(one, unknowns, n, knowns, m, of_second, of_knowns, of_first, of_unknowns); break;
+    case 1: status = fmi3GetAdjointDerivative(one, unknowns, n, knowns, m, of_first, of_unknowns, of_second, of_knowns); break;
+    default: status = fmi3GetOutputDerivatives(one, unknowns, n, orders, of_first, of_unknowns); break;
     }
     free(unknowns);
     free(knowns);
-    free(seeds);
-    free(results);
-    free(weights);
-    free(sums);
+    free(of_first);
+    free(of_second);
     free(orders);
     return status;
 }
