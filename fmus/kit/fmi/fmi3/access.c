@@ -61,8 +61,12 @@ static Status get_booleans(Instance *instance, const char *function, const Refer
     EXPORT fmi3Status fmi3Get##type(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3##type value[],        \
                                     size_t n_values) {                                                                  \
         Elements all;                                                                                                   \
-        bool found = find_elements(c, __func__, vr, n, n_values, &all);                                                 \
-        fmi3Status status = found ? get(c, __func__, all.vr, all.n, value) : fmi3Error;                                 \
+        bool found;                                                                                                     \
+        fmi3Status status;                                                                                              \
+        if (are_scalars(vr, n, n_values))                                                                               \
+            return get(c, __func__, vr, n, value);                                                                      \
+        found = find_elements(c, __func__, vr, n, n_values, &all);                                                      \
+        status = found ? get(c, __func__, all.vr, all.n, value) : fmi3Error;                                            \
         release(&all);                                                                                                  \
         return status;                                                                                                  \
     }
@@ -77,9 +81,12 @@ GET(String, get_texts)
     EXPORT fmi3Status fmi3Set##type(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3##type value[],  \
                                     size_t n_values) {                                                                  \
         Elements all;                                                                                                   \
-        bool found = find_elements(c, __func__, vr, n, n_values, &all);                                                 \
-        fmi3Status status =                                                                                             \
-            found ? set_numbers(c, __func__, kind, all.vr, all.n, value, number_of_##type) : fmi3Error;                 \
+        bool found;                                                                                                     \
+        fmi3Status status;                                                                                              \
+        if (are_scalars(vr, n, n_values))                                                                               \
+            return set_numbers(c, __func__, kind, vr, n, value, number_of_##type);                                      \
+        found = find_elements(c, __func__, vr, n, n_values, &all);                                                      \
+        status = found ? set_numbers(c, __func__, kind, all.vr, all.n, value, number_of_##type) : fmi3Error;            \
         release(&all);                                                                                                  \
         return status;                                                                                                  \
     }

@@ -13,14 +13,21 @@ typedef struct {
 static const Array arrays[] = {MODEL_ARRAYS(ARRAY){"", 0, 0}};
 #undef ARRAY
 
-enum { ARRAYS = sizeof arrays / sizeof *arrays - 1 };
+/* Written out, since hosts ask for single scalars at every step. */
+static bool is_scalar(Reference vr) {
+#define OUTSIDE(name, first, size) &&vr - (Reference)(first) >= (size)
+    return true MODEL_ARRAYS(OUTSIDE);
+#undef OUTSIDE
+}
 
 /* The array with an element of a reference; NULL for a scalar. */
 static const Array *array_of(Reference vr) {
-    for (size_t i = 0; i < ARRAYS; i++)
-        if (vr >= arrays[i].first && vr - arrays[i].first < arrays[i].size)
-            return &arrays[i];
-    return NULL;
+    const Array *array = arrays;
+    if (is_scalar(vr))
+        return NULL;
+    while (vr - array->first >= array->size)
+        array++;
+    return array;
 }
 
 static bool miscounted(const Instance *instance, const char *function, size_t n, size_t n_values, size_t size,
@@ -44,12 +51,19 @@ static Reference *listed(const Reference vr[], size_t n, size_t size) {
     return elements;
 }
 
+bool are_scalars(const Reference vr[], size_t n, size_t n_values) {
+    bool all = n == n_values && vr != NULL;
+    for (size_t i = 0; all && i < n; i++)
+        all = is_scalar(vr[i]);
+    return all;
+}
+
 bool find_elements(const Instance *instance, const char *function, const Reference vr[], size_t n, size_t n_values,
                    Elements *elements) {
     const Array *last = NULL;
     size_t size = n;
     *elements = (Elements){vr, n, NULL};
-    for (size_t i = 0; ARRAYS > 0 && vr != NULL && i < n; i++) {
+    for (size_t i = 0; vr != NULL && i < n; i++) {
         const Array *array = array_of(vr[i]);
         if (array == NULL)
             continue;

@@ -4,6 +4,9 @@
 
 #include "instance.h"
 
+/* Whether variables are scalars with a value each, as in most calls. */
+static bool are_scalars(const Reference vr[], size_t n, size_t n_values);
+
 /* References of all elements of some variables, in the order of their values. */
 typedef struct {
     const Reference *vr;
