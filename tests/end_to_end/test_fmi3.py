@@ -207,3 +207,25 @@ def test_a_damaged_archive_is_refused_in_a_line(tmp_path, share):
     path.write_bytes(whole[: int(share * len(whole))])
     for command in ("simulate", "check", "info"):
         refused(tmp_path, command, path, parts=["cut off"])
+
+
+@pytest.mark.slow
+def test_arrays_of_our_components_have_the_same_names_in_both_versions(tmp_path):
+    """With a command that was learnt: it comes 40 samples later, the others being zero."""
+    started = ("--set", "learnt_start[40]=0.1", "--set", "smoothing=0")
+    works("build", "learning_controller", "--runtime", "native", "--out", "fmus", cwd=tmp_path)
+    works("build", "learning_controller", *started, "--fmi", "3", "--out", "fmus", cwd=tmp_path)
+    of_3 = "fmus/fmi3/learning_controller_set.fmu"
+    assert "no errors" in works("check", of_3, cwd=tmp_path)
+    assert "learnt_start[40]" in works("info", of_3, cwd=tmp_path)
+    course = ("--stop", "10s", "--step", "0.25s")
+    of_2 = "fmus/native/learning_controller.fmu"
+    works("simulate", of_2, *started, *course, "--out", "2.csv", cwd=tmp_path)
+    works("simulate", of_3, *course, "--out", "3.csv", cwd=tmp_path)
+    assert (tmp_path / "2.csv").read_text() == (tmp_path / "3.csv").read_text()
+    command = pd.read_csv(tmp_path / "3.csv")["command [A]"]
+    assert command.tolist() == [0.1 if k == 1 else 0.0 for k in range(41)]
+    compared = ("compare", "2.csv", "--model", of_3, "--require", "99%")
+    works(*compared, cwd=tmp_path)
+    line = refused("simulate", tmp_path / of_3, "--set", "learnt_start[42]=1", *course)
+    assert "learnt_start[42]" in line
