@@ -8,7 +8,7 @@ current alone.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 from ..kit import (
     Array,
@@ -182,8 +182,8 @@ class Regression(Excitation):
 
     def covariance(self) -> Matrix:
         """Covariance matrix before this sample."""
-        p: Any = tuple([getattr(self, name) for name in _COVARIANCE])  # faster than self.p[1, 1]
-        return p
+        elements = [getattr(self, name) for name in _COVARIANCE]  # faster than self.p[1, 1]
+        return cast(Matrix, tuple(elements))
 
     def gain(self, phi: Vector, zeta: Vector) -> Vector:
         """Gain of this sample (eq. 4.7 with errata 6); zero without excitation."""

@@ -253,7 +253,7 @@ class ArrayDeclaration:
             )
         declared = {}
         for k, place in enumerate(product(*(range(1, size + 1) for size in shape))):
-            start = {"start": self.starts[k]} if self.starts else {}
+            start: dict[str, Any] = {"start": self.starts[k]} if self.starts else {}
             element = name_declaration(replace(self.element, **start), _element_name(name, place))
             for law in _LAWS & vars(element).keys():
                 _bind_law(owner, element, law, place)

@@ -227,5 +227,5 @@ def test_arrays_of_our_components_have_the_same_names_in_both_versions(tmp_path)
     assert command.tolist() == [0.1 if k == 1 else 0.0 for k in range(41)]
     compared = ("compare", "2.csv", "--model", of_3, "--require", "99%")
     works(*compared, cwd=tmp_path)
-    line = refused("simulate", tmp_path / of_3, "--set", "learnt_start[42]=1", *course)
+    line = refused(tmp_path, "simulate", of_3, "--set", "learnt_start[42]=1", *course)
     assert "learnt_start[42]" in line
