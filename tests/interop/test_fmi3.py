@@ -8,6 +8,7 @@ import contextlib
 import ctypes
 import shutil
 import zipfile
+from math import prod
 
 import numpy as np
 import pytest
@@ -338,17 +339,24 @@ def test_adjoint_and_directional_derivatives_are_one_matrix(fmu, tmp_path, name)
         outputs = [
             u.variable.valueReference for u in described.outputs if u.variable.type == "Float64"
         ]
-        compare(one, outputs, parameters)
+        compare(one, outputs, parameters, described)
         one.exitInitializationMode()
     with opened(fmu(name, "native", 3), tmp_path / "b", exchange=True) as (one, names, described):
         knowns, unknowns = moving_point(one, names, described, rng)
-        compare(one, unknowns, knowns)
+        compare(one, unknowns, knowns, described)
 
 
-def compare(one, unknowns, knowns):
-    forward = np.array([one.getDirectionalDerivative(unknowns, [k], [1.0]) for k in knowns]).T
+def compare(one, unknowns, knowns, described):
+    """By a seed for each element of arrays."""
+    sizes = {
+        v.valueReference: prod(int(d.start) for d in v.dimensions) for v in described.modelVariables
+    }
+    n, m = (sum(sizes[vr] for vr in references) for references in (unknowns, knowns))
+    forward = np.array(
+        [one.getDirectionalDerivative(unknowns, knowns, list(seed), n) for seed in np.eye(m)]
+    ).T
     backward = np.array(
-        [one.getAdjointDerivative([u], knowns, [1.0], len(knowns)) for u in unknowns]
+        [one.getAdjointDerivative(unknowns, knowns, list(seed), m) for seed in np.eye(n)]
     )
     if forward.size == 0:
         return
