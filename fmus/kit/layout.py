@@ -30,8 +30,6 @@ _TYPES = ("real", "integer", "boolean")
 APART = "_apart"  # class attribute for declarations that are not members of the class
 _LONGEST_TEXT = 511  # bytes, as in fmi/engine.h
 LONGEST_SHIFT = 2  # parameters, as in fmi/any_model.h
-# attributes in which the elements of an array may differ
-_OF_ELEMENT = {"name", "start", "starts", "law", "rate", "update"}
 
 
 class Clock(NamedTuple):
@@ -336,8 +334,9 @@ def check(owner: Any, layout: Layout) -> None:
     """
     _check_variables(owner, layout)
     for array in layout.arrays:
-        if array.first < len(layout.variables):  # those of derivatives follow
-            _check_array(owner, layout, array)
+        if array.name in layout.names:
+            first = layout.variables[array.first]
+            raise _mistake(owner, first, "is of an array that has the name of another variable")
     if owner.name:
         _check_references(owner, layout)
         for port in owner.ports:
@@ -390,19 +389,6 @@ def _check_name(owner: Any, v: Declaration, taken: set[str]) -> None:
         raise _mistake(
             owner, v, "has the name of something else in the class; give one of both another name"
         )
-
-
-def _check_array(owner: Any, layout: Layout, array: ArrayPlace) -> None:
-    """Check that the name of an array is free, and that its elements are together and alike."""
-    elements = layout.variables[array.first : array.first + array.size]
-    first = elements[0]
-    if array.name in layout.names:
-        raise _mistake(owner, first, "is of an array that has the name of another variable")
-    for element in elements:
-        for name, value in vars(first).items():
-            if name not in _OF_ELEMENT and vars(element).get(name) != value:
-                reason = f"differs from {first.name!r}, an element of the same array, in {name}"
-                raise _mistake(owner, element, reason)
 
 
 def _check_type_and_start(owner: Any, v: Declaration) -> None:
