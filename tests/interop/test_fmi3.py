@@ -8,6 +8,7 @@ import contextlib
 import ctypes
 import shutil
 import zipfile
+from fractions import Fraction
 from math import prod
 
 import numpy as np
@@ -279,6 +280,140 @@ def test_a_host_that_passes_over_an_event_gets_its_sample_with_the_next_step(fmu
             ends.append(last)
         assert ends == pytest.approx([0.0, period, 2.0 * period, 3.0 * period], rel=1e-12)
         assert one.getFloat64([names["current"]])[0] > 0.0, "samples were made"
+
+
+def clocks_of(name, names, starts):
+    """Reference, period and first instant of each clock, by what the component declares."""
+    values = {p.name: p.start for p in component(name).layout.parameters} | starts
+    return [
+        (
+            names[f"clock[{k + 1}]"],
+            values.get(clock.period, clock.period),
+            sum(values[shift] for shift in clock.shift),
+        )
+        for k, (clock, _) in enumerate(component(name).layout.sampled)
+    ]
+
+
+def assert_ticks(ticks, clocks, stop):
+    for reference, period, shift in clocks:
+        expected = np.arange(shift, stop - 1e-6 * period, period)
+        np.testing.assert_allclose(ticks[reference], expected, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", SAMPLED)
+def test_clocks_are_active_at_the_samples_of_a_step(fmu, tmp_path, name):
+    """Closed form: at shift + k period, in event mode alone, until the sample is made."""
+    given = {"eventModeUsed": True, "earlyReturnAllowed": True}
+    with opened(fmu(name, "native", 3), tmp_path, **given) as (one, names, _):
+        clocks = clocks_of(name, names, {})
+        references = [reference for reference, *_ in clocks]
+        one.enterInitializationMode()
+        assert not any(one.getClock(references))
+        one.exitInitializationMode()
+        longest = max(period + shift for _, period, shift in clocks)
+        time, stop, ticks = 0.0, 5.5 * longest, {reference: [] for reference in references}
+        while time < stop:
+            for reference, active in zip(references, one.getClock(references), strict=True):
+                if active:
+                    ticks[reference].append(time)
+            one.updateDiscreteStates()
+            assert not any(one.getClock(references))
+            one.enterStepMode()
+            event = False
+            while time < stop and not event:
+                event, _, _, time = one.doStep(time, min(0.37 * longest, stop - time + 1e-9))
+                assert not any(one.getClock(references))
+            one.enterEventMode()
+        assert_ticks(ticks, clocks, stop)
+
+
+def test_clocks_are_active_at_time_events_of_model_exchange_alone(fmu, tmp_path):
+    with opened(fmu("voice_coil_dma", "native", 3), tmp_path, exchange=True) as (one, names, _):
+        starts = {"sample_period": 0.0015, "sample_shift": 0.0004}
+        one.setFloat64([names[name] for name in starts], list(starts.values()))
+        clocks = clocks_of("voice_coil_dma", names, starts)
+        ((reference, *_),) = clocks
+        initialized(one)
+        time, stop, ticks = 0.0, 0.01, {reference: []}
+        while time < stop:
+            if one.getClock([reference])[0]:
+                ticks[reference].append(time)
+            *_, following = one.updateDiscreteStates()
+            one.enterContinuousTimeMode()
+            for instant in (0.5 * (time + following), following):
+                one.setTime(instant)
+                assert not one.getClock([reference])[0]
+                one.enterEventMode()
+                assert one.getClock([reference]) == [instant == following]
+                if instant < following:
+                    one.updateDiscreteStates()
+                    one.enterContinuousTimeMode()
+            time = following
+        assert_ticks(ticks, clocks, stop)
+
+
+def test_clocks_tell_periods_and_shifts(fmu, tmp_path):
+    """As decimal numbers and as fractions, of the parameters as they are."""
+    changed, unchanged = 2, 1
+    said = []
+    with opened(
+        fmu("voice_coil_dma", "native", 3),
+        tmp_path,
+        logMessage=lambda *told: said.append(told[-1].decode()),
+    ) as (one, names, _):
+        reference = (ctypes.c_uint * 1)(names["clock[1]"])
+        number, qualifier = (ctypes.c_double * 1)(), (ctypes.c_int * 1)()
+        counter, resolution = (ctypes.c_uint64 * 1)(), (ctypes.c_uint64 * 1)()
+        one.enterInitializationMode()
+        for period, shift in ((0.0015, 0.0), (0.000125, 0.25)):
+            one.setFloat64([names["sample_period"], names["sample_shift"]], [period, shift])
+            one.getIntervalDecimal(reference, number, qualifier)
+            assert (number[0], qualifier[0]) == (period, changed)
+            one.getIntervalFraction(reference, counter, resolution, qualifier)
+            assert Fraction(counter[0], resolution[0]) == Fraction(str(period))
+            one.getShiftDecimal(reference, number)
+            assert number[0] == shift
+            one.getShiftFraction(reference, counter, resolution)
+            assert Fraction(counter[0], resolution[0]) == Fraction(str(shift))
+        one.exitInitializationMode()
+        one.getIntervalDecimal(reference, number, qualifier)
+        assert (number[0], qualifier[0]) == (period, unchanged)
+        assert said == []
+        for refused in (
+            lambda: one.setClock(reference, [True]),
+            lambda: one.fmi3SetIntervalDecimal(one.component, reference, 1, number),
+            lambda: one.fmi3SetShiftDecimal(one.component, reference, 1, number),
+        ):
+            with pytest.raises(FMICallException):
+                refused()
+        assert len(said) == 3
+        assert {line.partition(": ")[2] for line in said} == {
+            "'clock[1]' is an output; voice_coil_dma activates it, with the period that its"
+            " parameters give"
+        }
+        with pytest.raises(FMICallException):
+            one.getClock([names["time"]])
+        assert said[3:] == [
+            f"fmi3GetClock: value reference {names['time']} is no clock; voice_coil_dma has 1 of"
+            " them"
+        ]
+        with pytest.raises(FMICallException):
+            one.getFloat64([reference[0]])
+
+
+def test_a_saved_state_has_its_clocks(fmu, tmp_path):
+    """Restored before a sample, the clock is active again."""
+    given = {"eventModeUsed": True, "earlyReturnAllowed": True}
+    with opened(fmu("pid", "native", 3), tmp_path, **given) as (one, names, _):
+        initialized(one)
+        state = one.getFMUState()
+        for _ in range(2):
+            assert one.getClock([names["clock[1]"]]) == [True]
+            one.updateDiscreteStates()
+            assert one.getClock([names["clock[1]"]]) == [False]
+            one.setFMUState(state)
+        one.freeFMUState(state)
 
 
 @pytest.mark.parametrize("place", range(4))

@@ -81,7 +81,15 @@ _VERSIONS = {
     3: _Version(
         ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
         ("host.h", "variables.h", "arrays.h", "extra_laws.h"),
-        ("common.c", "arrays.c", "access.c", "partials.c", "co_simulation.c", "unused.c"),
+        (
+            "common.c",
+            "arrays.c",
+            "access.c",
+            "partials.c",
+            "clocks.c",
+            "co_simulation.c",
+            "unused.c",
+        ),
         ("model_exchange.c", "extra_laws.c"),
     ),
 }

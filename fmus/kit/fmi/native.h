@@ -68,20 +68,29 @@ static inline double period_of(const Engine *engine, int group) {
     return of->period_parameter < 0 ? of->period : engine->memory[of->period_parameter];
 }
 
+/* The time of the first sample, for a simulation that starts at `start`. */
+static inline double first_sample(const Engine *engine, int group, double start) {
+    for (int i = 0; i < 2; i++) {
+        int parameter = model_of(engine)->group[group].shift_parameters[i];
+        start += parameter < 0 ? 0.0 : engine->memory[parameter];
+    }
+    return start;
+}
+
 static inline double sample_instant(const Engine *engine, int group) {
     const Model *model = model_of(engine);
     const double *memory = engine->memory;
-    double first = memory[model->start_time];
-    for (int i = 0; i < 2; i++) {
-        int parameter = model->group[group].shift_parameters[i];
-        first += parameter < 0 ? 0.0 : memory[parameter];
-    }
-    return first + memory[model->counters + group] * period_of(engine, group);
+    return first_sample(engine, group, memory[model->start_time]) +
+           memory[model->counters + group] * period_of(engine, group);
 }
 
 /* Times this close are the same instant: hosts round, and late in a simulation more than a share of the period. */
 static inline double sample_slack(const Engine *engine, int group, double end) {
     return 1e-9 * period_of(engine, group) + 1e-15 * fabs(end);
+}
+
+static inline bool sample_due(const Engine *engine, int group, double time) {
+    return sample_instant(engine, group) <= time + sample_slack(engine, group, time);
 }
 
 /* Integrates the states from `time` to `target`, all else being held. */

@@ -16,7 +16,7 @@ static void explain(const Instance *instance, const char *function, Reference vr
         report(instance, FMI(Error), "%s: value reference %u is '%s', which is of type String", function, vr,
                model_texts[vr - MODEL_VARIABLES].name);
     else if (vr < MODEL_VARIABLES + MODEL_TEXTS + OWN_REFERENCES)
-        report(instance, FMI(Error), "%s: value reference %u, of the time or of an event indicator, is not taken",
+        report(instance, FMI(Error), "%s: value reference %u, of the time, an event indicator or a clock, is not taken",
                function, vr);
     else
         report(instance, FMI(Error), "%s: value reference %u does not exist; the last one is %d", function, vr,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from xml.etree.ElementTree import Element, SubElement
 
 from fmus.kit.build.description import common
@@ -10,7 +10,7 @@ from fmus.kit.build.parameters import serialized
 from fmus.kit.build.provenance import annotate_fmi3
 from fmus.kit.build.toolchain import FOLDERS_OF_FMI_3
 from fmus.kit.component import Component
-from fmus.kit.layout import ArrayPlace, Layout
+from fmus.kit.layout import ArrayPlace, Clock, Layout
 from fmus.kit.symbolic import Graph, dependencies
 
 _TYPES = {"real": "Float64", "integer": "Int32", "boolean": "Boolean"}
@@ -59,7 +59,10 @@ def describe_fmi3(
     common.append_experiment(root, cls)
     indicators = graph.indicators.numel() if can.model_exchange else 0
     _append_variables(root, layout, indicators)
-    _append_structure(root, layout, graph, can.model_exchange)
+    first_clock = _time_reference(layout) + 1 + indicators
+    clocks = range(first_clock, first_clock + len(layout.sampled))
+    _append_clocks(root, layout, clocks)
+    _append_structure(root, layout, graph, can.model_exchange, clocks)
     annotate_fmi3(root, cls, graph)
     return serialized(root)
 
@@ -163,16 +166,50 @@ def _join(parent: Element, array: ArrayPlace) -> None:
         parent.remove(node)
 
 
+def _append_clocks(root: Element, layout: Layout, references: Sequence[int]) -> None:
+    """Append an output clock for each group of states that are sampled together.
+
+    The standard has periodic clocks as inputs only, which a host activates; a component that
+    samples by itself has triggered ones (FMI 3.0, section 2.2.8.2).
+    """
+    parent = root.find("ModelVariables")
+    assert parent is not None
+    for index, (clock, members) in enumerate(layout.sampled):
+        SubElement(
+            parent,
+            "Clock",
+            name=f"clock[{index + 1}]",
+            valueReference=str(references[index]),
+            description=_clock_text(clock, [member.name for member in members]),
+            causality="output",
+            variability="discrete",
+            intervalVariability="triggered",
+        )
+
+
+def _clock_text(clock: Clock, members: Sequence[str]) -> str:
+    """Return the description of a clock, with its period and the states that it samples."""
+    period = clock.period if isinstance(clock.period, str) else f"{common.number(clock.period)} s"
+    shift = f", first after {' + '.join(clock.shift)}" if clock.shift else ""
+    return f"active every {period}{shift}, when {', '.join(members)} are sampled"
+
+
 def _time_reference(layout: Layout) -> int:
     """Return the value reference of the time; those of event indicators come after it."""
     return len(layout.names) + len(layout.texts)
 
 
-def _append_structure(root: Element, layout: Layout, graph: Graph, with_indicators: bool) -> None:
+def _append_structure(
+    root: Element, layout: Layout, graph: Graph, with_indicators: bool, clocks: Sequence[int]
+) -> None:
     """Append the dependencies of outputs, derivatives, initial unknowns and event indicators."""
     parent = SubElement(root, "ModelStructure")
     array_of = {a.first + k: a.first for a in layout.arrays for k in range(a.size)}
-    for title, unknowns in dependencies(graph, time=_time_reference(layout)).items():
+    time = _time_reference(layout)
+    structure = dependencies(graph, time=time)
+    structure["Outputs"] |= dict.fromkeys(clocks, [time])
+    structure["InitialUnknowns"] |= {clock: [] for clock in clocks}
+    for title, unknowns in structure.items():
         if title == "EventIndicators" and not with_indicators:
             continue
         joined: dict[int, set[int]] = {}

@@ -155,13 +155,3 @@ EXPORT fmi3Status fmi3SetBinary(fmi3Instance c, const fmi3ValueReference vr[], s
     (void)n_values;
     return absent(c, __func__, vr, n);
 }
-
-EXPORT fmi3Status fmi3GetClock(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Clock value[]) {
-    (void)value;
-    return absent(c, __func__, vr, n);
-}
-
-EXPORT fmi3Status fmi3SetClock(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Clock value[]) {
-    (void)value;
-    return absent(c, __func__, vr, n);
-}

@@ -9,7 +9,7 @@
 #include <math.h>
 
 /* The first sample after the beginning of a step that is before its end; else that end. */
-static double first_sample(const Engine *engine, double time, double end) {
+static double sample_within(const Engine *engine, double time, double end) {
     double first = end;
     for (int i = 0; i < MODEL_GROUPS; i++) {
         double instant = sample_instant(engine, i), slack = sample_slack(engine, i, end);
@@ -23,14 +23,14 @@ static double first_sample(const Engine *engine, double time, double end) {
 
 /* The size of a step, which is shorter where a sample comes before its end. */
 static double step_to_sample(const Instance *instance, double time, double step, bool *early) {
-    double end = time + step, stop = first_sample(instance->engine, time, end);
+    double end = time + step, stop = sample_within(instance->engine, time, end);
     *early = stop < end;
     return *early ? stop - time : step;
 }
 
-static bool sample_due(const Engine *engine, double time) {
+static bool any_sample_due(const Engine *engine, double time) {
     for (int i = 0; i < MODEL_GROUPS; i++)
-        if (sample_instant(engine, i) <= time + sample_slack(engine, i, time))
+        if (sample_due(engine, i, time))
             return true;
     return false;
 }
@@ -67,7 +67,7 @@ EXPORT fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 step,
     if (status != fmi3OK)
         *early = false;
     else if (instance->host.event_mode)
-        *event = sample_due(instance->engine, *last);
+        *event = any_sample_due(instance->engine, *last);
     return status;
 }
 

@@ -8,8 +8,8 @@
 #define FMI(name) fmi3##name
 #define EXPORT FMI3_Export
 
-/* Value references beyond those of engine.h: of the time, and of the event indicators. */
-enum { TIME = MODEL_VARIABLES + MODEL_TEXTS, OWN_REFERENCES = 1 + MODEL_INDICATORS };
+/* Value references beyond those of engine.h: of the time, of the event indicators, and of the clocks. */
+enum { TIME = MODEL_VARIABLES + MODEL_TEXTS, OWN_REFERENCES = 1 + MODEL_INDICATORS + MODEL_GROUPS };
 
 static inline bool is_time(fmi3ValueReference vr) { return vr == TIME; }
 

@@ -5,8 +5,11 @@
 #include "instance.h"
 
 /* The references of all other variables come first (engine.h). */
-enum { FIRST_INDICATOR = TIME + 1 };
+enum { FIRST_INDICATOR = TIME + 1, FIRST_CLOCK = FIRST_INDICATOR + MODEL_INDICATORS };
 
-static inline bool is_own(Reference vr) { return vr >= TIME && vr < TIME + OWN_REFERENCES; }
+/* Whether it is that of a number. */
+static inline bool is_own(Reference vr) { return vr >= TIME && vr < FIRST_CLOCK; }
+
+static inline bool is_clock(Reference vr) { return vr >= FIRST_CLOCK && vr < FIRST_CLOCK + MODEL_GROUPS; }
 
 #endif
