@@ -50,6 +50,21 @@ def test_every_component_is_tried():
     assert set(STIMULI) == set(fmus.COMPONENTS)
 
 
+@pytest.mark.parametrize("name", STIMULI)
+def test_no_communication_point_meets_a_sample(name):
+    """There tools differ in what is read, and where inputs jump in what is sampled: PyFMI takes the
+    value before.
+    """
+    stop, step, _ = STIMULI[name]
+    time = np.arange(step, stop, step)
+    layout = component(name).layout
+    values = {p.name: p.start for p in layout.parameters}
+    for clock, _ in layout.sampled:
+        first = sum(values[shift] for shift in clock.shift)
+        samples = (time - first) / values.get(clock.period, clock.period)
+        assert np.abs(samples - np.round(samples)).min() > 1e-4
+
+
 # of what is fed: shares of mean and amplitude; twenty amplitudes away inputs are beyond every limit
 COURSES = {"moving": (1.0, 1.0, 0.0), "nothing": (0.0, 0.0, 0.0), "saturated": (1.0, 0.0, 20.0)}
 # the error in tolerances that is allowed; where a leg hits the ground it is of the instant, too

@@ -23,7 +23,7 @@ _KINDS = {"CoSimulation": "CS", "ModelExchange": "ME"}
 
 def version() -> str:
     """Version of PyFMI."""
-    return _run("-c", "import pyfmi; print(pyfmi.__version__)").strip()
+    return run("-c", "import pyfmi; print(pyfmi.__version__)").strip()
 
 
 def simulate_fmu(
@@ -60,7 +60,7 @@ def simulate_fmu(
         "solver": solver,
         "relative_tolerance": relative_tolerance,
     }
-    answer = json.loads(_run(__file__, text=json.dumps(call)).splitlines()[-1])
+    answer = json.loads(run(__file__, text=json.dumps(call)).splitlines()[-1])
     regular = output_interval * np.arange(points + 1)
     kept = np.searchsorted(answer["time"], regular + 1e-9, side="right") - 1
     rows = np.zeros(regular.size, [("time", float), *((name, float) for name in output)])
@@ -69,7 +69,8 @@ def simulate_fmu(
     return rows
 
 
-def _run(*arguments: str, text: str = "") -> str:
+def run(*arguments: str, text: str = "") -> str:
+    """What the interpreter that has PyFMI prints, given arguments and standard input."""
     with tempfile.TemporaryDirectory() as folder:  # for the files that it leaves
         done = subprocess.run(
             [INTERPRETER, *arguments],
