@@ -57,14 +57,16 @@ def build(
         made = master.pack(model, platforms)
     else:
         cls = find_class(model, options["effects"]) if isinstance(model, str) else model
-        made = kit.build(cls, options["runtime"], platforms, fmi=options["fmi"])
+        runtime, fmi, clocks = options["runtime"], options["fmi"], options["clocks"]
+        made = kit.build(cls, runtime, platforms, fmi=fmi, clocks=clocks)
     files.write(Path(path), made)
     return Path(path)
 
 
 def _refuse_for_systems(system: System, options: BuildKeywords) -> None:
     """Raise UserError for an option that a system does not have."""
-    if options["effects"] or options["runtime"] != "native" or options["fmi"] != 2:
+    plain = options["runtime"] == "native" and options["fmi"] == 2 and not options["clocks"]
+    if options["effects"] or not plain:
         raise UserError(
             f"{system.name} is a system, which is built native, of FMI 2.0 and without effects"
         )

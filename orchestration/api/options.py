@@ -490,6 +490,9 @@ class BuildKeywords(TypedDict, total=False):
         Sequence[str] | None, Option(doc="FMI platforms; default this machine's.", form=NAMES)
     ]
     fmi: Annotated[int, Option(doc="Version of FMI, 2 or 3; 3 is native.", default=2)]
+    clocks: Annotated[
+        bool, Option(doc="Declare when states are sampled, as clocks of FMI 3.0.", default=False)
+    ]
 
 
 # --- compare and fit -----------------------------------------------------------------------------

@@ -15,6 +15,7 @@ _PANELS = {
         "preset",
         "runtime",
         "fmi",
+        "clocks",
         "system",
         "connectors",
         "law",

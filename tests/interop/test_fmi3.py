@@ -22,7 +22,7 @@ from fmpy.validation import validate_fmu
 import fmus
 from fmus import component, effects
 from fmus.kit import Component, Input, Output, State, maximum, sqrt, stack
-from fmus.kit.build.building import build
+from fmus.kit.build.building import build, build_cached
 from fmus.kit.build.toolchain import host_platform
 from tests.support.exchange import both_ways, distance
 from tests.support.stimuli import STIMULI
@@ -282,6 +282,10 @@ def test_a_host_that_passes_over_an_event_gets_its_sample_with_the_next_step(fmu
         assert one.getFloat64([names["current"]])[0] > 0.0, "samples were made"
 
 
+def clocked(name):
+    return build_cached(component(name), "native", 3, clocks=True)
+
+
 def clocks_of(name, names, starts):
     """Reference, period and first instant of each clock, by what the component declares."""
     values = {p.name: p.start for p in component(name).layout.parameters} | starts
@@ -295,6 +299,24 @@ def clocks_of(name, names, starts):
     ]
 
 
+@pytest.mark.parametrize("name", SAMPLED)
+def test_clocks_are_declared_where_they_are_asked_for(fmu, name):
+    """As the standard allows it: outputs that are triggered, without intervals."""
+    assert "Clock" not in {
+        v.type for v in read_model_description(fmu(name, "native", 3)).modelVariables
+    }
+    path = clocked(name)
+    assert validate_fmu(str(path)) == []
+    described = read_model_description(path)
+    clocks = [v for v in described.modelVariables if v.type == "Clock"]
+    assert len(clocks) == len(component(name).layout.sampled)
+    for clock in clocks:
+        assert (clock.causality, clock.intervalVariability) == ("output", "triggered")
+        assert clock.intervalDecimal is None
+        (dependency,) = (u.dependencies for u in described.outputs if u.variable is clock)
+        assert [known.name for known in dependency] == ["time"]
+
+
 def assert_ticks(ticks, clocks, stop):
     for reference, period, shift in clocks:
         expected = np.arange(shift, stop - 1e-6 * period, period)
@@ -302,10 +324,10 @@ def assert_ticks(ticks, clocks, stop):
 
 
 @pytest.mark.parametrize("name", SAMPLED)
-def test_clocks_are_active_at_the_samples_of_a_step(fmu, tmp_path, name):
+def test_clocks_are_active_at_the_samples_of_a_step(tmp_path, name):
     """Closed form: at shift + k period, in event mode alone, until the sample is made."""
     given = {"eventModeUsed": True, "earlyReturnAllowed": True}
-    with opened(fmu(name, "native", 3), tmp_path, **given) as (one, names, _):
+    with opened(clocked(name), tmp_path, **given) as (one, names, _):
         clocks = clocks_of(name, names, {})
         references = [reference for reference, *_ in clocks]
         one.enterInitializationMode()
@@ -328,8 +350,8 @@ def test_clocks_are_active_at_the_samples_of_a_step(fmu, tmp_path, name):
         assert_ticks(ticks, clocks, stop)
 
 
-def test_clocks_are_active_at_time_events_of_model_exchange_alone(fmu, tmp_path):
-    with opened(fmu("voice_coil_dma", "native", 3), tmp_path, exchange=True) as (one, names, _):
+def test_clocks_are_active_at_time_events_of_model_exchange_alone(tmp_path):
+    with opened(clocked("voice_coil_dma"), tmp_path, exchange=True) as (one, names, _):
         starts = {"sample_period": 0.0015, "sample_shift": 0.0004}
         one.setFloat64([names[name] for name in starts], list(starts.values()))
         clocks = clocks_of("voice_coil_dma", names, starts)
@@ -353,12 +375,12 @@ def test_clocks_are_active_at_time_events_of_model_exchange_alone(fmu, tmp_path)
         assert_ticks(ticks, clocks, stop)
 
 
-def test_clocks_tell_periods_and_shifts(fmu, tmp_path):
+def test_clocks_tell_periods_and_shifts(tmp_path):
     """As decimal numbers and as fractions, of the parameters as they are."""
     changed, unchanged = 2, 1
     said = []
     with opened(
-        fmu("voice_coil_dma", "native", 3),
+        clocked("voice_coil_dma"),
         tmp_path,
         logMessage=lambda *told: said.append(told[-1].decode()),
     ) as (one, names, _):
@@ -402,10 +424,10 @@ def test_clocks_tell_periods_and_shifts(fmu, tmp_path):
             one.getFloat64([reference[0]])
 
 
-def test_a_saved_state_has_its_clocks(fmu, tmp_path):
+def test_a_saved_state_has_its_clocks(tmp_path):
     """Restored before a sample, the clock is active again."""
     given = {"eventModeUsed": True, "earlyReturnAllowed": True}
-    with opened(fmu("pid", "native", 3), tmp_path, **given) as (one, names, _):
+    with opened(clocked("pid"), tmp_path, **given) as (one, names, _):
         initialized(one)
         state = one.getFMUState()
         for _ in range(2):

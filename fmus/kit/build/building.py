@@ -56,7 +56,11 @@ class BuildPlan:
 
 
 def plan_build(
-    cls: type[Component], runtime: str, fmi: int = 2, packed: PackedSystem | None = None
+    cls: type[Component],
+    runtime: str,
+    fmi: int = 2,
+    packed: PackedSystem | None = None,
+    clocks: bool = False,
 ) -> BuildPlan:
     """Plan the contents of an FMU, and derive its GUID from them.
 
@@ -70,6 +74,9 @@ def plan_build(
         Version of FMI: 2.0 or 3.0.
     packed : PackedSystem, optional
         The members of the system that the class stands for; native, of FMI 2.0.
+    clocks : bool
+        Whether FMI 3.0 declares an output clock for each group of states that are sampled together.
+        Hosts must use event mode then, and some fail with any clock.
 
     Returns
     -------
@@ -79,7 +86,7 @@ def plan_build(
     ------
     UserError
         If there is no such runtime or version, or FMI 3.0 is requested for a build without laws
-        in C.
+        in C, or clocks of FMI 2.0.
     """
     # CasADi takes a tenth of a second to load, and other parts of this package do not need it
     from fmus.kit.build import description
@@ -87,7 +94,7 @@ def plan_build(
     from fmus.kit.symbolic import trace
 
     _check_runtime(runtime, RUNTIMES)
-    _check_version(cls, runtime, fmi)
+    _check_version(cls, runtime, fmi, clocks)
     graph = packed.graph if packed else trace(cls)
     native = runtime == "native"
     compiled_laws = native and cls.engine is None and packed is None
@@ -104,6 +111,7 @@ def plan_build(
         directional_derivatives=compiled_laws,
         model_exchange=compiled_laws,
         sources=(UNIT,) if native else (),
+        clocks=clocks,
     )
 
     def described(guid: str) -> dict[str, bytes]:
@@ -148,6 +156,7 @@ def build(
     fmi: int = 2,
     *,
     packed: PackedSystem | None = None,
+    clocks: bool = False,
 ) -> bytes:
     """Build an FMU.
 
@@ -164,7 +173,7 @@ def build(
     failed : callable, optional
         Called with each platform that fails and its error; the archive then has the other
         platforms. By default the error is raised.
-    fmi, packed
+    fmi, packed, clocks
         See :func:`plan_build`.
 
     Returns
@@ -180,12 +189,13 @@ def build(
     """
     _check_runtime(runtime, (*RUNTIMES, STOCK))
     if runtime == STOCK:
-        _check_version(cls, runtime, fmi)
+        _check_version(cls, runtime, fmi, clocks)
         from fmus.kit.build.stock import stock_archive
 
         return stock_archive(cls, version(), platforms, progress)
     targets = platforms or toolchain.available_platforms()
-    return _compile_and_pack(plan_build(cls, runtime, fmi, packed), targets, progress, failed)
+    planned = plan_build(cls, runtime, fmi, packed, clocks)
+    return _compile_and_pack(planned, targets, progress, failed)
 
 
 def check_build(
@@ -215,12 +225,12 @@ def check_build(
         toolchain.find_compiler(target)
 
 
-def build_cached(cls: type[Component], runtime: str, fmi: int = 2) -> Path:
+def build_cached(cls: type[Component], runtime: str, fmi: int = 2, *, clocks: bool = False) -> Path:
     """Return the path of a component's FMU for this machine, building it unless the cache has it.
 
     Parameters
     ----------
-    cls, runtime, fmi
+    cls, runtime, fmi, clocks
         See :func:`plan_build`.
 
     Returns
@@ -236,7 +246,7 @@ def build_cached(cls: type[Component], runtime: str, fmi: int = 2) -> Path:
     """
     from fmus.kit.build.sources import library_key
 
-    planned = plan_build(cls, runtime, fmi)
+    planned = plan_build(cls, runtime, fmi, clocks=clocks)
     target = toolchain.host_platform()
     key = library_key(planned.sources, planned.libraries.get(target, ()), target)
     name = f"{planned.guid.strip('{}')}-{key}/{cls.name}.fmu"
@@ -249,7 +259,7 @@ def _check_runtime(runtime: str, known: Sequence[str]) -> None:
         raise UserError(f"unknown runtime {runtime!r}; there are: {', '.join(known)}")
 
 
-def _check_version(cls: type[Component], runtime: str, fmi: int) -> None:
+def _check_version(cls: type[Component], runtime: str, fmi: int, clocks: bool = False) -> None:
     """Raise an error unless a version of FMI is known and available for a build."""
     if fmi not in (2, 3):
         raise UserError(f"unknown version {fmi} of FMI; there are: 2, 3")
@@ -257,6 +267,8 @@ def _check_version(cls: type[Component], runtime: str, fmi: int) -> None:
         raise UserError(f"{cls.name}: FMI 3.0 is built native, not {runtime}")
     if fmi == 3 and cls.engine is not None:
         raise UserError(f"{cls.name} has no laws, which a build of FMI 3.0 needs; build FMI 2.0")
+    if clocks and fmi == 2:
+        raise UserError(f"{cls.name}: FMI 2.0 has no clocks; build FMI 3.0")
 
 
 def _compile_and_pack(

@@ -46,7 +46,7 @@ def build(options: BuildCommand) -> None:
     platforms = platform_list(options["platforms"])
     planned = _plan(options)
     _check_planned(planned, platforms, options)
-    complete = _build_all(planned, platforms)
+    complete = _build_all(planned, platforms, options["clocks"])
     if options["runtime"] == kit.STOCK:
         for limit in LIMITS:
             note(f"{kit.STOCK} promises less: {limit}")
@@ -104,7 +104,7 @@ def _check_planned(
     ).check()
 
 
-def _build_all(planned: Sequence[_PlannedFmu], platforms: list[str] | None) -> bool:
+def _build_all(planned: Sequence[_PlannedFmu], platforms: list[str] | None, clocks: bool) -> bool:
     """Build FMUs; return False if one lacks a platform, which is noted, as its build failed."""
     from fmus.kit import build as kit
     from fmus.kit import files
@@ -121,6 +121,7 @@ def _build_all(planned: Sequence[_PlannedFmu], platforms: list[str] | None) -> b
         for k, (cls, runtime, fmi, path) in enumerate(planned):
             failed = partial(skip_platform, path) if platforms is None else None
             done = partial(tell.done, k, len(planned))
-            files.write(path, kit.build(cls, runtime, platforms, done, failed, fmi))
+            made = kit.build(cls, runtime, platforms, done, failed, fmi, clocks=clocks)
+            files.write(path, made)
             out.print(str(path))
     return not failures

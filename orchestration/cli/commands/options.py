@@ -115,6 +115,9 @@ class BuildOptions(TypedDict, total=False):
     fmi: Annotated[
         int, Option("Version of FMI, 2 or 3; 3 is native, in OUT/fmi3/NAME.fmu.", default=2)
     ]
+    clocks: Annotated[
+        bool, Option("Declare when states are sampled, as clocks of FMI 3.0.", default=False)
+    ]
     out: Annotated[Path, Option("Folder that gets RUNTIME/NAME.fmu.", default=Path("fmu"))]
 
 

@@ -81,6 +81,8 @@ class Capabilities:
         Whether a host may integrate the states.
     sources : tuple of str
         Source files listed for recompilation.
+    clocks : bool
+        Whether output clocks are declared, in FMI 3.0.
     """
 
     needs_execution_tool: bool
@@ -88,6 +90,7 @@ class Capabilities:
     directional_derivatives: bool
     model_exchange: bool = False
     sources: tuple[str, ...] = ()
+    clocks: bool = False
 
 
 def generation_date() -> str:

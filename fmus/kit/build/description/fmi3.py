@@ -60,7 +60,7 @@ def describe_fmi3(
     indicators = graph.indicators.numel() if can.model_exchange else 0
     _append_variables(root, layout, indicators)
     first_clock = _time_reference(layout) + 1 + indicators
-    clocks = range(first_clock, first_clock + len(layout.sampled))
+    clocks = range(first_clock, first_clock + len(layout.sampled) * can.clocks)
     _append_clocks(root, layout, clocks)
     _append_structure(root, layout, graph, can.model_exchange, clocks)
     annotate_fmi3(root, cls, graph)
@@ -174,12 +174,13 @@ def _append_clocks(root: Element, layout: Layout, references: Sequence[int]) -> 
     """
     parent = root.find("ModelVariables")
     assert parent is not None
-    for index, (clock, members) in enumerate(layout.sampled):
+    for index, reference in enumerate(references):
+        clock, members = layout.sampled[index]
         SubElement(
             parent,
             "Clock",
             name=f"clock[{index + 1}]",
-            valueReference=str(references[index]),
+            valueReference=str(reference),
             description=_clock_text(clock, [member.name for member in members]),
             causality="output",
             variability="discrete",
@@ -207,7 +208,7 @@ def _append_structure(
     array_of = {a.first + k: a.first for a in layout.arrays for k in range(a.size)}
     time = _time_reference(layout)
     structure = dependencies(graph, time=time)
-    structure["Outputs"] |= dict.fromkeys(clocks, [time])
+    structure["Outputs"] |= {clock: [time] for clock in clocks}
     structure["InitialUnknowns"] |= {clock: [] for clock in clocks}
     for title, unknowns in structure.items():
         if title == "EventIndicators" and not with_indicators:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import io
 import re
 from collections import defaultdict
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -56,6 +57,17 @@ def read(text):
 @every_model
 def test_description_is_valid_by_the_schema(cls):
     schema("ModelDescription").assertValid(lxml.etree.fromstring(description(cls)))
+
+
+@every_model
+def test_description_with_clocks_is_valid_by_the_schema(cls):
+    """One for each group of states that are sampled together, after all other variables."""
+    text = description(cls, replace(CAN, clocks=True))
+    schema("ModelDescription").assertValid(lxml.etree.fromstring(text))
+    variables = read(text).modelVariables
+    clocks = [v for v in variables if v.type == "Clock"]
+    assert [v.name for v in clocks] == [f"clock[{i + 1}]" for i in range(len(cls.layout.sampled))]
+    assert [v.valueReference for v in variables] == list(range(len(variables)))
 
 
 @telling_models
