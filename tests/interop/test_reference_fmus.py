@@ -132,7 +132,9 @@ def test_it_gives_its_reference(path, tmp_path):
 
 
 def test_clocks_tick_as_the_description_says():
-    """Its comment: the first every second, the third at 4 s; nothing triggers the second here."""
+    """Its comment: the first every second, the third at 4 s; nothing triggers the second here. The
+    output clock is active at every fifth of all ticks, at 4 s before the sixth.
+    """
     clocks = [path for path in FMUS if path.stem == "Clocks"]
     if not clocks:
         pytest.skip("there is no FMU with clocks")
@@ -141,6 +143,7 @@ def test_clocks_tick_as_the_description_says():
     assert found["inClock2Ticks"].tolist() == [0] * 10
     assert found["inClock3Ticks"].tolist() == [0] * 4 + [1] * 6
     assert found["totalInClockTicks"].tolist() == [1, 2, 3, 4, 6, 7, 8, 9, 10, 11]
+    assert found["outClock"].tolist() == [0] * 4 + [1] * 4 + [2] * 2
     assert found["output3"].tolist() == [0] * 4 + [1000] * 6
 
 

@@ -224,8 +224,11 @@ _CLOCKED = f"""
     <Int32 name="count" valueReference="3" causality="output"/>
     <Float64 name="fired" valueReference="4" causality="output" variability="discrete"/>
     <Int32 name="changes" valueReference="5" causality="output"/>
+    <Clock name="even" valueReference="14" causality="output" intervalVariability="triggered"
+        clocks="10"/>
   </ModelVariables>
   <ModelStructure>
+    <Output valueReference="14" dependencies="10"/>
     <Output valueReference="2"/><Output valueReference="3"/><Output valueReference="4"/>
     <Output valueReference="5"/>
   </ModelStructure>

@@ -29,8 +29,8 @@ def left_out(description: Element) -> dict[str, str]:
 def _reason(node: Element) -> str:
     """Return the reason for a variable; empty if it can be set or read."""
     causality = node.get("causality", "local")
-    if node.tag == "Clock":
-        return "is a clock, which has no value here"
+    if node.tag == "Clock" and causality == "input":
+        return "is an input clock, which has no value here"
     if causality == "structuralParameter":
         return f"is a structural parameter, which keeps its start value {node.get('start')} here"
     dimensions = len(node.findall("Dimension"))

@@ -50,9 +50,21 @@ static fmi2Status ask(component *c) {
     return worst;
 }
 
+/* Count the clocks that the FMU has activated. */
+static fmi2Status count_ticks(component *c) {
+    fmi2Status worst = fmi2OK;
+    for (size_t i = 0; i < c->counted_count && worst <= fmi2Warning; i++) {
+        fmi3Clock active = fmi3ClockInactive;
+        worst = worse(worst, CALL(c, GetClock, &c->counted[i]->reference, 1, &active));
+        if (active) c->counted[i]->ticks++;
+    }
+    return worst;
+}
+
 /* Begin all clocks, in Initialization Mode, in which those of a fixed interval have computed it. */
 static fmi2Status begin_clocks(component *c) {
     fmi2Status status = fmi2OK;
+    for (size_t i = 0; i < c->counted_count; i++) c->counted[i]->ticks = 0;
     for (size_t i = 0; i < c->clock_count && status <= fmi2Warning; i++) {
         ticking *k = &c->clocks[i];
         fmi3IntervalQualifier known = fmi3IntervalUnchanged;
@@ -84,6 +96,7 @@ static fmi2Status update(component *c, fmi2EventInfo *info) {
         pass(c, &c->clocks[k]);
     }
     if (status <= fmi2Warning) status = worse(status, ask(c));
+    if (status <= fmi2Warning) status = worse(status, count_ticks(c));
     if (status <= fmi2Warning)
         status = worse(status, CALL(c, UpdateDiscreteStates, &again, &terminate, &nominals, &values, &next, &time));
     if (status <= fmi2Warning) status = worse(status, ask(c));
@@ -148,6 +161,7 @@ static fmi2Status activate(component *c, double end) {
         c->asks = 0;
         worst = worse(worst, CALL(c, ActivateModelPartition, k->reference, time));
         pass(c, k);
+        if (c->asks && worst <= fmi2Warning) worst = worse(worst, count_ticks(c));
         if ((c->asks || k->kind == CLOCK_CHANGING) && worst <= fmi2Warning) worst = worse(worst, ask(c));
     }
     return worst;

@@ -59,8 +59,12 @@ static int make_room(component *c) {
     c->values = calloc(elements, sizeof(double));
     c->derivatives = calloc(elements, sizeof(double));
     if (!c->owners || !c->references || !c->values || !c->derivatives) return 0;
-    for (size_t k = 0; k < c->variable_count; k++)
+    c->counted = calloc(c->variable_count + 1, sizeof *c->counted);
+    if (!c->counted) return 0;
+    for (size_t k = 0; k < c->variable_count; k++) {
+        if (c->variables[k].type == TYPE_Clock) c->counted[c->counted_count++] = &c->variables[k];
         for (size_t i = 0; i < c->variables[k].count; i++) c->owners[c->variables[k].first + i] = k;
+    }
     return 1;
 }
 
@@ -92,6 +96,7 @@ void unload(component *c) {
     free(c->derivatives);
     free(c->digits);
     free(c->clocks);
+    free(c->counted);
     free(c->row);
     free(c->late_elements);
     free(c->late_row);

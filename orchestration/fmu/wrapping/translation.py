@@ -2,7 +2,8 @@
 
 Arrays become scalars, named by their indices from 1 and in row-major order: ``A[2,1]``. Structural
 parameters keep their start values, because the sizes of arrays depend on them. Binary values are
-texts of hexadecimal digits. Clocks are no variables of FMI 2.0: the wrapper ticks those of time.
+texts of hexadecimal digits. Input clocks are no variables of FMI 2.0: the wrapper ticks those of
+time. The value of any other clock is the number of its ticks.
 """
 
 from __future__ import annotations
@@ -52,7 +53,6 @@ _OF_INTERFACE = {
     "canSerializeFMUState": "canSerializeFMUstate",
     "providesDirectionalDerivatives": "providesDirectionalDerivative",
 }
-_OF_STATES = ("canGetAndSetFMUstate", "canSerializeFMUstate")
 _OF_CO_SIMULATION = {
     "canHandleVariableCommunicationStepSize": "canHandleVariableCommunicationStepSize",
     "maxOutputDerivativeOrder": "maxOutputDerivativeOrder",
@@ -196,10 +196,6 @@ class _Translator:
                 interface = SubElement(root, "CoSimulation")
                 self._copy(node, interface, names)
                 interface.set("canHandleVariableCommunicationStepSize", "true")
-        if self._description.clocks:
-            for interface in root:
-                for name in _OF_STATES:  # the next ticks are not part of them
-                    interface.attrib.pop(name, None)
 
     def _add_units(self, root: Element) -> None:
         units = self._root.findall("UnitDefinitions/Unit")

@@ -9,6 +9,8 @@
 
 #include "wrapper.h"
 
+#define MOST_EXACT 9007199254740992.0 /* 2^53 */
+
 /* Variables of one type among the references of a call, each once. */
 typedef struct {
     size_t variables; /* their number; their references are in c->references */
@@ -76,6 +78,10 @@ static fmi2Status get(component *c, type t, const selection *s, void *values) {
         NUMBERS(GET)
         GET(String)
 #undef GET
+    case TYPE_Clock:
+        for (size_t k = 0; k < c->counted_count; k++)
+            if (c->counted[k]->selected == c->selection) ((double *)values)[c->counted[k]->place] = c->counted[k]->ticks;
+        return fmi2OK;
     default: return fmi2Error;
     }
 }
@@ -98,6 +104,7 @@ static double number(type t, const void *values, size_t place) {
     case TYPE_##name: return (double)((const fmi3##name *)values)[place];
         NUMBERS(READ)
 #undef READ
+    case TYPE_Clock: return ((const double *)values)[place];
     default: return 0.0;
     }
 }
@@ -122,8 +129,8 @@ static int holds(type t, double number) {
                        [TYPE_UInt16] = {0.0, 65535.0},
                        [TYPE_Int32] = {-2147483648.0, 2147483647.0},
                        [TYPE_UInt32] = {0.0, 4294967295.0},
-                       [TYPE_Int64] = {-9007199254740992.0, 9007199254740992.0},
-                       [TYPE_UInt64] = {0.0, 9007199254740992.0},
+                       [TYPE_Int64] = {-MOST_EXACT, MOST_EXACT},
+                       [TYPE_UInt64] = {0.0, MOST_EXACT},
                        [TYPE_Boolean] = {0.0, 1.0}};
     if (t == TYPE_Float32) return !isfinite(number) || fabs(number) <= FLT_MAX;
     if (t == TYPE_Float64) return 1;
@@ -202,9 +209,11 @@ static int all_hold(component *c, type t, const fmi2ValueReference elements[], s
     for (size_t i = 0; i < count; i++) {
         const variable *v = owner(c, elements[i]);
         if (v->type == t && !holds(t, row[i])) {
-            int is_wide = t == TYPE_Int64 || t == TYPE_UInt64;
-            tell(c, fmi2Error, "%.17g is no value of the type of value reference %lu%s", row[i],
-                 (unsigned long)v->reference, is_wide ? ", or beyond 2^53, where it is not exact here" : "");
+            if ((t == TYPE_Int64 || t == TYPE_UInt64) && fabs(row[i]) > MOST_EXACT)
+                tell(c, fmi2Error, "%.17g is beyond 2^53, up to which integers of 64 bits are exact here", row[i]);
+            else
+                tell(c, fmi2Error, "%.17g is no value of the type of value reference %lu", row[i],
+                     (unsigned long)v->reference);
             return 0;
         }
     }

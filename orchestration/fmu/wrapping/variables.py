@@ -23,6 +23,7 @@ NUMBERS = (
     "Int64",
     "UInt64",
     "Boolean",
+    "Clock",
     "String",
     "Binary",
 )
@@ -204,7 +205,7 @@ class Fmi3Description:
             nodes[reference] = node
         first = 0
         for reference, node in nodes.items():
-            if number_type(node.tag) not in NUMBERS:
+            if number_type(node.tag) not in NUMBERS or _is_input_clock(node):
                 continue
             dimensions = node.iterfind("Dimension")
             shape = tuple(self._size_of(dimension, node, nodes) for dimension in dimensions)
@@ -271,6 +272,11 @@ class Fmi3Description:
                 known.update(elements)
                 declared[name] = DeclaredVariable(variable.kind, variable.shape, elements)
         return declared
+
+
+def _is_input_clock(node: Element) -> bool:
+    """Return whether a variable is a clock that the wrapper ticks, and which has no value."""
+    return node.tag == "Clock" and node.get("causality") == "input"
 
 
 def number_type(kind: str) -> str:

@@ -136,38 +136,118 @@ FMI2_Export fmi2Status fmi2Reset(fmi2Component p) {
 
 /* ---- states -------------------------------------------------------------------------------------- */
 
+/* A state is that of the FMU, and what the wrapper knows beside it: times, ticks and next ticks. */
+typedef struct {
+    fmi3FMUState fmu;
+    double own[];
+} saved;
+
+static size_t own_count(const component *c) { return 6 + 4 * c->clock_count + c->counted_count; }
+
+static double *carry(double *present, double *kept, int restores) {
+    if (restores)
+        *present = *kept;
+    else
+        *kept = *present;
+    return kept + 1;
+}
+
+static double *carry_flag(int *present, double *kept, int restores) {
+    double value = *present;
+    kept = carry(&value, kept, restores);
+    *present = value != 0.0;
+    return kept;
+}
+
+static void carry_own(component *c, double *kept, int restores) {
+    kept = carry_flag(&c->initialized, kept, restores);
+    kept = carry_flag(&c->in_events, kept, restores);
+    kept = carry_flag(&c->terminated, kept, restores);
+    kept = carry(&c->start, kept, restores);
+    kept = carry(&c->reached, kept, restores);
+    kept = carry(&c->next_event, kept, restores);
+    for (ticking *k = c->clocks; k < c->clocks + c->clock_count; k++) {
+        kept = carry(&k->interval, kept, restores);
+        kept = carry(&k->shift, kept, restores);
+        kept = carry(&k->next, kept, restores);
+        kept = carry(&k->ticks, kept, restores);
+    }
+    for (size_t i = 0; i < c->counted_count; i++) kept = carry(&c->counted[i]->ticks, kept, restores);
+}
+
+static saved *make_saved(const component *c) {
+    saved *s = calloc(1, sizeof *s + own_count(c) * sizeof(double));
+    if (!s) tell(c, fmi2Error, "there is no memory for a state");
+    return s;
+}
+
+static fmi2Status wrong_size(const component *c, size_t size, size_t least) {
+    tell(c, fmi2Error, "a state of %lu bytes; it has more than %lu", (unsigned long)size, (unsigned long)least);
+    return fmi2Error;
+}
+
+/* Give a new state to the host, unless it could not be made. */
+static fmi2Status hand_over(saved *made, fmi2FMUstate *state, fmi2Status status) {
+    if (status <= fmi2Warning)
+        *state = made;
+    else if (made != *state)
+        free(made);
+    return status;
+}
+
 FMI2_Export fmi2Status fmi2GetFMUstate(fmi2Component p, fmi2FMUstate *state) {
     component *c = p;
-    return CALL(c, GetFMUState, state);
+    saved *s = *state ? *state : make_saved(c);
+    if (!s) return fmi2Error;
+    carry_own(c, s->own, 0);
+    return hand_over(s, state, CALL(c, GetFMUState, &s->fmu));
 }
 
 FMI2_Export fmi2Status fmi2SetFMUstate(fmi2Component p, fmi2FMUstate state) {
     component *c = p;
+    saved *s = state;
+    carry_own(c, s->own, 1);
     c->entered = 1; /* nobody saves the state of what has not begun */
     c->late_count = 0;
-    c->terminated = 0;
-    return CALL(c, SetFMUState, state);
+    return CALL(c, SetFMUState, s->fmu);
 }
 
 FMI2_Export fmi2Status fmi2FreeFMUstate(fmi2Component p, fmi2FMUstate *state) {
     component *c = p;
-    return CALL(c, FreeFMUState, state);
+    saved *s = *state;
+    if (!s) return fmi2OK;
+    fmi2Status status = CALL(c, FreeFMUState, &s->fmu);
+    free(s);
+    *state = NULL;
+    return status;
 }
 
 FMI2_Export fmi2Status fmi2SerializedFMUstateSize(fmi2Component p, fmi2FMUstate state, size_t *size) {
     component *c = p;
-    return CALL(c, SerializedFMUStateSize, state, size);
+    fmi2Status status = CALL(c, SerializedFMUStateSize, ((saved *)state)->fmu, size);
+    *size += own_count(c) * sizeof(double);
+    return status;
 }
 
 FMI2_Export fmi2Status fmi2SerializeFMUstate(fmi2Component p, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
     component *c = p;
-    return CALL(c, SerializeFMUState, state, (fmi3Byte *)bytes, size);
+    const saved *s = state;
+    size_t own = own_count(c) * sizeof(double);
+    if (size < own) return wrong_size(c, size, own);
+    memcpy(bytes, s->own, own);
+    return CALL(c, SerializeFMUState, s->fmu, (fmi3Byte *)bytes + own, size - own);
 }
 
 FMI2_Export fmi2Status fmi2DeSerializeFMUstate(fmi2Component p, const fmi2Byte bytes[], size_t size,
                                                fmi2FMUstate *state) {
     component *c = p;
-    return CALL(c, DeserializeFMUState, (const fmi3Byte *)bytes, size, state);
+    size_t own = own_count(c) * sizeof(double);
+    if (size < own) return wrong_size(c, size, own);
+    saved *s = *state ? *state : make_saved(c);
+    if (!s) return fmi2Error;
+    fmi2Status status = CALL(c, DeserializeFMUState, (const fmi3Byte *)bytes + own, size - own, &s->fmu);
+    if (status <= fmi2Warning) memcpy(s->own, bytes, own);
+    return hand_over(s, state, status);
 }
 
 /* ---- co-simulation ------------------------------------------------------------------------------- */

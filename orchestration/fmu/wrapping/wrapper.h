@@ -9,12 +9,13 @@
 #include "fmi2Functions.h"
 #include "fmi3FunctionTypes.h"
 
-/* Types of variables, in the order of the numbers in the table; an enumeration is an Int64. */
+/* Types of variables, in the order of the numbers in the table; an enumeration is an Int64. A clock is none that the
+ * wrapper ticks; its value is how often it was active. */
 #define NUMBERS(X)                                                                                                     \
     X(Float32) X(Float64) X(Int8) X(UInt8) X(Int16) X(UInt16) X(Int32) X(UInt32) X(Int64) X(UInt64) X(Boolean)
 
 #define AS_CONSTANT(name) TYPE_##name,
-typedef enum { NUMBERS(AS_CONSTANT) TYPE_String, TYPE_Binary, TYPES } type;
+typedef enum { NUMBERS(AS_CONSTANT) TYPE_Clock, TYPE_String, TYPE_Binary, TYPES } type;
 
 /* Interfaces, in the order of the numbers in the table; one with events has clocks. */
 typedef enum { PLAIN, WITH_EVENTS, SCHEDULED } interface_type; /* Windows has a macro of the shorter name */
@@ -32,7 +33,7 @@ typedef enum { PLAIN, WITH_EVENTS, SCHEDULED } interface_type; /* Windows has a 
     X(EnterEventMode) X(UpdateDiscreteStates) X(EnterContinuousTimeMode) X(CompletedIntegratorStep) X(SetTime)         \
     X(SetContinuousStates) X(GetContinuousStateDerivatives) X(GetEventIndicators) X(GetContinuousStates)               \
     X(GetNominalsOfContinuousStates) X(InstantiateScheduledExecution) X(ActivateModelPartition) X(EnterStepMode)       \
-    X(SetClock) X(GetIntervalDecimal) X(GetShiftDecimal)
+    X(GetClock) X(SetClock) X(GetIntervalDecimal) X(GetShiftDecimal)
 
 #define AS_POINTER(name) fmi3##name##TYPE *name;
 typedef struct {
@@ -45,6 +46,7 @@ typedef struct {
     size_t first, count;    /* its elements among those of all variables */
     size_t place;           /* of its first element among the selected values, ... */
     unsigned long selected; /* ... if this is the present selection */
+    double ticks;           /* of a clock */
 } variable;
 
 /* An input clock that ticks by time: kinds in the order of the numbers in the table. The interval of the first is in the
@@ -94,9 +96,11 @@ typedef struct {
     interface_type kind;
     ticking *clocks;
     size_t clock_count;
+    variable **counted; /* those that are clocks */
+    size_t counted_count;
     int initialized, in_events; /* whether it is past initialization, and in Event Mode */
     double next_event;          /* of those that have a time */
-    int asks;                   /* a partition has changed an interval */
+    int asks;                   /* a partition has changed an interval, or activated a clock */
 } component;
 
 /* Call a function of the FMU; one that its library lacks is an error. */

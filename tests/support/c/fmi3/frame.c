@@ -437,7 +437,6 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance p, const fmi3ValueReference
     fmi3Status fmi3##name(fmi3Instance i, __VA_ARGS__) { return complain(i, "fmi3" #name " is not there"); }
 UNUSED(GetAdjointDerivative, const fmi3ValueReference a[], size_t b, const fmi3ValueReference c[], size_t d,
        const fmi3Float64 e[], size_t f, fmi3Float64 g[], size_t h)
-UNUSED(GetClock, const fmi3ValueReference a[], size_t b, fmi3Clock c[])
 UNUSED(GetNumberOfVariableDependencies, fmi3ValueReference a, size_t *b)
 UNUSED(GetVariableDependencies, fmi3ValueReference a, size_t b[], fmi3ValueReference c[], size_t d[],
        fmi3DependencyKind e[], size_t f)
@@ -467,6 +466,13 @@ fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance i) {
 /* ---- clocks ---- */
 
 #ifdef CLOCKS
+
+fmi3Status fmi3GetClock(fmi3Instance p, const fmi3ValueReference r[], size_t n, fmi3Clock active[]) {
+    Instance *i = p;
+    if (i->mode != EVENT && !i->update) return complain(i, "a clock is asked for outside of event mode");
+    for (size_t k = 0; k < n; k++) active[k] = take_activation(&i->model, r[k]);
+    return fmi3OK;
+}
 
 fmi3Status fmi3SetClock(fmi3Instance p, const fmi3ValueReference r[], size_t n, const fmi3Clock ticks[]) {
     Instance *i = p;
@@ -514,6 +520,7 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token
 
 #else
 
+UNUSED(GetClock, const fmi3ValueReference a[], size_t b, fmi3Clock c[])
 UNUSED(SetClock, const fmi3ValueReference a[], size_t b, const fmi3Clock c[])
 UNUSED(GetIntervalDecimal, const fmi3ValueReference a[], size_t b, fmi3Float64 c[], fmi3IntervalQualifier d[])
 UNUSED(GetShiftDecimal, const fmi3ValueReference a[], size_t b, fmi3Float64 c[])

@@ -30,10 +30,14 @@ def test_arrays_and_sizes_are():
     }
 
 
-def test_clocks_are(tmp_path):
-    clock = '<Clock name="c" valueReference="50" intervalVariability="triggered"/></ModelVariables>'
+def test_input_clocks_are(tmp_path):
+    clock = (
+        '<Clock name="c" valueReference="50" causality="input" intervalVariability="triggered"/>'
+        '<Clock name="d" valueReference="51" causality="output" intervalVariability="triggered"/>'
+        "</ModelVariables>"
+    )
     path = changed("lag", tmp_path, "</ModelVariables>", clock)
-    assert reasons(path) == {"c": "is a clock, which has no value here"}
+    assert reasons(path) == {"c": "is an input clock, which has no value here"}
 
 
 def test_nothing_is_in_an_fmu_of_fmi_2(tmp_path):

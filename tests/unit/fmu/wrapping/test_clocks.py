@@ -1,12 +1,16 @@
-"""Claims: input clocks tick by time, in every interface. Oracle: the ticks on paper."""
+"""Claims: input clocks tick by time, in every interface; of output clocks the ticks are counted; a
+state has the clocks. Oracle: the ticks on paper.
+"""
 
 from __future__ import annotations
+
+import itertools
 
 import numpy as np
 import pytest
 
 from fmus.kit import UserError
-from orchestration.fmu import find_model
+from orchestration.fmu import Fmu, find_model
 from orchestration.fmu.simulation import RepeatedFmu
 from tests.support.fmi3_fmus import changed, foreign, of_interface
 
@@ -35,6 +39,47 @@ def test_a_tick_at_a_communication_point_is_before_what_is_read_there(interface,
     with RepeatedFmu(of_interface(foreign("clocked"), interface, tmp_path)) as fmu:
         found = fmu.run(time, {}, {}, ["count"])
     assert found[:, 0].tolist() == list(range(1, 12))
+
+
+@pytest.mark.parametrize("interface", INTERFACES)
+def test_the_value_of_an_output_clock_is_how_often_it_was_active(interface, tmp_path):
+    with RepeatedFmu(of_interface(foreign("clocked"), interface, tmp_path)) as fmu:
+        for _ in range(2):  # the second after a reset
+            found = fmu.run(TIME, {}, {}, ["even", "count"])
+    np.testing.assert_array_equal(found[:, 0], found[:, 1] // 2)
+    assert found[-1, 0] == 5
+
+
+@pytest.mark.parametrize("interface", ["CoSimulation", "ModelExchange"])
+def test_a_state_has_the_next_ticks(interface, tmp_path):
+    """What comes after it is what came at first, in another instance, too; 0.27 s is before the
+    only tick of `once`, which the FMU has told already, and within an interval of `slower`.
+    """
+    path = of_interface(foreign("clocked"), interface, tmp_path)
+    names = ["count", "fired", "changes", "even"]
+
+    def follow(fmu, time):
+        read, row = fmu.reader(names), np.zeros(len(names))
+        rows = []
+        for begin, end in itertools.pairwise(time):
+            fmu.step(begin, end - begin)
+            read(row)
+            rows.append(row.tolist())
+        return rows
+
+    time = np.append(0.24, 0.27 + 0.07 * np.arange(12))
+    with Fmu(path) as fmu:
+        fmu.start(0.0)
+        follow(fmu, [0.0, 0.13, 0.22, 0.24])
+        state, kept = fmu.save(), fmu.serialized_state()
+        first = follow(fmu, time)
+        fmu.restore(state)
+        assert follow(fmu, time) == first
+        fmu.release(state)
+    assert first[-1] != first[0]
+    with Fmu(path) as other:
+        other.resume(kept)
+        assert follow(other, time) == first
 
 
 def test_a_clock_that_nothing_triggers_is_told_of(tmp_path):
