@@ -14,6 +14,8 @@ import xarray as xr
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
+from fmus import component
+from fmus.kit.build import build_cached
 from orchestration import master
 from orchestration.system import Member, Port, System, connect, ssp
 from tests.support.archive import contents
@@ -173,6 +175,23 @@ def test_a_written_system_of_both_versions_runs_to_the_same_bits(tmp_path):
     assert runs[0].signals.keys() == runs[1].signals.keys()
     for name, values in runs[0].signals.items():
         np.testing.assert_array_equal(values, runs[1].signals[name])
+
+
+@pytest.mark.parametrize("solver", [(), ("--model-exchange",)])
+def test_clocks_of_ours_show_how_often_they_sampled(tmp_path, solver):
+    """At k periods of 0.01 s, and before what is read there."""
+    path = build_cached(component("pid"), "native", 3, clocks=True)
+    assert "clock[1]   1     active every sample_period, when" in works("info", path, cwd=tmp_path)
+    assert "no errors, 0 warnings" in works("check", path, cwd=tmp_path)
+    given = ("--step", "0.003s", "--set", "measured=1", *solver)
+    works("simulate", path, "--stop", "0.3s", *given, "--out", "whole.csv", cwd=tmp_path)
+    works("simulate", path, "--stop", "0.15s", *given, "--state-out", "half", cwd=tmp_path)
+    more = ("--state-in", "half", "--stop", "0.3s", "--out", "rest.csv")
+    works("simulate", path, *given, *more, cwd=tmp_path)
+    whole, rest = (pd.read_csv(tmp_path / name) for name in ("whole.csv", "rest.csv"))
+    time = whole["time [s]"].to_numpy()
+    np.testing.assert_array_equal(whole["clock[1] [1]"], np.floor(time / 0.01 + 1e-6) + 1)
+    np.testing.assert_allclose(rest, whole[time > 0.149], rtol=0, atol=1e-12)
 
 
 def test_it_is_linearised_as_an_fmu_of_2_is(tmp_path):

@@ -93,7 +93,11 @@ def _facts_of(name: str, effects: Sequence[str]) -> _Facts:
     for text in model.notes:
         note(text)
     if model.cls is not None:
-        return _facts_of_class(name, model.cls)
+        facts = _facts_of_class(name, model.cls)
+        declared = [signal.name for signal in facts.signals["outputs"]]
+        clocks = [signal for key, signal in model.outputs.items() if key not in declared]
+        outputs = [*facts.signals["outputs"], *clocks]
+        return facts._replace(signals={**facts.signals, "outputs": outputs})
     described = read_description(model.path)
     step = getattr(described.defaultExperiment, "stepSize", None)
     known = model.with_texts(())
