@@ -67,7 +67,7 @@ STIMULI = {
         {"length": (5e-4, 5e-4, 7.0), "rest_length": (1e-4, 1e-4, 3.0)},
     ),
     "adaptive_controller": (
-        5.0,
+        3.5,
         0.00371,
         {"reference": (3e-5, 3e-5, 2.0), "displacement": (2e-5, 2e-5, 1.9)},
     ),
