@@ -199,13 +199,17 @@ def build(
 
 
 def check_build(
-    cls: type[Component], runtime: str, platforms: Sequence[str] | None = None, fmi: int = 2
+    cls: type[Component],
+    runtime: str,
+    platforms: Sequence[str] | None = None,
+    fmi: int = 2,
+    clocks: bool = False,
 ) -> None:
     """Raise an error if an FMU cannot be built, before anything is made.
 
     Parameters
     ----------
-    cls, runtime, platforms, fmi
+    cls, runtime, platforms, fmi, clocks
         See :func:`build`.
 
     Raises
@@ -215,7 +219,7 @@ def check_build(
         compiler or pythonfmu is not installed.
     """
     _check_runtime(runtime, (*RUNTIMES, STOCK))
-    _check_version(cls, runtime, fmi)
+    _check_version(cls, runtime, fmi, clocks)
     if runtime == STOCK:
         from fmus.kit.build.stock import check_stock
 

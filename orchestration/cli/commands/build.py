@@ -96,7 +96,7 @@ def _check_planned(
     from orchestration.cli.models import model_file
 
     for one in planned:
-        kit.check_build(one.cls, one.runtime, platforms, one.fmi)
+        kit.check_build(one.cls, one.runtime, platforms, one.fmi, options["clocks"])
     Outputs(
         {f"the model {name}": model_file(name) for name in options["names"] or ()},
         {f"{one.cls.name} ({one.runtime})": one.path for one in planned},

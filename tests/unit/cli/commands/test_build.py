@@ -128,6 +128,8 @@ def test_fmi_3_is_built_beside_and_checked(tmp_path):
         ("pid --fmi 3 --runtime pythonfmu", "pid: FMI 3.0 is built native, not pythonfmu"),
         ("pid rig_proxy --fmi 3", "rig_proxy has no laws, which a build of FMI 3.0 needs"),
         ("pid --fmi 4", "unknown version 4 of FMI; there are: 2, 3"),
+        ("pid --clocks", "pid: FMI 2.0 has no clocks; build FMI 3.0"),
+        ("pid --clocks --runtime pythonfmu", "pid: FMI 2.0 has no clocks; build FMI 3.0"),
         ("pid rig_proxy --runtime pythonfmu", "rig_proxy asks something outside of it"),
         ("pid --runtime pythonfmu --platforms darwin64", "pythonfmu has no binary for darwin64"),
         ("pid --platforms linux32", "--platforms linux32: there are linux64, win64, "),

@@ -272,6 +272,8 @@ def test_texts_are_read_whole():
         ({"u8_in": 256}, "setting u8_in failed.*: 256 is no value of the type"),
         ({"f32_in": 1e40}, r"setting f32_in failed.*: 1e\+40 is no value of the type"),
         ({"u32_in": -1}, "setting u32_in failed.*: -1 is no value of the type"),
+        ({"i64_in": -(2.0**63)}, "setting i64_in failed.*: -9.2.*e.18 is beyond 2.53, up to which"),
+        ({"u64_in": -1}, "setting u64_in failed.*: -1 is no value of the type"),
         ({"i8_in": 1.5}, "i8_in: 1.5 is not a whole number"),
         ({"bool_in": 2}, "bool_in: 2 is neither true"),
         ({"n": 4}, "no variable named 'n'"),
