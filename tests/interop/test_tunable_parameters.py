@@ -1,5 +1,6 @@
 """Claims: a tunable parameter that a host moves at every communication point gives the bits of an
-input in its place, and models with discrete inputs run in solvers that set them too early.
+input in its place, in C and in five tools, and models with discrete inputs run in solvers that set
+them too early.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from fmus.kit import Component, Discrete, Input, Output, Parameter, State, maxim
 from fmus.kit.build.building import build
 from fmus.kit.build.toolchain import host_platform
 from tests.contract.raw import OK, Instance, Library, doubles, unzipped
-from tests.support import hosts
+from tests.support import fmusim, hosts, pyfmi_host
 
 STEP = 2.0**-6  # s, which sums of steps meet exactly
 OUTPUTS = ["follower", "register", "command"]
@@ -108,35 +109,93 @@ def test_a_million_steps_in_c(pair):
 
 @pytest.mark.parametrize("fmi", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_fmpy_moves_it(pair, fmi):
-    table = np.zeros(400, [("time", float), ("gain", float), ("u", float)])
-    table["time"] = STEP * np.arange(table.size)
-    table["gain"], table["u"] = courses(table.size)
-    results = [
-        simulate_fmu(
+    expect_the_bits(by_itself(simulate_fmu), pair(fmi))
+
+
+def table(times):
+    """Gain and input over time, as tools take them from a file."""
+    rows = np.zeros(times.size, [("time", float), ("gain", float), ("u", float)])
+    rows["time"] = times
+    rows["gain"], rows["u"] = courses(times.size)
+    return rows
+
+
+def in_step(run):
+    """A tool that a program of ours steps, with what is set before each step."""
+
+    def simulate(path):
+        times = STEP * np.arange(400)
+        gains, inputs = courses(times.size)
+        return run(path, times, {"gain": gains, "u": inputs}, OUTPUTS)
+
+    return simulate
+
+
+def by_itself(run, fmi_type="CoSimulation", **options):
+    """A tool that steps by itself, with the table of its inputs."""
+
+    def simulate(path, rows=None):
+        times = STEP * np.arange(400)
+        return run(
             path,
-            stop_time=table["time"][-1],
+            fmi_type=fmi_type,
+            stop_time=times[-1],
             output_interval=STEP,
-            input=table,
             output=OUTPUTS,
-            fmi_type="CoSimulation",
+            input=table(times) if rows is None else rows,
+            **options,
         )
-        for path in pair(fmi)
-    ]
-    assert len(results[0]) == len(results[1]) == table.size
-    for name in OUTPUTS:
-        np.testing.assert_array_equal(results[0][name], results[1][name])
-        assert np.ptp(results[0][name]) > 0.01
+
+    return simulate
 
 
-@pytest.mark.slow
-def test_libcosim_moves_it(pair):
-    times = STEP * np.arange(400)
-    gains, inputs = courses(times.size)
-    driven = {"gain": gains, "u": inputs}
-    results = [hosts.run_libcosim(path, times, driven, OUTPUTS) for path in pair()]
+def expect_the_bits(simulate, paths):
+    """Compare both models in a tool."""
+    results = [simulate(path) for path in paths]
     for name in OUTPUTS:
         np.testing.assert_array_equal(results[0][name], results[1][name])
         assert np.nanmax(results[0][name]) - np.nanmin(results[0][name]) > 0.01
+
+
+FMUSIM = pytest.mark.skipif(not fmusim.BINARY, reason=fmusim.MISSING)
+PYFMI = pytest.mark.skipif(not pyfmi_host.INTERPRETER, reason=pyfmi_host.MISSING)
+# not libcosim, which has no FMI 3, nor PyFMI, which has no co-simulation of it
+MOVING = [
+    pytest.param(2, in_step(hosts.run_libcosim), id="2-libcosim"),
+    pytest.param(2, in_step(hosts.run_ecos), id="2-ecos"),
+    pytest.param(3, in_step(hosts.run_ecos), id="3-ecos"),
+    pytest.param(2, by_itself(fmusim.simulate_fmu), id="2-fmusim", marks=FMUSIM),
+    pytest.param(3, by_itself(fmusim.simulate_fmu), id="3-fmusim", marks=FMUSIM),
+    pytest.param(2, by_itself(pyfmi_host.simulate_fmu), id="2-pyfmi", marks=PYFMI),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("fmi", "simulate"), MOVING)
+def test_masters_move_it(pair, fmi, simulate):
+    expect_the_bits(simulate, pair(fmi))
+
+
+@FMUSIM
+@pytest.mark.slow
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_fmusim_moves_it_at_events_of_model_exchange(pair, fmi):
+    """It holds a tunable parameter, and draws a line through an input unless its table jumps."""
+    times = STEP * np.arange(400)
+    held = np.repeat(table(times), 2)[1:-1]
+    held["gain"][0::2], held["u"][0::2] = table(times)["gain"][:-1], table(times)["u"][:-1]
+    held["gain"][1::2], held["u"][1::2] = held["gain"][0::2], held["u"][0::2]
+    simulate = by_itself(fmusim.simulate_fmu, "ModelExchange", solver="Euler")
+    expect_the_bits(lambda path: simulate(path, held), pair(fmi))
+
+
+@PYFMI
+@pytest.mark.slow
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_pyfmi_takes_none_from_a_table_in_model_exchange(pair, fmi):
+    """Its table is of inputs alone: a tunable parameter is set between two of its simulations."""
+    with pytest.raises(RuntimeError, match="Only variables specified to be inputs are allowed"):
+        by_itself(pyfmi_host.simulate_fmu, "ModelExchange")(pair(fmi)[0])
 
 
 def table_of(text):
