@@ -178,9 +178,43 @@ def experiment_on_system(options: SimulateCommand) -> Experiment:
         if duration is not None:
             tables.setdefault("duration", duration)
         settings = options["settings"] or {}
-        inputs |= {key: value for key, value in settings.items() if key in system.inputs}
-        parameters = {key: value for key, value in settings.items() if key not in system.inputs}
+        moved, fixed = split_moves(settings, system.driven, system.parameters)
+        inputs |= {key: value for key, value in fixed.items() if key in system.inputs} | moved
+        parameters = {key: value for key, value in fixed.items() if key not in system.inputs}
     return parse(tables | {"inputs": inputs, "parameters": parameters}, name, ".")
+
+
+def split_moves(
+    settings: Mapping[str, float | str],
+    driven: Mapping[str, Signal],
+    parameters: Mapping[str, Signal],
+) -> tuple[dict[str, str], dict[str, float | str]]:
+    """Split settings into those that move in a run and those of one value.
+
+    Returns
+    -------
+    moved : dict of str to str
+        ``VALUE@TIME`` or ``VALUE@TIME@SLEW`` by name of an input or a tunable parameter.
+    fixed : dict of str to float or str
+
+    Raises
+    ------
+    UserError
+        If a parameter moves that is not tunable.
+    """
+    moved = {}
+    fixed = {}
+    for name, value in settings.items():
+        is_move = "@" in str(value)
+        if is_move and name in driven:
+            moved[name] = str(value)
+        elif is_move and name in parameters and parameters[name].type != "string":
+            raise UserError(
+                f"--set {name}={value}: {name} is not tunable: it has one value in a run"
+            )
+        else:
+            fixed[name] = value
+    return moved, fixed
 
 
 def _recorded_inputs(

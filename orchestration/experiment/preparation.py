@@ -119,7 +119,7 @@ def prepare(
     complete = experiment.model_copy(update=defaults)
     time = points(complete, where, subject.start)
     settings = dict(subject.settings) | _resolve_settings(complete, subject, where)
-    inputs = _make_stimuli(complete, subject, time - time[0], where, note)
+    inputs = _make_stimuli(complete, subject, settings, time - time[0], where, note)
     for name, signal in subject.open_inputs.items():
         if name not in settings:
             note(checking.describe_open_input(name, signal))
@@ -211,7 +211,12 @@ def _resolve_settings(experiment: Experiment, subject: Subject, where: str) -> d
 
 
 def _make_stimuli(
-    experiment: Experiment, subject: Subject, time: Array, where: str, note: Callable[[str], None]
+    experiment: Experiment,
+    subject: Subject,
+    settings: Mapping[str, Value],
+    time: Array,
+    where: str,
+    note: Callable[[str], None],
 ) -> dict[str, Array]:
     """Return the stimuli by input, and note each input that stays at its start value."""
     values = {}
@@ -221,13 +226,40 @@ def _make_stimuli(
             raise UserError(
                 f"{where}: {name} is given by parameters.{name} and by inputs.{name}; one is needed"
             )
-        values[name] = stimulus_values(experiment, name, signal.unit, time, where, note)
-        _check_values(signal, values[name], f"{where}: inputs.{name}")
+        start = start_value(name, signal, settings) if name in subject.tunable else 0.0
+        values[name] = checked_stimulus(experiment, signal, name, time, where, note, start=start)
     for name, signal in subject.inputs.items():
         if name not in values:
             note(
                 f"no values for the input {name}; it stays at {format_value(signal.start, signal)}"
             )
+    return values
+
+
+def start_value(name: str, signal: Signal, settings: Mapping[str, Value]) -> float:
+    """Return the value of a numeric parameter at the start, in its unit."""
+    return float(settings.get(name, signal.start))
+
+
+def checked_stimulus(
+    experiment: Experiment,
+    signal: Signal,
+    name: str,
+    time: Array,
+    where: str,
+    note: Callable[[str], None] = lambda line: None,
+    *,
+    start: float = 0.0,
+) -> Array:
+    """Return the stimulus of a signal as `stimulus_values` does, within its range and type.
+
+    Raises
+    ------
+    UserError
+        If it is not, too.
+    """
+    values = stimulus_values(experiment, name, signal.unit, time, where, note, start=start)
+    _check_values(signal, values, f"{where}: inputs.{name}")
     return values
 
 
@@ -238,6 +270,8 @@ def stimulus_values(
     time: Array,
     where: str,
     note: Callable[[str], None],
+    *,
+    start: float = 0.0,
 ) -> Array:
     """Return the stimulus of an input at the communication points.
 
@@ -252,6 +286,8 @@ def stimulus_values(
         File or name of the experiment, for messages.
     note : callable
         Called with a line for each repair in a file.
+    start : float
+        Value before a first step, in the unit of the input.
 
     Returns
     -------
@@ -264,7 +300,7 @@ def stimulus_values(
         If a unit does not fit the input, or the values of its keys are not allowed.
     """
     here = f"{where}: inputs.{name}"
-    driven = DrivenInput(name, unit, _seed(experiment, name))
+    driven = DrivenInput(name, unit, _seed(experiment, name), start)
     with error_context(here):
         values = experiment.inputs[name].values(time, driven)
     for line in driven.notes:

@@ -40,6 +40,8 @@ class DrivenInput:
         Name and unit of the input.
     seed : tuple of int
         Seed of random numbers, unless the stimulus has its own.
+    start : float
+        Value before the first step, in that unit: of a parameter its own.
     notes : list of str
         Receives remarks on a record, such as repairs.
     """
@@ -47,6 +49,7 @@ class DrivenInput:
     name: str
     unit: str
     seed: tuple[int, ...]
+    start: float = 0.0
     notes: list[str] = field(default_factory=list)
 
 
@@ -199,19 +202,26 @@ class Multilevel(StimulusTable):
 
 
 class Steps(StimulusTable):
-    """Steps to ``levels[k]`` at ``times[k]``, with the value `initial` before the first."""
+    """Steps to ``levels[k]`` at ``times[k]``, as ramps if they are limited by a slew rate.
+
+    Before the first it has the value `initial`, by default 0, or the parameter's own.
+    """
 
     kind: Literal["steps"]
     times: list[Seconds]
     levels: list[Amount]
-    initial: Amount = _ZERO
+    initial: Amount | None = None
+    slew: Amount | None = None
 
     def _signal(self, time: Array, driven: DrivenInput) -> Array:
-        levels, initial = (
-            self._amount_in(driven.unit, "levels"),
-            self._amount_in(driven.unit, "initial"),
-        )
-        return waveforms.steps(time, self.times, levels, initial)
+        levels = self._amount_in(driven.unit, "levels")
+        initial = driven.start
+        if self.initial is not None:
+            initial = self._amount_in(driven.unit, "initial")
+        values = waveforms.steps(time, self.times, levels, initial)
+        if self.slew is None:
+            return values
+        return waveforms.slewed(time, values, self._amount_in(f"{driven.unit}/s", "slew"))
 
 
 class Ramps(StimulusTable):
@@ -298,9 +308,13 @@ def declared_kinds() -> Iterator[type[StimulusTable]]:
 
 
 def _as_table(given: Any) -> Any:
-    """Return the table of a constant for a value without a table."""
+    """Return the table of a value without one: a constant, or a step ``LEVEL@TIME[@SLEW]``."""
     if isinstance(given, dict | StimulusTable):
         return given
+    if isinstance(given, str) and "@" in given:
+        level, time, *slew = given.split("@", 2)
+        table = {"kind": "steps", "levels": [level], "times": [time]}
+        return table | ({"slew": slew[0]} if slew else {})
     return {"kind": "constant", "value": given}
 
 

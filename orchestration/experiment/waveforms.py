@@ -4,6 +4,7 @@ Every function returns an array of the shape of `time` (s). Amplitudes are in th
 (A, N). A signal that steps at t has its new value at t.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -164,6 +165,42 @@ def steps(
         )
     levels = np.concatenate([[initial], np.asarray(values, dtype=float)])
     return levels[np.searchsorted(switches, _vector(time), side="right")]
+
+
+def approach(value: float, target: float, largest: float) -> float:
+    """Return a value that was moved towards a target by no more than a largest change."""
+    if abs(target - value) <= largest:
+        return target
+    return value + math.copysign(largest, target - value)
+
+
+def slewed(time: ArrayLike, target: ArrayLike, slew: float) -> Array:
+    """Return a signal that follows another one, no faster than by a slew rate.
+
+    From a step of the target on it is a ramp that begins at the old value.
+
+    Parameters
+    ----------
+    time, target : array_like, shape (n,)
+        Seconds, increasing; and the signal to follow, from whose first value it starts.
+    slew : float
+        Largest change in the unit of the target per second, above 0.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    Raises
+    ------
+    UserError
+        If the slew rate is not above 0.
+    """
+    _require_positive("slew", slew, "per second")
+    followed = np.array(target, dtype=float)
+    wanted = followed.tolist()
+    for k, step in enumerate(np.diff(_vector(time)).tolist()):
+        followed[k + 1] = approach(followed[k], wanted[k], slew * step)
+    return followed
 
 
 def ramps(time: ArrayLike, times: Sequence[float], values: Sequence[float]) -> Array:

@@ -224,9 +224,10 @@ def _show(known: _Facts) -> None:
             table.add_row(signal.name, unit, signal.doc)
         out.print(table)
         out.print()
-    table = plain_table("parameters", "name", "default", "allowed", "meaning")
+    table = plain_table("parameters", "name", "default", "allowed", "variability", "meaning")
     for signal in known.signals["parameters"]:
-        table.add_row(signal.name, start_of(signal), allowed(signal), signal.doc)
+        variability = "tunable" if signal.is_tunable else "fixed"
+        table.add_row(signal.name, start_of(signal), allowed(signal), variability, signal.doc)
     out.print(table)
     for source in dict.fromkeys(known.sources.values()):
         names = ", ".join(name for name, other in known.sources.items() if other == source)

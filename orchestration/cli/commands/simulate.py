@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -72,6 +72,7 @@ def _simulate_system(options: SimulateCommand) -> None:
 def _simulate_model(options: SimulateCommand) -> None:
     """Simulate a model; print, write and draw the results, also those of a run that ends early."""
     from orchestration.api import values_of
+    from orchestration.cli.experiments import split_moves
     from orchestration.cli.models import build_model
     from orchestration.fmu.model import declared_model
     from orchestration.fmu.simulation import LimitOutputs, UnfinishedSimulation, draw_signals
@@ -82,11 +83,12 @@ def _simulate_model(options: SimulateCommand) -> None:
     plot = options["plot"]
     found = declared_model(options["model"], options["laid_over"])
     declared = found.with_options(options).with_texts(options["outputs"])
-    parameters = values_of(declared, options["settings"], options["preset"])
+    moved, settings = split_moves(options["settings"] or {}, declared.driven, declared.parameters)
+    parameters = values_of(declared, settings, options["preset"])
     recorded = _read_inputs(declared, parameters, options)
-    _refuse_settings_of_state(declared, parameters, options)
+    _refuse_settings_of_state(declared, [*parameters, *moved], options)
     model = build_model(declared, options["runtime"])
-    stimulus = _stimulus(model, recorded, parameters, options)
+    stimulus = _stimulus(model, recorded, parameters, moved, options)
     try:
         time, outputs = _run(model, stimulus, parameters, options)
     except UnfinishedSimulation as stopped:
@@ -113,7 +115,7 @@ def _simulate_model(options: SimulateCommand) -> None:
 
 
 def _refuse_settings_of_state(
-    model: Model, parameters: Mapping[str, Value], options: SimulateCommand
+    model: Model, parameters: Iterable[str], options: SimulateCommand
 ) -> None:
     """Raise UserError if a parameter is set that a state has already."""
     if options["state_in"] is None:
@@ -227,11 +229,13 @@ def _stimulus(
     model: Model,
     record: Record | None,
     parameters: Mapping[str, Value],
+    moved: Mapping[str, str],
     options: SimulateCommand,
 ) -> _Stimulus:
     """Return the inputs: those of a record or, without one, constant at the values that were set.
 
-    Steps end where a recorded input changes, too.
+    What is moved, ``VALUE@TIME`` by name, is driven like them. Steps end where a recorded input
+    changes, too.
     """
     import numpy as np
 
@@ -260,7 +264,24 @@ def _stimulus(
         for name, value in parameters.items()
         if name in model.inputs
     }
-    return _Stimulus(time, constant | recorded, wanted)
+    driven = _moved(model, parameters, moved, time - wanted[0])
+    return _Stimulus(time, constant | recorded | driven, wanted)
+
+
+def _moved(
+    model: Model, parameters: Mapping[str, Value], moved: Mapping[str, str], time: Array
+) -> dict[str, Array]:
+    """Return the values (n,) of inputs and tunable parameters that are moved."""
+    from orchestration.experiment import parse
+    from orchestration.experiment.preparation import checked_stimulus, start_value
+
+    experiment = parse({"component": model.title, "inputs": moved}, "--set", ".")
+    values = {}
+    for name in moved:
+        signal = model.driven[name]
+        start = start_value(name, signal, parameters)
+        values[name] = checked_stimulus(experiment, signal, name, time, "--set", start=start)
+    return values
 
 
 def _show(model: Model, time: Array, outputs: Mapping[str, Array]) -> None:
@@ -297,7 +318,7 @@ def _write(
     outputs: Mapping[str, Array],
 ) -> None:
     """Write inputs and outputs in the format of the file's ending."""
-    signals = {**model.inputs, **model.outputs}
+    signals = {**model.driven, **model.outputs}
     values = {**inputs, **outputs}
     if path.suffix.lower() == ".csv":  # half a second sooner than through a dataset
         from orchestration.records import write_record

@@ -125,6 +125,12 @@ class Model(Displayable):
         yield from self.notes
 
     @property
+    def driven(self) -> dict[str, Signal]:
+        """Variables that can change in a run: inputs and tunable parameters."""
+        tunable = {name: one for name, one in self.parameters.items() if one.is_tunable}
+        return {**self.inputs, **tunable}
+
+    @property
     def constants(self) -> dict[str, Signal]:
         """Variables with a value for a whole run: parameters, and start values of others."""
         return {**self.parameters, **self.starts}

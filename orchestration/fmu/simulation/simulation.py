@@ -16,7 +16,7 @@ from orchestration.fmu.instance import EndRequested, Fmu
 from orchestration.fmu.isolation import Ended, Limits, Process, allocate_rows
 from orchestration.fmu.kernel import library, one_fmu
 from orchestration.fmu.model import Model
-from orchestration.fmu.signal import Signal, Value, show, type_of
+from orchestration.fmu.signal import Signal, Value, read_signal, show, type_of
 from orchestration.fmu.simulation.run_files import RunFiles
 from orchestration.fmu.source import Source
 from orchestration.records import Record
@@ -457,7 +457,7 @@ def simulate_instance(
 
 
 def check_inputs(fmu: Fmu, names: Iterable[str]) -> None:
-    """Raise UserError if a name is no input of an FMU.
+    """Raise UserError if a name is no input of an FMU and no tunable parameter.
 
     Raises
     ------
@@ -465,7 +465,8 @@ def check_inputs(fmu: Fmu, names: Iterable[str]) -> None:
         For the first such name.
     """
     for name in names:
-        if fmu.variable(name).causality != "input":
+        variable = fmu.variable(name)
+        if variable.causality != "input" and not read_signal(variable).is_tunable:
             known = ", ".join(fmu.inputs) or "none"
             raise UserError(f"{fmu.path.name}: {name} is not an input; inputs are {known}")
 
@@ -498,12 +499,12 @@ def draw_signals(
     """
     from orchestration.reporting import pictures
 
-    known = {**model.inputs, **model.outputs}
+    known = {**model.driven, **model.outputs}
     numbers = {name: v for name, v in signals.items() if known[name].type != "string"}
     figure, panels = pictures.panels(len(numbers), title or model.name)
     for panel, (name, values) in zip(panels, numbers.items(), strict=True):
         signal = known[name]
-        style = "steps-post" if name in model.inputs else "default"  # zero-order hold
+        style = "steps-post" if name in model.driven else "default"  # zero-order hold
         panel.plot(
             time,
             units.convert(values, signal.unit, signal.display),

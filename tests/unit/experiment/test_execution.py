@@ -108,12 +108,30 @@ def test_an_output_has_the_parameter_of_its_own_point():
     np.testing.assert_allclose(found.force_margin.values, limit, atol=1e-12)
 
 
+@pytest.mark.parametrize("initial", [None, 2.0])
+def test_a_parameter_moves_from_its_own_value_at_a_limited_rate(initial):
+    """The closed form of a ramp that begins at the step."""
+    moved = SHOWN_AT_ONCE.replace("{ kind", "'1 N@0.2 s@4 N/s' #")
+    if initial is not None:
+        moved = SHOWN_AT_ONCE.replace("{ kind", STEP_FROM.format(initial) + " #")
+    found = make(moved)
+    start = 3.0 if initial is None else initial
+    expected = start - np.clip(4.0 * (found.time.values - 0.2), 0.0, start - 1.0)
+    for name in ("force_limit", "force_margin"):  # without a load what is left is the limit
+        np.testing.assert_allclose(found[name].values, expected, atol=1e-12)
+
+
+STEP_FROM = "{{ kind = 'steps', initial = {}, levels = [1], times = [0.2], slew = 4 }}"
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
         (("stiffness = 5", "damping = 0"), "stiffness is given by parameters.stiffness and by"),
         (("inputs.sample_period", "inputs.stiffness"), "has no input named 'sample_period'"),
         (("levels = [3e12]", "levels = [3000]"), "inputs.stiffness"),
+        (("slew = '1 N'\nlevels", "levels"), "inputs.stiffness: slew = 1 N"),
+        (("slew = 0\nlevels", "levels"), "inputs.stiffness: slew = 0.0 per second: must be above"),
     ],
 )
 def test_what_cannot_be_driven_is_refused(change, words):

@@ -177,6 +177,11 @@ ON = 'component = "ppy_actuator"\nduration = 10\nstep = 0.01\nrecord = []\n'
             "force = { kind = 'steps', initial = 1, times = ['2 s', 5], levels = [2, 3] }",
             lambda t: np.select([t < 1.995, t < 4.995], [1.0, 2.0], 3.0),
         ),
+        ("force = '1500 mN@2 s'", lambda t: np.where(t < 1.995, 0.0, 1.5)),
+        (
+            "force = '1.5 N@2s@500 mN/s'",
+            lambda t: np.clip(0.5 * (t - 2.0), 0.0, 1.5),
+        ),
         (
             (
                 "force = { kind = 'staircase', period = 4, bias = '0.5 N', increment = 1, maximum ="

@@ -155,3 +155,19 @@ def test_multisine_has_exactly_its_lines():
 def test_refusals_name_what_is_wrong(call, text):
     with pytest.raises(UserError, match=text):
         call()
+
+
+def test_a_step_that_is_limited_is_a_ramp_from_the_old_value():
+    """From t0 on: the old value and slew * (t - t0), until the new one is reached."""
+    time = np.linspace(0.0, 8.0, 33)
+    wanted = waveforms.steps(time, [1.0, 5.0], [3.0, -2.0], initial=2.0)
+    found = waveforms.slewed(time, wanted, 0.75)
+    rises = 2.0 + np.clip(0.75 * (time - 1.0), 0.0, 1.0)
+    expected = np.where(time < 5.0, rises, 3.0 - np.clip(0.75 * (time - 5.0), 0.0, 5.0))
+    np.testing.assert_allclose(found, expected, rtol=1e-14)
+    assert found[20] == 3.0  # to the bit
+
+
+def test_a_limit_without_a_rate_is_refused():
+    with pytest.raises(UserError, match=r"slew = 0\.0 per second: must be above 0"):
+        waveforms.slewed([0.0, 1.0], [0.0, 1.0], 0.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orchestration.records import read_record
-from tests.support.command import PNG, UNITS, works
+from tests.support.command import PNG, UNITS, refused, works
 from tests.support.fmi3_fmus import foreign
 
 
@@ -116,3 +116,32 @@ def test_a_simulation_that_its_fmu_ends_is_no_failure(tmp_path):
     assert "4 points from 0 s to 0.3 s" in told
     rows = (tmp_path / "run.csv").read_text().splitlines()
     assert [float(row.split(",")[2]) for row in rows[1:]] == [0.0, 0.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize("kind", ["component", "file"])
+def test_a_tunable_parameter_moves_at_a_limited_rate(kind, fmu, tmp_path):
+    """What is left of the limit is the limit, which is a ramp from its start value of 3 N."""
+    model = "ppy_actuator" if kind == "component" else fmu("ppy_actuator", "native")
+    works(
+        *("simulate", model, "--set", "force=0.5N", "--set", "force_limit=1N@0.5s@2N/s"),
+        *("--stop", "2", "--step", "0.05", "--out", "out.csv"),
+        cwd=tmp_path,
+    )
+    found = read_record(tmp_path / "out.csv", {"force_limit": "N", "force_margin": "N"})
+    limit = 3.0 - np.clip(2.0 * (found.time - 0.5), 0.0, 2.0)
+    np.testing.assert_allclose(found.signals["force_limit"], limit, atol=1e-12)
+    np.testing.assert_allclose(found.signals["force_margin"], limit - 0.5, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("R1=1@1s", "R1 is not tunable: it has one value in a run"),
+        ("force_limit=-1@1s", "inputs.force_limit: -1 N is out of range; allowed is"),
+        ("force_limit=1@soon", "inputs.force_limit.times[0] = 'soon': a finite number"),
+        ("force_limit=1@1s@0", "slew = 0.0 per second: must be above 0"),
+        ("force_limit=1@1s@3V", "slew = 3 V"),
+    ],
+)
+def test_a_move_that_cannot_be_is_refused_in_a_line(setting, words, tmp_path):
+    assert words in refused(tmp_path, "simulate", "ppy_actuator", "--set", setting)
