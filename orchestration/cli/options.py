@@ -254,3 +254,30 @@ class RealTimeOptions(TypedDict, total=False):
         int | None, Option("The only processor to run on.", flag="--cpu", metavar="N")
     ]
     priority: Annotated[bool, Option("Ask for a higher priority.", default=False)]
+
+
+TUNING_PORT = 5580
+
+
+class TuningOptions(TypedDict, total=False):
+    """Parameters that are moved by hand in a run in real time."""
+
+    tunable: Annotated[
+        Sequence[str],
+        Option(
+            "Tunable parameters that ppy rig tune and ppy rig watch may move, e.g."
+            " pid.proportional_gain; with --real-time.",
+            default=(),
+            metavar="NAMES",
+            form=NAMES,
+        ),
+    ]
+    tuning_port: Annotated[
+        int,
+        Option(
+            "Where they find the run, on this machine; 0 takes a free one.",
+            default=TUNING_PORT,
+            least=0,
+            most=65535,
+        ),
+    ]

@@ -18,12 +18,13 @@ from fmus.rig_proxy import LINK_STATES
 if TYPE_CHECKING:
     import xarray
 
-    from orchestration.cli.options import RealTimeOptions
+    from orchestration.cli.commands.options import RunCommand
     from orchestration.experiment.live import Live, Moment, RigEnd
     from orchestration.master import RealTime
     from orchestration.reporting import BackgroundWriter
 
 JOURNAL = ".part.csv"  # behind the name of the result
+TUNING_LOG = ".tuning.log"  # there, too
 _ON_TERMINAL = 0.2  # s between two lines
 _ELSEWHERE = 5.0
 _SILENCE = 0.4  # s without an answer of a rig, after which somebody has to look
@@ -33,12 +34,12 @@ class IncompleteRecord(UserError):
     """A record was written, but is shorter than requested."""
 
 
-def live_run(options: RealTimeOptions, out: Path | None) -> Live | None:
+def live_run(options: RunCommand, out: Path | None) -> Live | None:
     """Return the options of a run in real time; None for a run that is as fast as possible.
 
     Parameters
     ----------
-    options : RealTimeOptions
+    options : RunCommand
     out : Path or None
         File of the result; the journal is in its folder.
 
@@ -48,6 +49,7 @@ def live_run(options: RealTimeOptions, out: Path | None) -> Live | None:
         If a value is not allowed, or an option of real time is given without ``--real-time``.
     """
     from orchestration.experiment.live import Live
+    from orchestration.experiment.tuning import Tuner
     from orchestration.master import RealTime
 
     if not options["real_time"]:
@@ -56,6 +58,7 @@ def live_run(options: RealTimeOptions, out: Path | None) -> Live | None:
             "--lag": options["lag"],
             "--cpu": options["processor"],
             "--priority": options["priority"] or None,
+            "--tunable": options["tunable"] or None,
         }
         for option, value in given.items():
             if value is not None:
@@ -65,7 +68,24 @@ def live_run(options: RealTimeOptions, out: Path | None) -> Live | None:
     missed = options["missed"] or RealTime.missed
     pace = RealTime(missed, lag, processor=options["processor"], priority=options["priority"])
     journal = None if out is None else out.with_name(out.name + JOURNAL)
-    return Live(pace, partial(_admit, lag=options["lag"]), journal)
+    tuner = Tuner(options["tunable"])
+    return Live(pace, partial(_admit, lag=options["lag"]), journal, tuner=tuner)
+
+
+@contextmanager
+def tuned(live: Live | None, options: RunCommand) -> Iterator[None]:
+    """Let operators move the parameters of a run that are named, while the context lasts."""
+    if live is None or not live.tuner.names:
+        yield
+        return
+    from orchestration.reporting.console import note
+    from orchestration.rig import tuning_socket
+
+    out = options["out"]
+    log = None if out is None else out.with_name(f"{out.name}{TUNING_LOG}")
+    with tuning_socket(live.tuner, options["tuning_port"], log) as address:
+        note(f"ppy rig tune --run {address} and ppy rig watch move {', '.join(live.tuner.names)}")
+        yield
 
 
 def _admit(

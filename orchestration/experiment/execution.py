@@ -138,7 +138,10 @@ def _run_one(
     """
     if live is not None:
         _refuse_fused(experiment, where)
+        experiment = live.tuner.added_to(experiment, subject, where)
     prepared = prepare(_record_links(experiment, subject), subject, where, note)
+    if live is not None:
+        prepared = live.tuner.begin(prepared)
     fits(_first_point(prepared))
     paced = None if live is None else admitted(live, prepared)
 
@@ -147,6 +150,8 @@ def _run_one(
         if ran.time.size == 0:
             raise KeyboardInterrupt
         data, remarks = _make_result(prepared, ran, where)
+        if live is not None and live.tuner.changes:
+            data = data.assign_attrs(tuning=json.dumps(live.tuner.changes))
         return data.assign_attrs({"failure": failure} if failure else {}), remarks
 
     result, remarks = obtain(prepared, compute, partial(_restore, prepared, where))

@@ -12,6 +12,7 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Signals
 from fmus.rig_proxy import LOST, REFUSED
 from orchestration.experiment.preparation import Preparation
+from orchestration.experiment.tuning import Tuner
 from orchestration.master import RealTime
 from orchestration.records import Journal
 
@@ -79,12 +80,15 @@ class Live:
         New file that keeps the recorded values until the result is written.
     look : callable
         Called at every point with a `Moment`.
+    tuner : Tuner
+        Moves parameters between steps.
     """
 
     pace: RealTime = field(default_factory=RealTime)
     admit: Callable[[RealTime, Sequence[RigEnd], float], RealTime] = lambda pace, rigs, step: pace
     journal: Path | None = None
     look: Callable[[Moment], None] = lambda moment: None
+    tuner: Tuner = field(default_factory=Tuner)
 
 
 def link_outputs(outputs: Collection[str]) -> list[str]:
@@ -164,8 +168,9 @@ class Follower:
 
     def __init__(self, live: Live, prepared: Preparation):
         self._look = live.look
+        self._tuner = live.tuner
         self._time = prepared.time.tolist()
-        self._inputs = [array.tolist() for array in prepared.inputs.values()]
+        self._inputs = [array.data for array in prepared.inputs.values()]
         indices = {name: k for k, name in enumerate(prepared.wanted)}
         self._recorded = [indices[name] for name in prepared.record]
         self._link = {name: indices[name] for name in link_outputs(prepared.record)}
@@ -181,6 +186,7 @@ class Follower:
         UserError
             If the loop over a rig is open, so that the run ends and the rig goes to zero.
         """
+        self._tuner.advance(k)
         trouble = ""
         if self._journal is not None:
             inputs = [column[k] for column in self._inputs]

@@ -45,9 +45,9 @@ class Executor:
     structure : Structure
         All inputs that are fed and all variables that are read.
     connections : sequence of Connection
-    external : Mapping of Port to list of float
+    external : Mapping of Port to sequence of float
         Values of inputs from outside at all communication points.
-    disturbances : Mapping of Port to list of float
+    disturbances : Mapping of Port to sequence of float
         Values that are added to connected inputs at all communication points.
     settings : MasterSettings
     present_step : CommunicationStep
@@ -72,8 +72,8 @@ class Executor:
         structure: Structure,
         connections: Sequence[Connection],
         *,
-        external: Mapping[Port, list[float]],
-        disturbances: Mapping[Port, list[float]],
+        external: Mapping[Port, Sequence[float]],
+        disturbances: Mapping[Port, Sequence[float]],
         settings: MasterSettings,
         present_step: CommunicationStep,
     ):

@@ -145,14 +145,16 @@ class _Translation:
         for call in stage.calls:
             self.add_call(call, lag)
 
-    def _add_columns(self, kind: int, columns: Sequence[tuple[int, list[float]]], lag: int) -> None:
+    def _add_columns(
+        self, kind: int, columns: Sequence[tuple[int, Sequence[float]]], lag: int
+    ) -> None:
         """Add commands that set inputs to columns of values, or add these to inputs.
 
         Parameters
         ----------
         kind : int
             `library.DRIVE` or `library.DISTURB`.
-        columns : sequence of (int, list of float)
+        columns : sequence of (int, sequence of float)
             Place of an input, and its values at all points.
         lag : int
         """

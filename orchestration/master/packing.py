@@ -216,7 +216,7 @@ class _Whole:
         with ExitStack() as opened:
             members = open_members(self._system, opened)
             record = [str(port) for port in self._outputs.values()]
-            external: dict[Port, list[float]] = {port: [] for _, port in self._system.fed_ports}
+            external: dict[Port, Sequence[float]] = {port: [] for _, port in self._system.fed_ports}
             structure, _ = make_structure(self._system, members, list(external), record, _SETTINGS)
             executor = Executor(
                 members,

@@ -72,17 +72,17 @@ class ExchangeStage(NamedTuple):
         Places of an input and of the output whose value it receives.
     scaled : list of BufferedConnection
         The same with factor and offset.
-    disturbances : list of (int, list of float)
+    disturbances : list of (int, sequence of float)
         Place of a connected input, and the value that is added to it at each point.
-    external : list of (int, list of float)
+    external : list of (int, sequence of float)
         Place of an input, and its value from outside at each point.
     calls : list of MemberCall
     """
 
     copies: list[tuple[int, int]]
     scaled: list[BufferedConnection]
-    disturbances: list[tuple[int, list[float]]]
-    external: list[tuple[int, list[float]]]
+    disturbances: list[tuple[int, Sequence[float]]]
+    external: list[tuple[int, Sequence[float]]]
     calls: list[MemberCall]
 
 

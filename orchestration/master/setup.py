@@ -94,7 +94,7 @@ def check_capabilities(
 # --- values from outside
 
 
-def external_values(system: System, inputs: Signals, points: int) -> dict[Port, list[float]]:
+def external_values(system: System, inputs: Signals, points: int) -> dict[Port, Sequence[float]]:
     """Return the values from outside for each input of a member that receives some.
 
     Parameters
@@ -111,7 +111,7 @@ def external_values(system: System, inputs: Signals, points: int) -> dict[Port, 
         values do not fit.
     """
     connected = {connection.target: connection.source for connection in system.connections}
-    values_of: dict[Port, list[float]] = {}
+    values_of: dict[Port, Sequence[float]] = {}
     for name, values in inputs.items():
         if name not in system.inputs and "." not in name:
             raise UserError(
@@ -129,7 +129,7 @@ def external_values(system: System, inputs: Signals, points: int) -> dict[Port, 
 
 def disturbance_values(
     system: System, disturbances: Signals, points: int
-) -> dict[Port, list[float]]:
+) -> dict[Port, Sequence[float]]:
     """Return the values that are added to each connected input that is disturbed.
 
     Parameters
@@ -156,8 +156,11 @@ def disturbance_values(
     return values_of
 
 
-def _column(name: str, values: Array, points: int) -> list[float]:
-    """Return values as a list; UserError unless they are finite, one for each point."""
+def _column(name: str, values: Array, points: int) -> Sequence[float]:
+    """Return values as they are in memory; UserError unless they are finite, one for each point.
+
+    Whoever moves a parameter of a run in real time writes those ahead.
+    """
     array = np.asarray(values, dtype=float)
     if array.shape != (points,):
         raise UserError(
@@ -166,8 +169,7 @@ def _column(name: str, values: Array, points: int) -> list[float]:
     if not np.isfinite(array).all():
         k = int(np.argmin(np.isfinite(array)))
         raise UserError(f"{name}: {array[k]:g} at point {k} is no finite number")
-    column: list[float] = array.tolist()
-    return column
+    return np.ascontiguousarray(array).data
 
 
 # --- structure

@@ -20,3 +20,5 @@ from .signals import checked_step as checked_step
 from .signals import commands as commands
 from .signals import integer as integer
 from .signals import one_of as one_of
+from .tuning import request_tuning as request_tuning
+from .tuning import tuning_socket as tuning_socket

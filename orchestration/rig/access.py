@@ -39,6 +39,7 @@ _ROLES = {
     "connect": "command",
     "acknowledge": "acknowledge",
     "shelve": "acknowledge",
+    "tune": "command",
 }
 """Role that a key needs for a message; every other one is for everybody who may connect. A session
 has a name that its client alone was told, so that its messages need no role.

@@ -14,10 +14,19 @@ from orchestration.rig.endpoint import Endpoint
 
 _LOOK = 0.1  # s between two questions whether the rig is ready again
 _SOON = 0.01  # s between two questions whether it is safe
+_REPLIES = {kind: protocol.REPLIES[kind] for kind in ("status", "refused")}
 _PATIENCE = 1.0  # s that the answer to the last of them has at least
 
 
-def ask(remote: Endpoint, kind: str, timeout: float = 2.0, **fields: Any) -> dict[str, Any]:
+def ask(
+    remote: Endpoint,
+    kind: str,
+    timeout: float = 2.0,
+    *,
+    replies: Mapping[str, Any] = _REPLIES,
+    server: str = "ppy rig serve",
+    **fields: Any,
+) -> dict[str, Any]:
     """Send one message of an operator, on a connection of its own, and wait for the answer.
 
     Nothing is left behind: a request that was not answered does not reach the server later.
@@ -28,13 +37,17 @@ def ask(remote: Endpoint, kind: str, timeout: float = 2.0, **fields: Any) -> dic
     kind : {"status", "stop", "acknowledge"}
     timeout : float
         Longest wait, in s.
+    replies : Mapping
+        Fields of each answer that is taken, ``refused`` among them.
+    server : str
+        The program that should answer.
     **fields
         ``reason`` of a ``stop``, ``latch`` of an ``acknowledge``.
 
     Returns
     -------
     dict of str to object
-        The message ``status``.
+        The message ``status``, or the one that `replies` has in its place.
 
     Raises
     ------
@@ -51,19 +64,18 @@ def ask(remote: Endpoint, kind: str, timeout: float = 2.0, **fields: Any) -> dic
             if not socket.poll(round(1000 * remaining)):
                 continue
             try:
-                message = protocol.decode(socket.recv(), protocol.REPLIES)
+                message = protocol.decode(socket.recv(), dict(replies))
             except protocol.ProtocolError:
                 continue
-            if message["type"] == "status":
+            if message["type"] != "refused":
                 return message
-            if message["type"] == "refused":
-                reason = quoting.line(message["reason"])
-                raise UserError(f"the rig at {remote.requests} refuses: {reason}")
+            reason = quoting.line(message["reason"])
+            raise UserError(f"{remote.requests} refuses: {reason}")
     finally:
         context.destroy(linger=0)
     keys = ", without keys" if remote.keys is None else ", with these keys"
     raise UserError(
-        f"no answer within {timeout:g} s from {remote.requests}{keys}; is `ppy rig serve` running,"
+        f"no answer within {timeout:g} s from {remote.requests}{keys}; is `{server}` running,"
         " or do the keys not match?"
     )
 

@@ -33,6 +33,7 @@ from orchestration.api.options import (
     WorkersOption,
 )
 from orchestration.cli.options import (
+    TUNING_PORT,
     IsolateOption,
     IsolationOptions,
     JsonOption,
@@ -47,6 +48,7 @@ from orchestration.cli.options import (
     RunnableArgument,
     RunnableOption,
     RuntimeOption,
+    TuningOptions,
 )
 
 # --- components and FMUs -------------------------------------------------------------------------
@@ -278,6 +280,7 @@ class RunCommand(
     JsonOption,
     RuntimeOption,
     RealTimeOptions,
+    TuningOptions,
     IsolationOptions,
     ListOption,
     total=False,
@@ -782,7 +785,34 @@ class ServerOptions(TypedDict, total=False):
     credentials: Annotated[Path | None, Option(_KEY_FILE, metavar="FILE")]
 
 
-class WatchCommand(ServerOptions, total=False):
+class TunedRunOption(TypedDict, total=False):
+    """The run whose parameters are moved."""
+
+    run: Annotated[
+        str,
+        Option(
+            "The run with --tunable, on this machine.",
+            default=f"tcp://127.0.0.1:{TUNING_PORT}",
+            metavar=_ENDPOINT,
+        ),
+    ]
+
+
+class TuneCommand(TunedRunOption, total=False):
+    """Options of ``ppy rig tune``."""
+
+    move: Annotated[
+        str | None,
+        Option(
+            "Parameter, its new value, and the most that it changes in a second; by default the"
+            " change takes 5 s. Without one all are shown.",
+            metavar="NAME=VALUE[@SLEW]",
+            argument=True,
+        ),
+    ]
+
+
+class WatchCommand(ServerOptions, TunedRunOption, total=False):
     """Options of ``ppy rig watch``."""
 
     port: Annotated[

@@ -20,6 +20,7 @@ from orchestration.cli.commands.options import (
     ServerOptions,
     StatusCommand,
     StopCommand,
+    TuneCommand,
     WatchCommand,
 )
 from orchestration.cli.commands.rig_record import archive, record
@@ -85,15 +86,16 @@ def serve(options: ServeCommand) -> None:
 def watch(options: WatchCommand) -> None:
     """Show a rig in a browser: signals, limits, ages, state, and a stop button.
 
-    It can command nothing but stop.
+    It can command nothing but stop. Of a run beside the rig that permits it (ppy run --tunable) it
+    moves parameters, for who has the address that it prints.
     """
     import webbrowser
     from threading import Thread
 
     from orchestration.reporting.console import out, warn
-    from orchestration.rig import ask, read_endpoint, until_interrupted
+    from orchestration.rig import ask, read_endpoint, request_tuning, until_interrupted
     from orchestration.rig.archive import Archive
-    from orchestration.rig.watch import Feed, Listener, PageServer
+    from orchestration.rig.watch import Feed, Listener, PageServer, ParameterPoll
 
     remote = read_endpoint(options["endpoint"], options["credentials"], warn)
     feed = Feed()
@@ -105,15 +107,60 @@ def watch(options: WatchCommand) -> None:
     def stop() -> dict[str, object]:
         return ask(remote, "stop", reason="stop button of ppy rig watch")
 
+    run = options["run"]
+
+    def tune(name: str, value: float, slew: float | None) -> Mapping[str, Any]:
+        return request_tuning(run, "tune", name=name, value=value, slew=slew)
+
     with (
         until_interrupted(),
         Listener(remote, feed),
-        PageServer(options["port"], remote.requests, feed, stop, folder) as page,
+        ParameterPoll(lambda: request_tuning(run, "parameters"), feed),
+        PageServer(options["port"], remote.requests, feed, stop, folder, tune) as page,
     ):
         out.print(f"watching {remote.requests} at {page.address} (Ctrl-C ends it)")
+        out.print(f"to move parameters of a run beside it: {page.address}#{page.key}")
         if options["browser"]:
             Thread(target=webbrowser.open, args=(page.address,), daemon=True).start()
         page.serve_forever(poll_interval=0.1)
+
+
+@rig.command("tune")
+@command(TuneCommand)
+def tune(options: TuneCommand) -> None:
+    """Show or move the tunable parameters of a run in real time (ppy run --tunable)."""
+    from orchestration.reporting import plain_table
+    from orchestration.reporting.console import out
+    from orchestration.rig import request_tuning
+
+    run = options["run"]
+    parameters = request_tuning(run, "parameters")
+    if options["move"] is not None:
+        wanted = _read_move(options["move"], parameters)
+        parameters = request_tuning(run, "tune", **wanted)
+    table = plain_table(None, "parameter", "value", "moves to", "unit", "least", "largest")
+    for name, one in parameters.items():
+        limits = ["" if one[end] is None else f"{one[end]:g}" for end in ("min", "max")]
+        table.add_row(name, f"{one['value']:g}", f"{one['target']:g}", one["unit"], *limits)
+    out.print(table)
+
+
+def _read_move(text: str, parameters: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Read ``NAME=VALUE[@SLEW]`` into the fields of a request, in the run's units."""
+    from fmus.kit.errors import find
+    from fmus.kit.units import convert
+    from orchestration.fmu.signal import read_quantity
+
+    name, _, values = text.partition("=")
+    unit = find(name, parameters, "this run has no parameter to tune")["unit"]
+    numbers = []
+    for part, own in zip(values.split("@", 1), (unit, f"{unit}/s"), strict=False):
+        quantity = read_quantity(part.strip())
+        if quantity is None:
+            raise UserError(f"{text}: write NAME=VALUE or NAME=VALUE@SLEW, with numbers")
+        numbers.append(float(convert(quantity[0], quantity[1] or own, own, text)))
+    value, slew = (*numbers, None)[:2]
+    return {"name": name, "value": value, "slew": slew}
 
 
 rig.command("record")(record)

@@ -15,7 +15,7 @@ from orchestration.cli.commands.options import RunCommand
 from orchestration.cli.experiments import raise_if_incomplete, run_and_write
 from orchestration.cli.isolation import hearing_ctrl_c
 from orchestration.cli.outputs import JSON, SIGNALS, Outputs, standard_output_for, write_json
-from orchestration.cli.real_time import live_run
+from orchestration.cli.real_time import live_run, tuned
 
 if TYPE_CHECKING:
     import xarray
@@ -42,7 +42,7 @@ def run(options: RunCommand) -> None:
     without_isolation = options["isolate"] is False and live is None
     # in this process an FMU that hangs keeps Python from hearing Ctrl-C
     ctrl_c_watch = hearing_ctrl_c(None) if without_isolation else nullcontext()
-    with standard_output_for(options["json"]), ctrl_c_watch:
+    with standard_output_for(options["json"]), ctrl_c_watch, tuned(live, options):
         data, reproduced = _run(experiment, options, live)
     raise_if_incomplete(data, live)
     if not reproduced:

@@ -1,4 +1,5 @@
 from .front import serve as serve
+from .log import EventLog as EventLog
 from .log_chain import verify as verify
 from .scheduling import CLIENT as CLIENT
 from .scheduling import WATCHDOG as WATCHDOG

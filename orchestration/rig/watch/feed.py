@@ -76,6 +76,18 @@ class Feed:
         self._heard = -math.inf
         self._sampled = -math.inf
         self._refused: dict[str, float] = {}
+        self._parameters: dict[str, Any] = {}
+
+    def take_parameters(self, parameters: Mapping[str, Any]) -> None:
+        """Store the tunable parameters of the run beside the rig, none where there is no run."""
+        known = {}
+        for name, about in _bounded_items(parameters):
+            numbers = {key: _number(about[key]) for key in ("value", "target", "min", "max")}
+            known[_text(name)] = numbers | {key: _text(about[key]) for key in ("unit", "doc")}
+        with self._lock:
+            if known != self._parameters:
+                self._parameters = known
+                self._add({"kind": "parameters", "parameters": known})
 
     def take_status(self, message: Mapping[str, Any], sent: float | None = None) -> None:
         """Store a status of the server: the rig's description and its state.
@@ -174,6 +186,7 @@ class Feed:
         items = [{"kind": "rig", **self._rig}] if self._rig else []
         items += [{"kind": "contact", **self._contact}, *self._events]
         items += [self._condition] if self._condition else []
+        items.append({"kind": "parameters", "parameters": self._parameters})
         items += [sample for sample in self._samples if sample["at"] >= first]
         return items
 

@@ -1,4 +1,4 @@
-"""HTTP server of the live page, on this machine alone: page, stream of items, stop button."""
+"""HTTP server of the live page, on this machine alone: page, stream of items, stop and tuning."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import secrets
 import socket
 import socketserver
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -24,7 +24,7 @@ from orchestration.rig.watch.feed import Feed
 
 LOOPBACK = "127.0.0.1"
 _PATIENCE = 5.0  # s that a browser may take to send its request, or to receive the answer
-_LARGEST = 4096  # bytes of the body of a request; they are read and ignored
+_LARGEST = 4096  # bytes of the body of a request
 _MOST = 100  # connections that are open at once, which leaves descriptors for a stop
 _WAITING = 128  # connections that wait to be taken, as when many tabs are opened at once
 _TYPES = {"css": "text/css", "js": "text/javascript"}
@@ -36,6 +36,7 @@ _FILES = (
     "chart.js",
     "elements.js",
     "stream.js",
+    "tuning.js",
     "worker.js",
 )
 # origins of a request by a browser's word: the page itself, or its user; others say nothing
@@ -53,6 +54,7 @@ _HEADERS = {
     "X-Frame-Options": "DENY",
 }
 Stop = Callable[[], dict[str, Any]]
+Tune = Callable[[str, float, float | None], Mapping[str, Any]]
 
 
 class PageServer(ThreadingHTTPServer):
@@ -69,6 +71,10 @@ class PageServer(ThreadingHTTPServer):
         Stops the rig and returns its status; raises UserError if it does not answer.
     archive : Path, optional
         Folder of the archive of the rig's server, for its history.
+    tune : callable, optional
+        Moves a parameter of the run beside the rig, by name, value and slew rate, and returns all;
+        raises UserError if that is refused. Only for who knows `key`: others of this machine can
+        open the page, too.
 
     Raises
     ------
@@ -81,7 +87,15 @@ class PageServer(ThreadingHTTPServer):
     request_queue_size = _WAITING
     allow_reuse_address = os.name != "nt"  # where it would let two programs have one port
 
-    def __init__(self, port: int, name: str, feed: Feed, stop: Stop, archive: Path | None = None):
+    def __init__(
+        self,
+        port: int,
+        name: str,
+        feed: Feed,
+        stop: Stop,
+        archive: Path | None = None,
+        tune: Tune | None = None,
+    ):
         try:
             super().__init__((LOOPBACK, port), _Handler)
         except OSError as error:
@@ -92,6 +106,8 @@ class PageServer(ThreadingHTTPServer):
         self.feed = feed
         self.stop = stop
         self.archive = archive
+        self.tune = tune
+        self.key = secrets.token_urlsafe(32)
         self.port = int(self.server_address[1])
         self.hosts = {f"{LOOPBACK}:{self.port}", f"localhost:{self.port}"}
         self.token = secrets.token_urlsafe(32)
@@ -156,15 +172,19 @@ class _Handler(BaseHTTPRequestHandler):
     def do_POST(self) -> None:
         if not self._is_ours():
             return
+        body = b""
         with suppress(ValueError):
-            self.rfile.read(min(max(int(self.headers.get("Content-Length", 0)), 0), _LARGEST))
+            length = int(self.headers.get("Content-Length", 0))
+            body = self.rfile.read(min(max(length, 0), _LARGEST))
         token = self.headers.get("X-Rig-Token", "")
         if not hmac.compare_digest(token.encode(), self.server.token.encode()):
             self._send(HTTPStatus.FORBIDDEN, "text/plain", "not from this page")
-        elif self.path != "/stop":
-            self._send(HTTPStatus.NOT_FOUND, "text/plain", "there is nothing to command but stop")
-        else:
+        elif self.path == "/stop":
             self._stop()
+        elif self.path == "/tune" and self.server.tune is not None:
+            self._tune(self.server.tune, body)
+        else:
+            self._send(HTTPStatus.NOT_FOUND, "text/plain", "there is nothing to command but stop")
 
     def _page(self, name: str) -> str:
         page = _file(name)
@@ -201,6 +221,27 @@ class _Handler(BaseHTTPRequestHandler):
         feed.take_status(status)
         serial, condition = feed.condition()
         self._send_json(HTTPStatus.OK, {**condition, "serial": serial})
+
+    def _tune(self, tune: Tune, body: bytes) -> None:
+        """Move a parameter; add an event for all pages."""
+        key = self.headers.get("X-Rig-Key", "")
+        if not hmac.compare_digest(key.encode(), self.server.key.encode()):
+            self._send(HTTPStatus.FORBIDDEN, "text/plain", "only with the address in the terminal")
+            return
+        try:
+            wanted = json.loads(body)
+            name, value, slew = (wanted[part] for part in ("name", "value", "slew"))
+            parameters = tune(name, value, slew)
+        except (ValueError, LookupError, TypeError) as error:
+            self._send_json(HTTPStatus.BAD_REQUEST, {"error": str(error)})
+            return
+        except UserError as error:
+            self.server.feed.event("refused", f"refused: {error}")
+            self._send_json(HTTPStatus.CONFLICT, {"error": str(error)})
+            return
+        self.server.feed.event("tuned", f"{name} moves to {value:g}")
+        self.server.feed.take_parameters(parameters)
+        self._send_json(HTTPStatus.OK, {})
 
     def _stream(self, query: str) -> None:
         """Send the items that a page lacks, at once, so that no connection stays open."""

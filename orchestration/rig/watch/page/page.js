@@ -3,6 +3,7 @@
 import { build, show } from "./cards.js";
 import { duration, make, place, set } from "./elements.js";
 import { follow } from "./stream.js";
+import { showParameters } from "./tuning.js";
 
 const SILENCE = 0.8; // s without an answer of `ppy rig watch`
 const DRIFT = 1e-3; // s that the clocks of page and program may part in a second, as in transit.py
@@ -87,6 +88,9 @@ const takers = {
   sample(item) {
     samples.push(item);
     while (samples[0].at < item.at - WINDOW - 1) samples.shift();
+  },
+  parameters(item) {
+    showParameters(item.parameters, meta("rig-token"));
   },
   event({ what, when, text }) {
     const time = make("time", "", new Date(1000 * when).toLocaleTimeString([], { hour12: false }));
