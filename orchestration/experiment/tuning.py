@@ -81,7 +81,7 @@ class Tuner:
         return experiment.model_copy(update={"parameters": start, "inputs": driven})
 
     def begin(self, prepared: Preparation) -> Preparation:
-        """Begin to move the parameters of a run; from its result it is repeated with their values."""
+        """Begin to move the parameters of a run; its result repeats it with their values."""
         self._time = prepared.time.tolist()
         for name in self.names:
             values = prepared.inputs[name]
@@ -95,7 +95,7 @@ class Tuner:
 
     def advance(self, k: int) -> None:
         """Write the values of the point after `k`, the present one."""
-        if k + 1 == len(self._time):
+        if k + 1 >= len(self._time):
             return
         step = self._time[k + 1] - self._time[k]
         with self._lock:
