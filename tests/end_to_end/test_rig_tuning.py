@@ -20,7 +20,7 @@ from tests.support.browser import chromium
 from tests.support.command import posix, refused, running, works
 from tests.support.rig.small_rig import SmallRig
 
-pytestmark = [pytest.mark.slow, pytest.mark.real_time, posix]
+pytestmark = [pytest.mark.slow, posix]
 
 PATIENCE = 45.0  # s, for what takes milliseconds on an idle machine
 EXPERIMENT = """
@@ -58,8 +58,8 @@ def process(*arguments, cwd):
 def tuned_run(folder):
     """A run whose limit can be moved, and its address."""
     (folder / "run.toml").write_text(EXPERIMENT)
-    arguments = ("--real-time", "--tunable", "force_limit", "--tuning-port", "0", "--out", "run.nc")
-    with process("run", "run.toml", *arguments, cwd=folder) as run:
+    arguments = ("--real-time", "--lag", "60s", "--tunable", "force_limit", "--tuning-port", "0")
+    with process("run", "run.toml", *arguments, "--out", "run.nc", cwd=folder) as run:
         while not (found := re.search(r"--run (tcp://\S+)", run.stderr.readline())):
             pass
         until(lambda: (folder / "run.nc.part.csv").exists())
