@@ -103,6 +103,7 @@ _PANELS = {
     ),
     "Network": (
         "endpoint",
+        "run",
         "host",
         "port",
         "keys",
@@ -113,7 +114,16 @@ _PANELS = {
         "client",
         "role",
     ),
-    "Real time": ("real_time", "missed", "lag", "processor", "priority", "cpu"),
+    "Real time": (
+        "real_time",
+        "missed",
+        "lag",
+        "processor",
+        "priority",
+        "cpu",
+        "tunable",
+        "tuning_port",
+    ),
     "Results": (
         "require",
         "json",

@@ -48,8 +48,7 @@ def live_run(options: RunCommand, out: Path | None) -> Live | None:
     UserError
         If a value is not allowed, or an option of real time is given without ``--real-time``.
     """
-    from orchestration.experiment import Tuner
-    from orchestration.experiment.live import Live
+    from orchestration.experiment.live import Live, Tuner
     from orchestration.master import RealTime
 
     if not options["real_time"]:

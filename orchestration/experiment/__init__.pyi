@@ -15,4 +15,3 @@ from .model import Experiment as Experiment
 from .model import parse as parse
 from .reading import read as read
 from .results import ExperimentResult as ExperimentResult
-from .tuning import Tuner as Tuner

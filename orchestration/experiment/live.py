@@ -12,7 +12,7 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Signals
 from fmus.rig_proxy import LOST, REFUSED
 from orchestration.experiment.preparation import Preparation
-from orchestration.experiment.tuning import Tuner
+from orchestration.experiment.tuning import Tuner as Tuner
 from orchestration.master import RealTime
 from orchestration.records import Journal
 

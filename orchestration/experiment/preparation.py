@@ -226,40 +226,16 @@ def _make_stimuli(
             raise UserError(
                 f"{where}: {name} is given by parameters.{name} and by inputs.{name}; one is needed"
             )
-        start = start_value(name, signal, settings) if name in subject.tunable else 0.0
-        values[name] = checked_stimulus(experiment, signal, name, time, where, note, start=start)
+        start = float(settings.get(name, signal.start)) if name in subject.tunable else 0.0
+        values[name] = stimulus_values(
+            experiment, name, signal.unit, time, where, note, start=start
+        )
+        check_values(signal, values[name], f"{where}: inputs.{name}")
     for name, signal in subject.inputs.items():
         if name not in values:
             note(
                 f"no values for the input {name}; it stays at {format_value(signal.start, signal)}"
             )
-    return values
-
-
-def start_value(name: str, signal: Signal, settings: Mapping[str, Value]) -> float:
-    """Return the value of a numeric parameter at the start, in its unit."""
-    return float(settings.get(name, signal.start))
-
-
-def checked_stimulus(
-    experiment: Experiment,
-    signal: Signal,
-    name: str,
-    time: Array,
-    where: str,
-    note: Callable[[str], None] = lambda line: None,
-    *,
-    start: float = 0.0,
-) -> Array:
-    """Return the stimulus of a signal as `stimulus_values` does, within its range and type.
-
-    Raises
-    ------
-    UserError
-        If it is not, too.
-    """
-    values = stimulus_values(experiment, name, signal.unit, time, where, note, start=start)
-    _check_values(signal, values, f"{where}: inputs.{name}")
     return values
 
 
@@ -308,7 +284,7 @@ def stimulus_values(
     return values
 
 
-def _check_values(signal: Signal, values: Array, where: str) -> None:
+def check_values(signal: Signal, values: Array, where: str) -> None:
     """Raise UserError if values are out of the range of a signal, or not of its type."""
     for extreme in (values.min(), values.max()):
         if not signal.min <= extreme <= signal.max:

@@ -6,11 +6,11 @@ no part in it. Everybody may look; moving needs the key that the run leaves for 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from threading import Event, Thread
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import zmq
 
@@ -28,6 +28,9 @@ from orchestration.rig.access import (
 from orchestration.rig.endpoint import Endpoint, bound_queues, parse_address
 from orchestration.rig.operator import ask
 from orchestration.rig.server import EventLog
+
+if TYPE_CHECKING:
+    from orchestration.experiment.live import Tuner
 
 _LOOK = 100  # ms between two looks at whether the run is over
 _TIMEOUT = 0.4  # s that an answer may take, of a run that makes its steps meanwhile
@@ -51,23 +54,13 @@ _REPLIES = {
 }
 
 
-class Tunable(Protocol):
-    """What is tuned: `orchestration.experiment.tuning.Tuner`."""
-
-    def move(self, name: str, value: float, slew: float | None, by: str) -> str:
-        """Move a parameter; return a line that says so, or raise UserError."""
-
-    def state(self) -> Mapping[str, Mapping[str, Any]]:
-        """Return what is shown of each parameter."""
-
-
 @contextmanager
-def tuning_socket(tuner: Tunable, port: int, log: Path | None) -> Iterator[str]:
+def tuning_socket(tuner: Tuner, port: int, log: Path | None) -> Iterator[str]:
     """Let operators move parameters while the context lasts.
 
     Parameters
     ----------
-    tuner : Tunable
+    tuner : Tuner
     port : int
         Of the loopback address; 0 takes a free one.
     log : Path or None
@@ -111,7 +104,7 @@ def tuning_socket(tuner: Tunable, port: int, log: Path | None) -> Iterator[str]:
 def _serve(
     socket: zmq.Socket[bytes],
     admission: Admission,
-    tuner: Tunable,
+    tuner: Tuner,
     tell: Callable[[str], None],
     ending: Event,
 ) -> None:
@@ -124,7 +117,7 @@ def _serve(
 
 
 def _answer(
-    peer: Peer, frame: bytes, admission: Admission, tuner: Tunable, tell: Callable[[str], None]
+    peer: Peer, frame: bytes, admission: Admission, tuner: Tuner, tell: Callable[[str], None]
 ) -> bytes:
     """Carry out a request, if the role of its sender's key permits it."""
     try:

@@ -95,7 +95,7 @@ def watch(options: WatchCommand) -> None:
     from orchestration.reporting.console import out, warn
     from orchestration.rig import ask, read_endpoint, request_tuning, until_interrupted
     from orchestration.rig.archive import Archive
-    from orchestration.rig.watch import Feed, Listener, PageServer, ParameterPoll
+    from orchestration.rig.watch import Feed, Listener, PageServer, parameters_fed
 
     remote = read_endpoint(options["endpoint"], options["credentials"], warn)
     feed = Feed()
@@ -115,7 +115,7 @@ def watch(options: WatchCommand) -> None:
     with (
         until_interrupted(),
         Listener(remote, feed),
-        ParameterPoll(lambda: request_tuning(run, "parameters"), feed),
+        parameters_fed(lambda: request_tuning(run, "parameters"), feed),
         PageServer(options["port"], remote.requests, feed, stop, folder, tune) as page,
     ):
         out.print(f"watching {remote.requests} at {page.address} (Ctrl-C ends it)")

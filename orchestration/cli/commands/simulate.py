@@ -273,14 +273,18 @@ def _moved(
 ) -> dict[str, Array]:
     """Return the values (n,) of inputs and tunable parameters that are moved."""
     from orchestration.experiment import parse
-    from orchestration.experiment.preparation import checked_stimulus, start_value
+    from orchestration.experiment.preparation import check_values, stimulus_values
+    from orchestration.reporting.console import note
 
     experiment = parse({"component": model.title, "inputs": moved}, "--set", ".")
     values = {}
     for name in moved:
         signal = model.driven[name]
-        start = start_value(name, signal, parameters)
-        values[name] = checked_stimulus(experiment, signal, name, time, "--set", start=start)
+        start = float(parameters.get(name, signal.start))
+        values[name] = stimulus_values(
+            experiment, name, signal.unit, time, "--set", note, start=start
+        )
+        check_values(signal, values[name], f"--set {name}")
     return values
 
 

@@ -1,4 +1,4 @@
 from .feed import Feed as Feed
 from .feed import Listener as Listener
 from .serve import PageServer as PageServer
-from .tuning import ParameterPoll as ParameterPoll
+from .tuning import parameters_fed as parameters_fed

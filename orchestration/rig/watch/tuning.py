@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from threading import Event, Thread
 from typing import Any
 
 from fmus.kit import UserError
@@ -12,8 +13,9 @@ from orchestration.rig.watch.feed import Feed
 _EVERY = 0.5  # s between two questions
 
 
-class ParameterPoll:
-    """A thread that asks for parameters; a context manager.
+@contextmanager
+def parameters_fed(parameters: Callable[[], Mapping[str, Any]], feed: Feed) -> Iterator[None]:
+    """Feed pages with the parameters of a run while the context lasts; with none without a run.
 
     Parameters
     ----------
@@ -21,24 +23,19 @@ class ParameterPoll:
         Returns what is known of each, by name; raises UserError if no run answers.
     feed : Feed
     """
+    ends = Event()
 
-    def __init__(self, parameters: Callable[[], Mapping[str, Any]], feed: Feed):
-        self._parameters = parameters
-        self._feed = feed
-        self._ends = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="parameters", daemon=True)
-
-    def __enter__(self) -> ParameterPoll:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._ends.set()
-        self._thread.join()
-
-    def _run(self) -> None:
-        while not self._ends.wait(_EVERY):
+    def ask() -> None:
+        while not ends.wait(_EVERY):
             try:
-                self._feed.take_parameters(self._parameters())
+                feed.take_parameters(parameters())
             except UserError:
-                self._feed.take_parameters({})
+                feed.take_parameters({})
+
+    thread = Thread(target=ask, name="parameters", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ends.set()
+        thread.join()

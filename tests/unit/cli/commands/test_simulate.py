@@ -137,7 +137,7 @@ def test_a_tunable_parameter_moves_at_a_limited_rate(kind, fmu, tmp_path):
     ("setting", "words"),
     [
         ("R1=1@1s", "R1 is not tunable: it has one value in a run"),
-        ("force_limit=-1@1s", "inputs.force_limit: -1 N is out of range; allowed is"),
+        ("force_limit=-1@1s", "--set force_limit: -1 N is out of range; allowed is"),
         ("force_limit=1@soon", "inputs.force_limit.times[0] = 'soon': a finite number"),
         ("force_limit=1@1s@0", "slew = 0.0 per second: must be above 0"),
         ("force_limit=1@1s@3V", "slew = 3 V"),
