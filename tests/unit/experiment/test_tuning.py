@@ -95,3 +95,22 @@ def test_a_move_that_cannot_be_changes_nothing(request_, words):
 def test_what_is_not_tunable_is_refused_before_the_run(name, change, words):
     with pytest.raises(UserError, match=words):
         moved(names=(name,), experiment=EXPERIMENT | change)
+
+
+BENCH = {
+    "system": "dma_bench",
+    "duration": "0.5 s",
+    "record": ["bench.coil_voltage"],
+    "inputs": {"force_reference": "1 N", "current": 0},
+}
+
+
+def test_a_parameter_of_a_member_moves_as_the_experiment_moves_it():
+    """The same ramp, by hand and by the file: to the bit."""
+    name = "bench.error_gain"
+    by_hand, tuner = moved((0.1, name, 0.4, 1.0), names=(name,), experiment=BENCH)
+    inputs = BENCH["inputs"] | {name: f"0.4@{tuner.changes[0]['time']!r}s@1"}
+    by_file = run(parse(BENCH | {"inputs": inputs}, "here", "."), "here")
+    for signal in (name, "bench.coil_voltage"):
+        np.testing.assert_array_equal(by_hand[signal].values, by_file[signal].values)
+    assert np.ptp(by_hand["bench.coil_voltage"].values) > 0.1
