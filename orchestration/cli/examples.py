@@ -94,6 +94,7 @@ EXAMPLES = {
         "ppy rig serve --bind 127.0.0.1 --keys keys/rig-server.toml --log rig.log",
     ),
     "rig watch": ("ppy rig watch", "ppy rig watch --no-browser --port 0"),
+    "rig tune": ("ppy rig tune", "ppy rig tune bench.error_gain=0.5@0.02"),
     "rig record": (
         "ppy rig record --stimulus fig_3_4 --set duration=5s --out rig.csv",
         "ppy rig record --for 2s --out heard.nc",

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 import tomllib
+from types import SimpleNamespace
 
 import pytest
 
@@ -21,6 +22,7 @@ from orchestration.cli.examples import EXAMPLES
 from orchestration.rig.endpoint import read_endpoint
 from orchestration.rig.operator import acknowledge, ask, stop
 from orchestration.rig.server.log import EventLog
+from orchestration.rig.tuning import tuning_socket
 from tests.support.command import measure, works
 from tests.support.rig.archived import filled, samples
 from tests.support.rig.bench import FILE, served
@@ -175,6 +177,18 @@ def test_a_log_is_checked_with_its_older_files(tmp_path):
 
 
 @pytest.mark.slow
+def test_a_run_is_tuned(tmp_path):
+    numbers = {"value": 0.6, "target": 0.6, "min": 0.0, "max": None}
+    state = {"bench.error_gain": {**numbers, "unit": "V/N", "doc": ""}}
+    moves = []
+    tuner = SimpleNamespace(state=lambda: state, move=lambda *move, by: str(moves.append(move)))
+    with tuning_socket(tuner, 0, None) as address:
+        for example in EXAMPLES["rig tune"]:
+            works(*shlex.split(example)[1:], "--run", address, cwd=tmp_path)
+    assert moves == [("bench.error_gain", 0.5, 0.02)]
+
+
+@pytest.mark.slow
 def test_keys_are_made(tmp_path):
     run("rig keys", tmp_path)
     assert (tmp_path / "keys" / "rig-server.toml").exists()
@@ -236,5 +250,12 @@ def test_examples_of_a_rig_that_take_long(rig, tmp_path):
 @pytest.mark.slow
 def test_every_example_is_run_by_one_of_these():
     named = {"rig keys", "rig serve", "rig watch", "rig bridge", "rig opcua", "rig record"}
-    named |= {"rig archive", "rig acknowledge", "rig calibrate", "rig log", "rig commission"}
+    named |= {
+        "rig tune",
+        "rig archive",
+        "rig acknowledge",
+        "rig calibrate",
+        "rig log",
+        "rig commission",
+    }
     assert set(OF_A_RIG) == {*SERVED, *named, "rig demo"}
