@@ -36,25 +36,26 @@ def _check_entries(archive: Archive) -> Iterator[Finding]:
         name = entry.orig_filename
         parts = PurePosixPath(name).parts
         if name.startswith("/") or ".." in parts or re.match(r"[A-Za-z]:", name):
-            yield Finding(10, "error", f"{name!r} leads out of the folder the FMU is unzipped to")
+            yield Finding(
+                "path-outside", f"{name!r} leads out of the folder the FMU is unzipped to"
+            )
         if name in seen:
-            yield Finding(10, "error", f"{name!r} is twice in the archive")
+            yield Finding("duplicate-entry", f"{name!r} is twice in the archive")
         seen.add(name)
         if name.endswith("/"):
             continue
         if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             yield Finding(
-                10,
-                "warning",
+                "compression",
                 f"{name!r} is compressed by a method that many hosts lack; use deflate",
             )
         mode = entry.external_attr >> 16
         if stat.S_ISLNK(mode):
-            yield Finding(10, "error", f"{name!r} is a symbolic link: it may lead anywhere")
+            yield Finding("symbolic-link", f"{name!r} is a symbolic link: it may lead anywhere")
         if mode & (stat.S_ISUID | stat.S_ISGID):
-            yield Finding(10, "error", f"{name!r} would run with the rights of its owner (setuid)")
+            yield Finding("setuid", f"{name!r} would run with the rights of its owner (setuid)")
         if not archive.is_intact(entry.filename):
-            yield Finding(10, "error", f"{name!r} is damaged, encrypted or cannot be unpacked")
+            yield Finding("damaged-entry", f"{name!r} is damaged, encrypted or cannot be unpacked")
 
 
 def _check_identity(archive: Archive) -> Iterator[Finding]:
@@ -63,22 +64,20 @@ def _check_identity(archive: Archive) -> Iterator[Finding]:
     word = attribute.replace("guid", "GUID")
     guid = archive.description.get(attribute, "")
     if not guid.strip():
-        yield Finding(3, "error", f"the {word} is empty")
+        yield Finding("no-guid", f"the {word} is empty")
     elif not re.fullmatch(r"\{?[0-9a-fA-F]{8}(-[0-9a-fA-F]{4}){3}-[0-9a-fA-F]{12}\}?", guid):
-        yield Finding(3, "note", f"the {word} {guid!r} has not the form of a UUID")
+        yield Finding("guid-form", f"the {word} {guid!r} has not the form of a UUID")
     elif uuid.UUID(guid).version in (1, 4, 6, 7):
         origin = "at random" if uuid.UUID(guid).version == 4 else "from the clock"
         yield Finding(
-            3,
-            "warning",
+            "guid-not-from-contents",
             f"the {word} {guid} is made {origin}, not from the contents: no two builds agree",
         )
     times = sorted({entry.date_time for entry in archive.entries()})
     generation = archive.description.get("generationDateAndTime", "")
     if generation and _is_same_day(generation, times[-1]):
         yield Finding(
-            3,
-            "warning",
+            "generation-date",
             f"generationDateAndTime is {generation}, when the archive was packed: no two builds are"
             " the same bytes",
         )
@@ -86,8 +85,7 @@ def _check_identity(archive: Archive) -> Iterator[Finding]:
         first = _format_time(times[0])
         last = _format_time(times[-1])
         yield Finding(
-            3,
-            "warning",
+            "entry-times",
             f"files carry times from {first} to {last}: no two builds are the same bytes",
         )
 
@@ -109,15 +107,17 @@ def _check_documents(archive: Archive) -> Iterator[Finding]:
     """Check documentation, icon, licence, reference result and external dependencies."""
     names = set(archive.names)
     if not names & {"documentation/index.html", "documentation/_main.html"}:
-        yield Finding(10, "warning", "no documentation (documentation/index.html)")
+        yield Finding("no-documentation", "no documentation (documentation/index.html)")
     icons = STANDARDS[archive.version].icons
     if not names & icons:
-        yield Finding(10, "note", f"no icon ({sorted(icons)[0]})")
+        yield Finding("no-icon", f"no icon ({sorted(icons)[0]})")
     if not any(name.startswith("documentation/licenses/") for name in names):
-        yield Finding(10, "warning", "no licence (documentation/licenses/)")
+        yield Finding("no-licence", "no licence (documentation/licenses/)")
     references = [name for name in names if name.startswith("extra/org.fmi-standard.fmi-ls-ref/")]
     if all(name.endswith("/fmi-ls-manifest.xml") for name in references):  # also if there are none
-        yield Finding(10, "note", "no reference result (extra/org.fmi-standard.fmi-ls-ref/)")
+        yield Finding(
+            "no-reference-result", "no reference result (extra/org.fmi-standard.fmi-ls-ref/)"
+        )
     documents = names & {
         "documentation/externalDependencies.txt",
         "documentation/externalDependencies.html",
@@ -127,14 +127,14 @@ def _check_documents(archive: Archive) -> Iterator[Finding]:
     )
     if needs_tool and not documents:
         yield Finding(
-            10,
-            "warning",
+            "no-external-dependencies",
             "needsExecutionTool is true, but there is no documentation/externalDependencies.txt"
             " that names the tool",
         )
     if documents and not needs_tool:
         yield Finding(
-            10, "warning", f"needsExecutionTool is false, but there is {sorted(documents)[0]}"
+            "external-dependencies",
+            f"needsExecutionTool is false, but there is {sorted(documents)[0]}",
         )
 
 
@@ -148,12 +148,12 @@ def _check_sources(archive: Archive) -> Iterator[Finding]:
         absent = [name for name in files if f"sources/{name}" not in archive.names]
         if absent:
             yield Finding(
-                10,
-                "error",
+                "missing-source",
                 f"{element.tag}: source files listed but not in sources/: {listed(absent)}",
             )
     lists_sources = any(element.find("SourceFiles") is not None for element in archive.interfaces())
     if has_sources(archive) and not lists_sources:
         yield Finding(
-            10, "warning", "there are sources/, but SourceFiles lists none: nobody can compile them"
+            "unlisted-sources",
+            "there are sources/, but SourceFiles lists none: nobody can compile them",
         )

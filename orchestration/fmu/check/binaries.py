@@ -53,20 +53,18 @@ def check_binaries(archive: Archive) -> Iterator[Finding]:
             element.find("SourceFiles") is not None for element in archive.interfaces()
         )
         yield Finding(
-            10,
-            "warning" if compilable else "error",
+            "sources-only" if compilable else "no-binaries",
             "no binaries" + (", only sources" if compilable else ""),
         )
         return
     absent = [folder for folder in standard.expected if folder not in folders]
     if absent:
-        yield Finding(10, "note", f"no binary for {listed(absent)}")
+        yield Finding("missing-platform", f"no binary for {listed(absent)}")
     for folder in folders:
         platform = standard.platform(folder)
         if platform is None:
             yield Finding(
-                10,
-                "note",
+                "unknown-platform",
                 f"binaries/{folder} is no platform of FMI {standard.version}; hosts will not look"
                 " there",
             )
@@ -77,7 +75,7 @@ def check_binaries(archive: Archive) -> Iterator[Finding]:
                 yield from _check_binary(archive, name, platform, standard, required)
             else:
                 yield Finding(
-                    10, "error", f"{name} is missing; the model identifier is {identifier!r}"
+                    "missing-binary", f"{name} is missing; the model identifier is {identifier!r}"
                 )
 
 
@@ -114,20 +112,20 @@ def _check_binary(
     try:
         library = read_library(contents)
     except LibraryError as error:
-        yield Finding(10, "error", f"{name}: {error}")
+        yield Finding("binary-format", f"{name}: {error}")
         return
     if library.format != platform.format:
-        yield Finding(10, "error", f"{name} is {library.format}, expected {platform.format}")
+        yield Finding("binary-format", f"{name} is {library.format}, expected {platform.format}")
         return
     if platform.machine and platform.machine not in library.machines:
         yield Finding(
-            10, "error", f"{name} is for {', '.join(library.machines)}, expected {platform.machine}"
+            "binary-format",
+            f"{name} is for {', '.join(library.machines)}, expected {platform.machine}",
         )
     missing = sorted(required - library.exports)
     if missing:
         yield Finding(
-            4,
-            "error",
+            "missing-functions",
             f"{name} lacks {len(missing)} functions of FMI {standard.version}: {listed(missing)}",
         )
     files = {entry.rsplit("/", 1)[-1] for entry in archive.names}
@@ -138,8 +136,7 @@ def _check_binary(
         )
         if others:
             yield Finding(
-                6,
-                "note",
+                "exported-symbols",
                 f"{name} exports {len(others)} other symbols, which two FMUs may confuse:"
                 f" {listed(others)}",
             )
@@ -165,18 +162,16 @@ def _report_required_libraries(name: str, library: Library, files: set[str]) -> 
             in_archive = needed.rsplit("/", 1)[-1] in files
             unusual.append(needed + (" (which is in the archive)" if in_archive else ""))
     if usual:
-        yield Finding(10, "note", f"{name} needs {listed(usual)} besides the C library")
+        yield Finding("system-libraries", f"{name} needs {listed(usual)} besides the C library")
     if unusual:
         yield Finding(
-            10,
-            "warning",
+            "foreign-libraries",
             f"{name} needs libraries that are not part of the system: {listed(unusual)}",
         )
     # all symbols of these libraries have versions: one without a version is in none of them
     if library.unsupplied and set(library.needs) <= _VERSIONED:
         yield Finding(
-            4,
-            "warning",
+            "unsupplied-symbols",
             f"{name} needs {len(library.unsupplied)} symbols no library of its own supplies; it"
             f" does not load in a host without them: {listed(library.unsupplied)}",
         )

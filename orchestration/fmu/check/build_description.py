@@ -30,7 +30,7 @@ def check_build_description(archive: Archive) -> Iterator[Finding]:
     if _FILE not in archive.names:
         if has_sources(archive):
             yield Finding(
-                10, "warning", f"there are sources/, but no {_FILE}: nobody can compile them"
+                "unlisted-sources", f"there are sources/, but no {_FILE}: nobody can compile them"
             )
         return
     contents = archive.read(_FILE)
@@ -39,13 +39,15 @@ def check_build_description(archive: Archive) -> Iterator[Finding]:
     try:
         root = parse_xml(contents, str(archive.path), _FILE)
     except UserError as error:
-        yield Finding(10, "error", str(error).removeprefix(f"{archive.path}: "))
+        yield Finding("build-description", str(error).removeprefix(f"{archive.path}: "))
         return
     files = dict.fromkeys(node.get("name", "") for node in root.iter("SourceFile"))
     absent = [name for name in files if f"sources/{name}" not in archive.names]
     if absent:
-        yield Finding(10, "error", f"{_FILE}: files listed but not in sources/: {listed(absent)}")
+        yield Finding(
+            "missing-source", f"{_FILE}: files listed but not in sources/: {listed(absent)}"
+        )
     builds = {node.get("modelIdentifier", "") for node in root.iterfind("BuildConfiguration")}
     missing = {node.get("modelIdentifier", "") for node in archive.interfaces()} - builds
     if missing:
-        yield Finding(10, "error", f"{_FILE}: nothing builds {listed(sorted(missing))}")
+        yield Finding("build-description", f"{_FILE}: nothing builds {listed(sorted(missing))}")

@@ -31,11 +31,11 @@ def check_description(archive: Archive) -> Iterator[Finding]:
     Finding
     """
     for problem in _fmpy_problems(archive):
-        yield Finding(1, "error", problem)
+        yield Finding("model-description", problem, _variables_in(problem, archive.description))
     try:
         root = archive.as_fmi2
     except UserError as error:
-        yield Finding(1, "error", str(error).removeprefix(f"{archive.path}: "))
+        yield Finding("model-description", str(error).removeprefix(f"{archive.path}: "))
         return
     original_names = _NAMES_IN_FMI_3 if archive.version == 3 else {}
     yield from _check_structure(root, original_names)
@@ -46,10 +46,16 @@ def check_description(archive: Archive) -> Iterator[Finding]:
     if archive.version == 3:
         yield from _report_ignored_parts(archive.description)
         if [node.tag for node in archive.interfaces()] == ["ScheduledExecution"]:
-            yield Finding(1, "note", "for scheduled execution alone: run here as co-simulation")
+            yield Finding(
+                "scheduled-execution", "for scheduled execution alone: run here as co-simulation"
+            )
         if archive.idle_clocks:
             names = listed(archive.idle_clocks)
-            yield Finding(1, "note", f"clocks that nothing triggers here never tick: {names}")
+            yield Finding(
+                "idle-clock",
+                f"clocks that nothing triggers here never tick: {names}",
+                archive.idle_clocks,
+            )
 
 
 def _fmpy_problems(archive: Archive) -> Iterator[str]:
@@ -74,19 +80,29 @@ def _concerns_aliases(problem: str, aliases: Set[str]) -> bool:
     return expected - aliases == actual
 
 
+def _variables_in(problem: str, root: Element) -> list[str]:
+    """Return the variables of an FMU that a message of fmpy names."""
+    words = set(re.split(r"[\s\"',{}]+", problem))
+    names = [node.get("name", "") for node in root.iterfind("ModelVariables/*")]
+    return [name for name in names if name in words]
+
+
 def _report_ignored_parts(root: Element) -> Iterator[Finding]:
     """Report the parts of an FMU of FMI 3.0 that this program ignores."""
     variables = root.findall("ModelVariables/*")
     groups = {
-        "binary variables are hexadecimal texts here": "Binary",
-        "structural parameters keep their start values here": "structuralParameter",
+        "binary-variable": ("Binary", "binary variables are hexadecimal texts here"),
+        "structural-parameter": (
+            "structuralParameter",
+            "structural parameters keep their start values here",
+        ),
     }
-    for remark, kind in groups.items():
+    for code, (kind, remark) in groups.items():
         names = [
             node.get("name", "") for node in variables if kind in (node.tag, node.get("causality"))
         ]
         if names:
-            yield Finding(1, "note", f"{remark}: {listed(names)}")
+            yield Finding(code, f"{remark}: {listed(names)}", names)
 
 
 def _variables(root: Element) -> Iterator[tuple[Element, Element, dict[str, str]]]:
@@ -119,10 +135,10 @@ def _check_structure(root: Element, original_names: Mapping[str, str]) -> Iterat
         ]
         if without_dependencies:
             yield Finding(
-                1,
-                "warning",
+                "no-dependencies",
                 f"ModelStructure/{original_names.get(section, section)}: no dependencies, so hosts"
                 f" must assume all, for {listed(without_dependencies)}",
+                without_dependencies,
             )
 
 
@@ -145,9 +161,9 @@ def _check_units(root: Element) -> Iterator[Finding]:
         if node.tag == "Real" and not attributes.get("unit") and not _is_time(variable)
     ]
     if not units:
-        yield Finding(2, "warning", "there are no UnitDefinitions")
+        yield Finding("no-unit-definitions", "there are no UnitDefinitions")
     if without_unit:
-        yield Finding(2, "warning", f"no unit for {listed(without_unit)}")
+        yield Finding("no-unit", f"no unit for {listed(without_unit)}", without_unit)
     for unit in units:
         yield from _check_unit(unit)
 
@@ -162,13 +178,12 @@ def _check_unit(unit: Element) -> Iterator[Finding]:
     name = unit.get("name", "")
     base = unit.find("BaseUnit")
     if base is None:
-        yield Finding(2, "warning", f"unit {name!r} has no BaseUnit: hosts cannot convert it")
+        yield Finding("no-base-unit", f"unit {name!r} has no BaseUnit: hosts cannot convert it")
         return
     for attribute in _BASE_UNITS:
         if not re.fullmatch(r"\s*[+-]?\d+\s*", base.get(attribute, "0")):
             yield Finding(
-                2,
-                "error",
+                "base-unit",
                 f"unit {name!r}: exponent {attribute}={base.get(attribute)!r}, expected an integer",
             )
     yield from _check_conversion(base, f"unit {name!r}")
@@ -184,13 +199,12 @@ def _check_conversion(node: Element, label: str) -> Iterator[Finding]:
     offset = _number(node, "offset", 0.0)
     if factor is None or factor == 0.0 or not math.isfinite(factor):
         yield Finding(
-            2,
-            "error",
+            "unit-factor",
             f"{label}: factor={node.get('factor')!r}, expected a finite number other than 0",
         )
     if offset is None or not math.isfinite(offset):
         yield Finding(
-            2, "error", f"{label}: offset={node.get('offset')!r}, expected a finite number"
+            "unit-offset", f"{label}: offset={node.get('offset')!r}, expected a finite number"
         )
 
 
@@ -213,14 +227,14 @@ def _number(
 def _check_descriptions(root: Element) -> Iterator[Finding]:
     """Report a model and variables without a description."""
     if not root.get("description", "").strip():
-        yield Finding(2, "warning", "the model has no description")
+        yield Finding("no-model-description", "the model has no description")
     undescribed = [
         variable.get("name", "")
         for variable in root.iterfind("ModelVariables/ScalarVariable")
         if not variable.get("description", "").strip() and not _is_time(variable)
     ]
     if undescribed:
-        yield Finding(2, "warning", f"no description for {listed(undescribed)}")
+        yield Finding("no-description", f"no description for {listed(undescribed)}", undescribed)
 
 
 def _check_ranges(root: Element) -> Iterator[Finding]:
@@ -232,16 +246,20 @@ def _check_ranges(root: Element) -> Iterator[Finding]:
         high = _number(attributes, "max")
         nominal = _number(attributes, "nominal", 1.0)
         if low is not None and high is not None and low > high:
-            yield Finding(2, "error", f"{name}: min = {low:g} is above max = {high:g}")
+            yield Finding("range", f"{name}: min = {low:g} is above max = {high:g}", [name])
         elif node.tag != "Boolean":
             yield from _check_start_value(name, _number(attributes, "start"), low, high)
         if nominal is not None and not 0.0 < nominal < math.inf:
-            yield Finding(2, "error", f"{name}: nominal = {nominal:g}, expected a positive number")
+            yield Finding(
+                "nominal", f"{name}: nominal = {nominal:g}, expected a positive number", [name]
+            )
         is_number = node.tag in ("Real", "Integer")
         if variable.get("causality") == "parameter" and is_number and low is None and high is None:
             unlimited.append(name)
     if unlimited:
-        yield Finding(2, "note", f"no range (min, max) for the parameters {listed(unlimited)}")
+        yield Finding(
+            "no-range", f"no range (min, max) for the parameters {listed(unlimited)}", unlimited
+        )
 
 
 def _check_start_value(
@@ -251,12 +269,12 @@ def _check_start_value(
     if start is None:
         return
     if not math.isfinite(start):
-        yield Finding(2, "error", f"{name}: start = {start} is not finite")
+        yield Finding("start-value", f"{name}: start = {start} is not finite", [name])
     elif (low is not None and start < low) or (high is not None and start > high):
         lower = "-inf" if low is None else f"{low:g}"
         upper = "inf" if high is None else f"{high:g}"
         message = f"{name}: start = {start:g} is outside of its range, {lower} to {upper}"
-        yield Finding(2, "error", message)
+        yield Finding("start-value", message, [name])
 
 
 # --- capabilities
@@ -268,20 +286,23 @@ def _check_capabilities(root: Element, original_names: Mapping[str, str]) -> Ite
     if interface is None:
         interface = root.find("ModelExchange")
         if interface is None:
-            yield Finding(1, "error", "there is neither CoSimulation nor ModelExchange")
+            yield Finding("no-interface", "there is neither CoSimulation nor ModelExchange")
             return
-        yield Finding(1, "warning", "for model exchange alone: its hosts need a solver")
+        yield Finding("model-exchange-only", "for model exchange alone: its hosts need a solver")
     identifier = interface.get("modelIdentifier", "")
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", identifier):
-        yield Finding(1, "error", f"modelIdentifier {identifier!r} is no identifier of C")
+        yield Finding("model-identifier", f"modelIdentifier {identifier!r} is no identifier of C")
     yield from _check_flags(interface, original_names)
     if root.find("LogCategories") is None:
-        yield Finding(4, "note", "no LogCategories are declared: hosts cannot choose messages")
+        yield Finding(
+            "no-log-categories", "no LogCategories are declared: hosts cannot choose messages"
+        )
     for fault in experiment_faults(root):
-        yield Finding(10, "error", fault)
+        yield Finding("default-experiment", fault)
     if root.find("DefaultExperiment") is None:
         yield Finding(
-            10, "note", "there is no DefaultExperiment: users must guess stop time and step size"
+            "no-default-experiment",
+            "there is no DefaultExperiment: users must guess stop time and step size",
         )
 
 
@@ -303,21 +324,19 @@ def _check_flags(interface: Element, original_names: Mapping[str, str]) -> Itera
         if not can(name):
             flag = original_names.get(name, name)
             yield Finding(
-                5, "warning", f"{flag} is false: hosts cannot repeat a step or store the state"
+                "no-state", f"{flag} is false: hosts cannot repeat a step or store the state"
             )
     if can("canBeInstantiatedOnlyOncePerProcess"):
         yield Finding(
-            6,
-            "warning",
+            "one-instance",
             "canBeInstantiatedOnlyOncePerProcess is true: no two instances in one process",
         )
     varies = can("canHandleVariableCommunicationStepSize") or interface.tag == "ModelExchange"
     if not varies:
         yield Finding(
-            8,
-            "warning",
+            "fixed-step",
             "canHandleVariableCommunicationStepSize is false: steps must be of one size",
         )
     name = "providesDirectionalDerivative"
     if not can("needsExecutionTool") and not can(name):
-        yield Finding(11, "note", f"{original_names.get(name, name)} is false")
+        yield Finding("no-derivatives", f"{original_names.get(name, name)} is false")

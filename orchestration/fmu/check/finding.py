@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from orchestration.reporting import Displayable, one_line, plain_table
 
@@ -17,32 +17,86 @@ SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 _MOST_LISTED = 8
 
 
+class Rule(NamedTuple):
+    """What a code stands for: a line of the FMU contract, and what breaking it means.
+
+    Attributes
+    ----------
+    line : int
+        Line of the FMU contract, 1 to 11.
+    severity : {"error", "warning", "note"}
+        An error violates FMI or keeps hosts from loading the FMU; a warning violates the contract
+        only; a note is a remark.
+    """
+
+    line: int
+    severity: Severity
+
+
+_CODES: Mapping[tuple[int, Severity], str] = {
+    (1, "error"): "model-description no-interface model-identifier terminals",
+    (1, "warning"): "no-dependencies model-exchange-only",
+    (1, "note"): "scheduled-execution idle-clock binary-variable structural-parameter",
+    (2, "error"): "base-unit unit-factor unit-offset range nominal start-value",
+    (2, "warning"): "no-unit-definitions no-unit no-base-unit no-model-description no-description",
+    (2, "note"): "no-range",
+    (3, "error"): "no-guid",
+    (3, "warning"): "guid-not-from-contents generation-date entry-times",
+    (3, "note"): "guid-form",
+    (4, "error"): "missing-functions",
+    (4, "warning"): "unsupplied-symbols",
+    (4, "note"): "no-log-categories",
+    (5, "warning"): "no-state",
+    (6, "warning"): "one-instance",
+    (6, "note"): "exported-symbols",
+    (8, "warning"): "fixed-step",
+    (10, "error"): "default-experiment path-outside duplicate-entry symbolic-link setuid"
+    " damaged-entry missing-source build-description no-binaries missing-binary binary-format",
+    (10, "warning"): "compression no-documentation no-licence no-external-dependencies"
+    " external-dependencies unlisted-sources sources-only foreign-libraries",
+    (10, "note"): "no-default-experiment no-icon no-reference-result missing-platform"
+    " unknown-platform system-libraries",
+    (11, "note"): "no-derivatives",
+}
+RULES = {code: Rule(*rule) for rule, codes in _CODES.items() for code in codes.split()}
+"""Rules by the code of a finding, which stays the same over versions."""
+
+
 @dataclass(frozen=True)
 class Finding:
     """One fault of an FMU, or a remark on it.
 
     Attributes
     ----------
-    line : int
-        Line of the FMU contract to which it refers, 1 to 11.
-    severity : {"error", "warning", "note"}
-        An error violates FMI or keeps hosts from loading the FMU; a warning violates the contract
-        only; a note is a remark.
+    code : str
+        Name of the rule that is broken, a key of `RULES`.
     message : str
         The fault, its place and the expected value, in one line.
+    variables : sequence of str
+        Names of the variables that it is about; empty if it is about the FMU as a whole.
     """
 
-    line: int
-    severity: Severity
+    code: str
     message: str
+    variables: Sequence[str] = ()
+
+    @property
+    def line(self) -> int:
+        """Line of the FMU contract to which it refers, 1 to 11."""
+        return RULES[self.code].line
+
+    @property
+    def severity(self) -> Severity:
+        """Whether it is an error, a warning or a note, as `Rule` has them."""
+        return RULES[self.code].severity
 
 
 class Findings(Displayable, list[Finding]):
     """The findings of the check of an FMU: a list that prints as a table.
 
-    Each has ``line`` (of the FMU contract, 1 to 11), ``severity`` (an ``error`` violates FMI or
-    keeps hosts from loading the FMU, a ``warning`` violates the contract only, a ``note`` is a
-    remark) and ``message``.
+    Each has a ``code``, which stays the same over versions, ``line`` (of the FMU contract, 1 to
+    11), ``severity`` (an ``error`` violates FMI or keeps hosts from loading the FMU, a ``warning``
+    violates the contract only, a ``note`` is a remark), ``message`` and ``variables``.
     """
 
     def __repr__(self) -> str:
@@ -58,9 +112,9 @@ class Findings(Displayable, list[Finding]):
         """Yield the numbers of findings by severity, and a table of the findings."""
         yield self._counts
         if self:
-            table = plain_table(None, "line", "severity", "message")
+            table = plain_table(None, "line", "severity", "code", "message")
             for finding in self:
-                table.add_row(str(finding.line), finding.severity, finding.message)
+                table.add_row(str(finding.line), finding.severity, finding.code, finding.message)
             yield table
 
     def to_frame(self) -> pandas.DataFrame:
@@ -73,8 +127,8 @@ class Findings(Displayable, list[Finding]):
         """
         import pandas
 
-        rows = [(finding.line, finding.severity, finding.message) for finding in self]
-        return pandas.DataFrame(rows, columns=["line", "severity", "message"])
+        rows = [(one.line, one.severity, one.code, one.message) for one in self]
+        return pandas.DataFrame(rows, columns=["line", "severity", "code", "message"])
 
 
 def listed(names: Iterable[str]) -> str:

@@ -29,15 +29,15 @@ def check_terminals(archive: Archive) -> Iterator[Finding]:
     try:
         root = parse_xml(contents, str(archive.path), _FILE)
     except UserError as error:
-        yield Finding(1, "error", str(error).removeprefix(f"{archive.path}: "))
+        yield Finding("terminals", str(error).removeprefix(f"{archive.path}: "))
         return
     for problem in _schema_problems(contents):
-        yield Finding(1, "error", f"{_FILE}: {problem}")
+        yield Finding("terminals", f"{_FILE}: {problem}")
     yield from _check_references(archive, root)
     icons = {node.get("iconBaseName", "") for node in root.iter("TerminalGraphicalRepresentation")}
     absent = [name for name in sorted(icons) if f"{_FOLDER}/{name}.png" not in archive.names]
     if absent:
-        yield Finding(1, "error", f"{_FILE}: no picture (.png) of {listed(absent)}")
+        yield Finding("terminals", f"{_FILE}: no picture (.png) of {listed(absent)}")
 
 
 def _schema_problems(contents: bytes) -> list[str]:
@@ -62,9 +62,11 @@ def _check_references(archive: Archive, root: Element) -> Iterator[Finding]:
             if name is not None and name not in variables:
                 unknown[name] = None
     if unknown:
-        yield Finding(1, "error", f"{_FILE}: there are no variables {listed(unknown)}")
+        yield Finding(
+            "terminals", f"{_FILE}: there are no variables {listed(unknown)}", list(unknown)
+        )
     for parent in root.iter():
         counts = Counter(node.get("name", "") for node in parent.iterfind("Terminal"))
         repeated = [name for name, count in counts.items() if count > 1]
         if repeated:
-            yield Finding(1, "error", f"{_FILE}: several terminals are called {listed(repeated)}")
+            yield Finding("terminals", f"{_FILE}: several terminals are called {listed(repeated)}")
