@@ -337,5 +337,10 @@ def _message(error: Exception) -> str:
 
 
 def _fail(message: str, status: int = 2) -> NoReturn:
-    print("error: " + quoting.line(message), file=sys.stderr)
+    text = quoting.line(message)
+    print(f"error: {text}", file=sys.stderr)
+    if "GITHUB_ACTIONS" in os.environ:
+        from orchestration.cli.verdicts import annotate
+
+        annotate(text)
     sys.exit(status)

@@ -187,6 +187,15 @@ class JsonOption(TypedDict, total=False):
     ]
 
 
+class JunitOption(TypedDict, total=False):
+    """The verdicts for continuous integration."""
+
+    junit: Annotated[
+        Path | None,
+        Option("The verdicts as JUnit (.xml), as CI servers show them.", metavar="FILE"),
+    ]
+
+
 class PlotOption(TypedDict, total=False):
     """The result as a picture."""
 

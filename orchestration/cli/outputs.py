@@ -17,6 +17,7 @@ from fmus.kit.extras import require
 STANDARD_OUTPUT = Path("-")
 JSON = (".json",)
 PAGE = (".html", ".htm")
+XML = (".xml",)
 # a list of numbers, whose lines are joined; a text has no end of a line in it
 _NUMBERS = re.compile(r"\[\n\s+(?:(?:-?\d[\d.eE+-]*|null),?\n\s+)+\]")
 _WRITTEN_BY = {

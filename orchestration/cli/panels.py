@@ -126,7 +126,11 @@ _PANELS = {
     ),
     "Results": (
         "require",
+        "accept",
+        "fail_on",
+        "tube",
         "json",
+        "junit",
         "mat",
         "out",
         "plot",

@@ -37,6 +37,7 @@ from orchestration.cli.options import (
     IsolateOption,
     IsolationOptions,
     JsonOption,
+    JunitOption,
     LaidOverOption,
     ModelArgument,
     ModelOption,
@@ -85,12 +86,25 @@ class InfoCommand(LaidOverOption, ReadingOptions, JsonOption, ReportOption, tota
     ]
 
 
-class CheckCommand(JsonOption, total=False):
+class CheckCommand(JsonOption, JunitOption, total=False):
     """Options of ``ppy check``."""
 
     fmus: Annotated[
         list[Path],
         Option("FMU files, ours or anybody's.", default=REQUIRED, metavar="FMU...", argument=True),
+    ]
+    accept: Annotated[
+        Path | None,
+        Option("Findings that do not count, each with its reason (.toml).", metavar="FILE"),
+    ]
+    fail_on: Annotated[
+        str,
+        Option(
+            "Exit status 1 from such a finding on: error (default), warning or note.",
+            default="error",
+            metavar="SEVERITY",
+            choices=("error", "warning", "note"),
+        ),
     ]
 
 

@@ -8,10 +8,10 @@ from orchestration.fmu.archive import Archive
 from orchestration.fmu.check.archive import check_archive
 from orchestration.fmu.check.binaries import check_binaries
 from orchestration.fmu.check.description import check_description
-from orchestration.fmu.check.finding import SEVERITIES, Finding, Findings
+from orchestration.fmu.check.finding import RULES, SEVERITIES, Finding, Findings
 from orchestration.fmu.check.terminals import check_terminals
 
-__all__ = ["Finding", "Findings", "check_fmu"]
+__all__ = ["RULES", "SEVERITIES", "Finding", "Findings", "check_fmu"]
 
 
 def check_fmu(path: Path) -> Findings:
