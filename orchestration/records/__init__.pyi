@@ -6,6 +6,7 @@ from .proposal import Proposal as Proposal
 from .reading import read_columns as read_columns
 from .reading import read_record as read_record
 from .reading import read_runs as read_runs
+from .reading import read_samples as read_samples
 from .record import Record as Record
 from .record import Repair as Repair
 from .record import record_labels as record_labels

@@ -34,6 +34,8 @@ from orchestration.records.tables import (
 )
 from orchestration.records.times import (
     FORMS,
+    TIME,
+    find_time,
     holds_instants,
     is_form,
     require_resolution,
@@ -131,6 +133,40 @@ def read_columns(path: Readable, names: Collection[str], inputs: Collection[str]
             )
     samples = _unrepaired_samples(table, units, {}, names, source.reading)
     return _repaired_record(samples, units, names, inputs, source.reading)
+
+
+def read_samples(path: Readable) -> Record:
+    """Read all columns of numbers as they stand in a file: nothing is sorted, filled or left out.
+
+    Parameters
+    ----------
+    path : str, Path, DataFrame or Mapping of str to array_like, shape (n,)
+        See :func:`read_record`.
+
+    Returns
+    -------
+    Record
+        In the units of the file. Columns with words are noted and left out.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be read or has no time.
+    """
+    source = Source.of(path)
+    table = open_table(source)
+    clock = find_time(table, (), table.columns)
+    time = time_in_seconds(table, Match(clock, TIME, None))
+    values = {}
+    for column in table.columns:
+        if column is clock:
+            continue
+        try:
+            values[column.name] = numbers(table, column)
+        except UserError as error:
+            table.note("words", f"left out: {str(error).removeprefix(f'{table.path}: ')}")
+    units_in_file = {column.name: column.unit or "1" for column in table.columns}
+    return Record(time, values, units_in_file, table.path, table.repairs)
 
 
 def read_runs(

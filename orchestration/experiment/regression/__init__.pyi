@@ -1,0 +1,5 @@
+from .comparison import Deviation as Deviation
+from .comparison import Regression as Regression
+from .comparison import compare as compare
+from .tolerances import Tolerances as Tolerances
+from .tolerances import read_tolerances as read_tolerances
