@@ -57,6 +57,12 @@ def command(declared: type) -> Callable[[Body], Body]:
     return decorate
 
 
+def declared_options(made: Callable[..., None]) -> Mapping[str, Option]:
+    """Return the options of a function that `command` made, by name."""
+    options: Mapping[str, Option] = vars(made)["__options__"]
+    return options
+
+
 def _with_default(option: Option) -> Option:
     """Return an option with a value as its default, which may be declared as a function of it."""
     return option._replace(default=option.default()) if callable(option.default) else option

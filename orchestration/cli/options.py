@@ -162,6 +162,18 @@ class PlatformsOption(TypedDict, total=False):
     ]
 
 
+def tolerances(meaning: str, flag: str) -> Option:
+    """Return the option for the tolerances of a comparison with a reference."""
+
+    def read(texts: Sequence[str], name: str) -> object:
+        from orchestration.experiment.regression import read_tolerances
+
+        return read_tolerances(texts, name)
+
+    form = Form(read=read, typed=list[str] | None)
+    return Option(meaning, flag=flag, metavar="TOLERANCES", form=form)
+
+
 class RecordArgument(TypedDict, total=False):
     """The record, a positional argument."""
 

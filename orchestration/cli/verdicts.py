@@ -16,7 +16,6 @@ from xml.etree import ElementTree
 import typer
 
 from fmus.kit import files, quoting
-from orchestration.reporting.console import wrote
 
 _IN_TEXT = str.maketrans({"%": "%25", "\r": "%0D", "\n": "%0A"})
 _IN_PROPERTY = _IN_TEXT | str.maketrans({":": "%3A", ",": "%2C"})
@@ -61,6 +60,8 @@ def conclude(command: str, cases: Sequence[Case], junit: Path | None) -> None:
         If the file cannot be written.
     """
     if junit is not None:
+        from orchestration.reporting.console import wrote
+
         files.write(junit, _junit(command, cases))
         wrote(junit)
     failing = [case for case in cases if case.failure]

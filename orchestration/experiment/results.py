@@ -28,7 +28,7 @@ from orchestration.experiment.model import Experiment, parse
 from orchestration.experiment.values import checked
 from orchestration.fmu import Signal
 from orchestration.master import Pacing
-from orchestration.records import header, write_record
+from orchestration.records import Record, header, write_record
 from orchestration.reporting import ResultDataset
 
 FORMATS = (".nc", ".csv", ".parquet")
@@ -301,23 +301,8 @@ def _from_parquet(content: bytes) -> xarray.Dataset:
     return xarray.Dataset(variables, attrs=about["attributes"]).set_coords("time")
 
 
-def differences(new: xarray.Dataset, old: xarray.Dataset) -> dict[str, float]:
-    """Return the largest deviation of each signal that is not the same bit for bit.
-
-    Of results of different length the common beginning is compared.
-
-    Returns
-    -------
-    dict of str to float
-        In the signal's unit; infinite for a signal that only one of the two has.
-    """
-    count = min(new.time.size, old.time.size)
-    largest = {}
-    for name in dict.fromkeys(["time", *new, *old]):
-        if name not in new.variables or name not in old.variables:
-            largest[str(name)] = np.inf
-            continue
-        one, other = (np.asarray(d[name].values[:count], dtype="<f8") for d in (new, old))
-        if one.tobytes() != other.tobytes():
-            largest[str(name)] = float(np.max(np.abs(one - other)))
-    return largest
+def as_record(data: xarray.Dataset, name: str) -> Record:
+    """Return the signals of a result as a record from a file of that name."""
+    signals = {str(one): np.asarray(array.values, dtype=float) for one, array in data.items()}
+    signal_units = {str(one): array.units for one, array in data.items()}
+    return Record(np.asarray(data.time.values, dtype=float), signals, signal_units, Path(name))

@@ -1,34 +1,57 @@
-"""``ppy compare``: comparison of a model with a record, and its recalibration."""
+"""``ppy compare``: a model and a record, with recalibration; or a result and a reference."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from orchestration.cli.command import command
-from orchestration.cli.commands.options import CompareCommand
+from fmus.kit import UserError
+from orchestration.cli.command import command, declared_options
+from orchestration.cli.commands.options import CompareCommand, ReferenceOptions
 from orchestration.cli.isolation import isolating
-from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
+from orchestration.cli.outputs import (
+    JSON,
+    PAGE,
+    XML,
+    Outputs,
+    standard_output_for,
+    typed_command,
+    write_json,
+)
+from orchestration.cli.verdicts import Case, conclude
 
 if TYPE_CHECKING:
     from orchestration.identify import Comparison
 
+_ENDINGS = {"--out": JSON, "--json": JSON, "--junit": XML, "--report": PAGE}
+_WRITES = ("out", "json", "junit", "plot", "report")
+_OF_FILES = ("record", *ReferenceOptions.__annotations__, *_WRITES)
+
 
 @command(CompareCommand)
 def compare(options: CompareCommand) -> None:
-    """Compare a model with a measured record: fit in percent, RMS error, whiteness."""
+    """Compare a model with a measured record: fit in percent, RMS error, whiteness.
+
+    With a REFERENCE it compares two files instead: every sample of the first one must be in a tube
+    around the second one, so wide in time and so high in value as --tube says. Exit status 1 if one
+    is not, 2 if nothing could be compared.
+    """
+    if options["reference"] is not None:
+        _compare_files(options["record"], options["reference"], options)
+        return
+    if options["tube"] is not None:
+        raise UserError("--tube is for two files: ppy compare RESULT REFERENCE")
+    if options["report"] is not None and not options["fit"]:
+        raise UserError("--report needs parameters (--fit) or a REFERENCE")
     from orchestration.cli.models import model_file, note_neutral, open_measured
     from orchestration.identify import comparison as work
-    from orchestration.reporting import pictures
     from orchestration.reporting.console import progress
 
     names = options["fit"]
-    Outputs(
-        {"the record": options["record"], "the model": model_file(options["model"])},
-        {"--out": options["out"], "--json": options["json"], "--plot": options["plot"]},
-        {"--out": JSON, "--json": JSON, "--plot": pictures.FORMATS},
-    ).check()
+    _check_outputs(
+        {"the record": options["record"], "the model": model_file(options["model"])}, options
+    )
     with isolating(options["isolate"]):
         model, record, parameters = open_measured(options, options["runtime"])
         if names:
@@ -38,26 +61,61 @@ def compare(options: CompareCommand) -> None:
         with standard_output_for(options["json"]):
             show(comparison)
             _write(comparison, options)
-    if options["require"] is not None:
-        _require(comparison, options["require"])
+            cases = _cases(comparison, options["require"])
+            conclude("ppy compare", cases, options["junit"])
 
 
-def _require(comparison: Comparison, percent: float) -> None:
-    """Exit with status 1 if an output does not reach the required fit."""
+def _check_outputs(reads: Mapping[str, Path | None], options: CompareCommand) -> None:
+    from orchestration.reporting import pictures
+
+    given: Mapping[str, Any] = options
+    writes = {f"--{name}": given[name] for name in _WRITES}
+    Outputs(reads, writes, _ENDINGS | {"--plot": pictures.FORMATS}).check()
+
+
+def _compare_files(result: Path, reference: Path, options: CompareCommand) -> None:
+    """Compare a result with a reference; exit with status 1 if a signal differs."""
+    from orchestration.cli import regression as shown
+    from orchestration.experiment.regression import Tolerances
+    from orchestration.experiment.regression import compare as work
+    from orchestration.records import read_samples
+    from orchestration.reporting.console import tell_repairs
+
+    given: Mapping[str, Any] = options
+    for name, option in declared_options(compare).items():
+        if name not in _OF_FILES and not option.is_default(given[name]):
+            raise UserError(f"{option.flags[0]} is for a model and a record; these are two files")
+    _check_outputs({"the result": result, "the reference": reference}, options)
+    one, other = read_samples(result), read_samples(reference)
+    tell_repairs([*one.repairs, *other.repairs])
+    regression = work(one, other, options["tube"] or Tolerances())
+    with standard_output_for(options["json"]):
+        shown.show(regression)
+        shown.write(regression, options["report"], options["plot"])
+        for path in (options["out"], options["json"]):
+            write_json(path, shown.as_json(regression))
+        conclude("ppy compare", shown.cases(regression), options["junit"])
+
+
+def _cases(comparison: Comparison, percent: float | None) -> list[Case]:
+    """Return a case for each output, which fails if it does not reach the required fit."""
     from orchestration.reporting.console import warn
 
-    judged = comparison.before if comparison.after is None else comparison.after
-    fits = {name: judgement.fit_percent for name, judgement in judged.items()}
-    # a fit that is not a number is too low as well
-    too_low = {name: fit for name, fit in fits.items() if not fit >= percent}
-    for name, fit in too_low.items():
-        warn(f"--require {percent:g}%: {name} fits {fit:.4g} %")
-    if too_low:
-        raise typer.Exit(1)
+    cases = []
+    for name, judgement in comparison.latest.items():
+        fit = judgement.fit_percent
+        # a fit that is not a number is too low as well
+        low = percent is not None and not fit >= percent
+        failure = f"--require {percent:g}%: {name} fits {fit:.4g} %" if low else ""
+        if failure:
+            warn(failure)
+        cases.append(Case(comparison.model.name, name, failure))
+    return cases
 
 
 def _write(comparison: Comparison, options: CompareCommand) -> None:
-    """Write the figures and the picture of a comparison."""
+    """Write the figures, the picture and the page of a comparison."""
+    from orchestration.reporting import write_page
     from orchestration.reporting.console import wrote
 
     effects = comparison.model.effects
@@ -67,6 +125,9 @@ def _write(comparison: Comparison, options: CompareCommand) -> None:
     if options["plot"] is not None:
         comparison.plot(options["plot"])
         wrote(options["plot"])
+    if options["report"] is not None:
+        write_page(comparison, options["report"], typed_command())
+        wrote(options["report"])
 
 
 def show(comparison: Comparison) -> None:

@@ -5,7 +5,7 @@ No ``from __future__ import annotations``: see `orchestration.api.options`.
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, TypedDict
+from typing import Annotated, Any, TypedDict
 
 from fmus.rig_proxy import ENDPOINT, PORT
 from orchestration.api.declaration import REQUIRED, Option
@@ -50,6 +50,7 @@ from orchestration.cli.options import (
     RunnableOption,
     RuntimeOption,
     TuningOptions,
+    tolerances,
 )
 
 # --- components and FMUs -------------------------------------------------------------------------
@@ -289,9 +290,25 @@ class ListOption(TypedDict, total=False):
     ]
 
 
+class RunToleranceOption(TypedDict, total=False):
+    """By how much a result that is made again may differ."""
+
+    tube: Annotated[
+        Any,
+        tolerances(
+            "By how much a result made again may differ, as 'voltage=1mV, omega=0.5%' of its range;"
+            " default not at all.",
+            "--tolerance",
+        ),
+    ]
+
+
 class RunCommand(
     ExperimentOptions,
+    RunToleranceOption,
+    ReportOption,
     JsonOption,
+    JunitOption,
     RuntimeOption,
     RealTimeOptions,
     TuningOptions,
@@ -458,13 +475,35 @@ class RequiredPercentOption(TypedDict, total=False):
     ]
 
 
+class ReferenceOptions(TypedDict, total=False):
+    """A result that another one is compared with, and by how much it may differ."""
+
+    reference: Annotated[
+        Path | None,
+        Option(
+            "Compare two files: this is right, RECORD a result. Not with a model.", argument=True
+        ),
+    ]
+    tube: Annotated[
+        Any,
+        tolerances(
+            "With a REFERENCE: 20ms,1% of its range around it; v=1mV for one signal; default the"
+            " last bit.",
+            "--tube",
+        ),
+    ]
+
+
 class CompareCommand(
     MeasuredOptions,
+    ReferenceOptions,
     FittedOption,
     RequiredPercentOption,
     FiguresOption,
     JsonOption,
+    JunitOption,
     PlotOption,
+    ReportOption,
     RuntimeOption,
     IsolateOption,
     total=False,

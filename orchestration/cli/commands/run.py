@@ -2,32 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import typer
 
 from fmus.kit import UserError
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import RunCommand
 from orchestration.cli.experiments import raise_if_incomplete, run_and_write
 from orchestration.cli.isolation import hearing_ctrl_c
-from orchestration.cli.outputs import JSON, SIGNALS, Outputs, standard_output_for, write_json
+from orchestration.cli.outputs import (
+    JSON,
+    PAGE,
+    SIGNALS,
+    XML,
+    Outputs,
+    standard_output_for,
+    write_json,
+)
 from orchestration.cli.real_time import live_run, tuned
+from orchestration.cli.regression import as_json, cases, show, write
+from orchestration.cli.verdicts import Case, conclude
 
 if TYPE_CHECKING:
     import xarray
 
     from orchestration.experiment.live import Live
+    from orchestration.experiment.regression import Regression, Tolerances
 
 
 @command(RunCommand)
 def run(options: RunCommand) -> None:
     """Run an experiment, a system, or a result again, and compare that with it bit for bit.
 
-    A system (.ssp) runs over its own default experiment; --set inputs.NAME=VALUE drives an input.
+    With --tolerance the result made again may differ by so much. Exit status 1 if it differs by
+    more, 2 if it could not be made. A system (.ssp) runs over its own default experiment; --set
+    inputs.NAME=VALUE drives an input.
     """
     if options["show_list"]:
         _list_experiments()
@@ -42,11 +52,12 @@ def run(options: RunCommand) -> None:
     without_isolation = options["isolate"] is False and live is None
     # in this process an FMU that hangs keeps Python from hearing Ctrl-C
     ctrl_c_watch = hearing_ctrl_c(None) if without_isolation else nullcontext()
-    with standard_output_for(options["json"]), ctrl_c_watch, tuned(live, options):
-        data, reproduced = _run(experiment, options, live)
-    raise_if_incomplete(data, live)
-    if not reproduced:
-        raise typer.Exit(1)
+    with standard_output_for(options["json"]):
+        with ctrl_c_watch, tuned(live, options):
+            data, regression = _run(experiment, options, live)
+        raise_if_incomplete(data, live)
+        judged = [Case(experiment, "runs")] if regression is None else cases(regression)
+        conclude("ppy run", judged, options["junit"])
 
 
 def _list_experiments() -> None:
@@ -59,8 +70,10 @@ def _list_experiments() -> None:
         print(f"{name:{width}}  {tomllib.loads(path.read_text(encoding='utf-8'))['title']}")
 
 
-def _run(name: str, options: RunCommand, live: Live | None) -> tuple[xarray.Dataset, bool]:
-    """Run an experiment; return its result, and whether it equals an earlier one to the bit."""
+def _run(
+    name: str, options: RunCommand, live: Live | None
+) -> tuple[xarray.Dataset, Regression | None]:
+    """Run an experiment; return its result, and the comparison with an earlier one if there is."""
     from orchestration.experiment import read, results
     from orchestration.experiment.reading import files, is_result
     from orchestration.reporting import pictures
@@ -77,23 +90,33 @@ def _run(name: str, options: RunCommand, live: Live | None) -> tuple[xarray.Data
     reads = {"result" if made_again else "experiment": source} | files(experiment)
     Outputs(
         {f"the {role}": path for role, path in reads.items()},
-        {"--out": out, "--plot": plot, "--json": options["json"]},
-        {"--out": SIGNALS, "--plot": (*pictures.FORMATS, ".html"), "--json": JSON},
+        {"--out": out, "--plot": plot, "--json": options["json"]}
+        | {"--junit": options["junit"], "--report": options["report"]},
+        {"--out": SIGNALS, "--plot": (*pictures.FORMATS, ".html"), "--json": JSON}
+        | {"--junit": XML, "--report": PAGE},
     ).check()
     earlier = results.read(source) if made_again and not chosen else None
+    for flag, value in (("--tolerance", options["tube"]), ("--report", options["report"])):
+        if value is not None and earlier is None:
+            raise UserError(f"{flag} is for a result that is made again, without --set")
     if earlier is not None and not earlier.attrs["complete"]:
         note(f"{name} is incomplete; it is repeated as far as it goes, {experiment.duration:g} s")
     data = run_and_write(experiment, name, options, live)
-    differences = None if earlier is None else _compare(data, earlier, name)
-    write_json(options["json"], _as_json(data, name if earlier is not None else None, differences))
-    return data, not differences
+    regression = None if earlier is None else _compare(data, earlier, name, options["tube"])
+    if regression is not None:
+        write(regression, options["report"])
+    write_json(options["json"], _as_json(data, regression))
+    return data, regression
 
 
-def _compare(data: xarray.Dataset, earlier: xarray.Dataset, name: str) -> Mapping[str, float]:
+def _compare(
+    data: xarray.Dataset, earlier: xarray.Dataset, name: str, tolerances: Tolerances | None
+) -> Regression:
     """Compare a result with an earlier one; print the differences and their possible reasons."""
     import json
 
     from orchestration.experiment import results
+    from orchestration.experiment.regression import Tolerances, compare
     from orchestration.reporting.console import note, out, warn
 
     then, now = (json.loads(made.attrs["guids"]) for made in (earlier, data))
@@ -103,20 +126,18 @@ def _compare(data: xarray.Dataset, earlier: xarray.Dataset, name: str) -> Mappin
                 f"{name} was made with another build of {member} ({then.get(member)}, now"
                 f" {now[member]})"
             )
-    differences = results.differences(data, earlier)
-    if not differences:
+    made, known = results.as_record(data, "this run"), results.as_record(earlier, name)
+    regression = compare(made, known, tolerances or Tolerances())
+    if tolerances is None and not regression.refused:
         out.print(f"every value is the same to the last bit as in {name}")
-    for signal, difference in differences.items():
-        unit = data[signal].units if signal in data else ""
-        out.print(f"not as in {name}: {signal} differs by up to {difference:.3g} {unit}")
+    else:
+        show(regression)
     if earlier.attrs["versions"] != data.attrs["versions"]:
         note(f"{name} was made with {earlier.attrs['versions']}; here is {data.attrs['versions']}")
-    return differences
+    return regression
 
 
-def _as_json(
-    data: xarray.Dataset, again: str | None, differences: Mapping[str, float] | None
-) -> dict[str, Any]:
+def _as_json(data: xarray.Dataset, regression: Regression | None) -> dict[str, Any]:
     """Gather the description of a run and the extremes of every signal, in its unit."""
     import json
 
@@ -138,9 +159,5 @@ def _as_json(
             }
             for name, signal in data.items()
         },
-        "again": (
-            None
-            if differences is None
-            else {"of": again, "same": not differences, "apart": dict(differences)}
-        ),
+        "again": None if regression is None else as_json(regression),
     }

@@ -1,3 +1,4 @@
+from . import page as page
 from .comparison import Deviation as Deviation
 from .comparison import Regression as Regression
 from .comparison import compare as compare

@@ -2,10 +2,12 @@
 
 import json
 
+import numpy as np
 import pytest
+from junitparser import JUnitXml
 
 from demonstrations.emulator.emulator import EmulatedRig
-from tests.support.command import PNG, answered, here, measure, works
+from tests.support.command import PNG, answered, here, measure, refused, works
 
 
 def test_compare_with_a_fit(record, tmp_path):
@@ -94,3 +96,64 @@ def test_what_cannot_be_required_is_refused(record, tmp_path):
     done = here("compare", record, "--require", "much", cwd=tmp_path)
     assert done.returncode == 2
     assert "such as 95%" in done.stderr
+
+
+# --- two files -----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def files(tmp_path):
+    """A result of another tool, and a reference in other units and at other times."""
+    for name, step, late, factor, unit in (
+        ("result.csv", 0.01, 0.015, 1e3, "mV"),
+        ("reference.csv", 0.02, 0.0, 1.0, "V"),
+    ):
+        time = np.arange(0.0, 5.0 + step / 2, step)
+        values = factor * np.where(time < 1.0 + late, 0.0, -np.expm1(1.0 + late - time))
+        rows = np.column_stack([time, values])
+        header = f"time [s],u [{unit}]"
+        np.savetxt(tmp_path / name, rows, delimiter=",", header=header, comments="", fmt="%.9g")
+    return tmp_path
+
+
+def test_a_result_in_the_tube_is_accepted(files):
+    outputs = ("--report", "page.html", "--plot", "page.png", "--junit", "out.xml")
+    printed = works(
+        "compare", "result.csv", "reference.csv", "--tube", "20ms,1%", *outputs, cwd=files
+    )
+    assert "result.csv and reference.csv: all 1 signals are as allowed" in printed
+    assert "as allowed" in (files / "page.html").read_text()
+    assert (files / "page.png").read_bytes().startswith(PNG)
+    (suite,) = JUnitXml.fromfile(str(files / "out.xml"))
+    assert [(case.classname, case.name, case.result) for case in suite] == [("result.csv", "u", [])]
+
+
+def test_one_outside_has_an_exit_status_its_place_and_an_annotation(files, monkeypatch):
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    done = here(
+        "compare", "result.csv", "reference.csv", "--tube", "u=1mV", "--json", "-", cwd=files
+    )
+    assert done.returncode == 1
+    answer = json.loads(done.stdout)
+    assert (answer["same"], answer["signals"]["u"]["unit"]) == (False, "V")
+    # a delay of 15 ms is worst where the curve is steepest
+    assert answer["signals"]["u"]["at"] == pytest.approx(1.0, abs=0.021)
+    assert done.stderr.startswith(
+        "::error file=result.csv,title=ppy compare%3A u::differs by up to"
+    )
+
+
+def test_what_cannot_be_compared_has_another_one(files):
+    (files / "other.csv").write_text("time [s],x [V]\n0,1\n1,2\n")
+    for arguments, parts in (
+        (("result.csv", "gone.csv"), ["gone.csv: cannot be read"]),
+        (("result.csv", "other.csv"), ["nothing to compare: result.csv has u, other.csv has x"]),
+        (("result.csv", "reference.csv", "--fit", "R1"), ["--fit is for a model and a record"]),
+        (("result.csv", "reference.csv", "--model", "dma"), ["--model is for a model"]),
+        (("result.csv", "reference.csv", "--tube", "wide"), ["--tube 'wide'"]),
+        (("result.csv", "reference.csv", "--tube", "v=1%"), ["tolerance of v", "no such signal"]),
+        (("result.csv", "--tube", "1%"), ["ppy compare RESULT REFERENCE"]),
+        (("result.csv", "--report", "page.html"), ["--report needs parameters"]),
+        (("result.csv", "reference.csv", "--plot", "result.csv"), ["--plot result.csv"]),
+    ):
+        refused(files, "compare", *arguments, parts=parts)

@@ -7,6 +7,7 @@ import shutil
 
 import numpy as np
 import pytest
+from junitparser import JUnitXml
 
 from orchestration.experiment import results
 from orchestration.fmu.model import find_model
@@ -20,7 +21,8 @@ def test_json_of_run(tmp_path):
     assert answer["signals"]["current"]["largest"] == 0.9
     assert answer["again"] is None
     again = answered("run", "r.nc", cwd=tmp_path)["again"]
-    assert again == {"of": "r.nc", "same": True, "apart": {}}
+    assert (again["reference"], again["same"], again["new"]) == ("r.nc", True, [])
+    assert {one["largest"] for one in again["signals"].values()} == {0.0}
 
 
 @pytest.fixture
@@ -132,8 +134,14 @@ def test_what_is_not_the_same_is_said(played):
     edited(played / "run.nc", played / "nudged.nc", nudge)
     done = here("run", "nudged.nc", cwd=played)
     assert done.returncode == 1
-    assert re.search(r"not as in nudged.nc: voltage differs by up to \d\.\d+e-1\d V", done.stdout)
+    place = r"voltage differs by up to \d\.\d+e-1\d V at 0.7 s: "
+    assert re.search(f"not as in nudged.nc: {place}", done.stdout)
     assert "displacement differs" not in done.stdout
+    tolerance = ("--tolerance", "voltage=1nV", "--report", "page.html", "--junit", "verdicts.xml")
+    assert "all 4 signals are as allowed" in works("run", "nudged.nc", *tolerance, cwd=played)
+    assert "all 4 signals are as allowed" in (played / "page.html").read_text()
+    (suite,) = JUnitXml.fromfile(str(played / "verdicts.xml"))
+    assert (suite.tests, suite.failures) == (4, 0)
     # another experiment: nothing to compare
     changed = here("run", "nudged.nc", "--set", "R1=1", cwd=played)
     assert (changed.returncode, "not as in" in changed.stdout) == (0, False)
