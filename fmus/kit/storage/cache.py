@@ -10,6 +10,7 @@ import hashlib
 import os
 import stat
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -22,10 +23,21 @@ _NO_WAIT = getattr(os, "O_NONBLOCK", 0)  # so that opening a pipe in place of a 
 
 
 def folder() -> Path:
-    """Return the folder of the cache: ``PPY_CACHE`` of the environment, or the user's default."""
+    """Return the folder of the cache: ``PPY_CACHE`` of the environment, or the user's default.
+
+    A user without a home, as in many containers, has it among the temporary files.
+    """
     import platformdirs
 
-    return Path(os.environ.get("PPY_CACHE") or platformdirs.user_cache_dir("ppy-rig"))
+    named = os.environ.get("PPY_CACHE")
+    if named:
+        return Path(named)
+    with contextlib.suppress(RuntimeError):  # the environment names no home, nor does the system
+        usual = Path(platformdirs.user_cache_dir("ppy-rig"))
+        nearest = next(place for place in (usual, *usual.parents) if place.exists())
+        if os.access(nearest, os.W_OK):
+            return usual
+    return Path(tempfile.gettempdir(), f"ppy-rig-{os.geteuid()}")
 
 
 def cached_file(name: str, make: Callable[[], bytes], place: Path | None = None) -> Path:

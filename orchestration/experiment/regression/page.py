@@ -37,9 +37,7 @@ def verdict(regression: Regression) -> str:
     refused = len(regression.refused)
     count = len(regression.deviations)
     named = f"{regression.result} and {regression.reference}"
-    if refused:
-        return f"{named}: {refused} of {count} signals differ"
-    return f"{named}: all {count} signals are as allowed"
+    return f"{named}: {refused or 'none'} of {count} signals differ"
 
 
 @make_page.register(Regression)

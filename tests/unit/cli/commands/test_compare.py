@@ -121,7 +121,7 @@ def test_a_result_in_the_tube_is_accepted(files):
     printed = works(
         "compare", "result.csv", "reference.csv", "--tube", "20ms,1%", *outputs, cwd=files
     )
-    assert "result.csv and reference.csv: all 1 signals are as allowed" in printed
+    assert "result.csv and reference.csv: none of 1 signals differ" in printed
     assert "as allowed" in (files / "page.html").read_text()
     assert (files / "page.png").read_bytes().startswith(PNG)
     (suite,) = JUnitXml.fromfile(str(files / "out.xml"))

@@ -9,6 +9,7 @@ import shutil
 import stat
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -51,6 +52,24 @@ def taken(make, name="entry"):
 
 def mode(path):
     return stat.S_IMODE(path.lstat().st_mode)
+
+
+@posix
+def test_a_user_without_a_home_has_it_among_the_temporary_files(tmp_path, monkeypatch):
+    monkeypatch.delenv("PPY_CACHE", raising=False)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    temporary = tmp_path / f"ppy-rig-{os.geteuid()}"
+    monkeypatch.setenv("HOME", "/nobody")
+    with monkeypatch.context() as locked:
+        locked.setattr(os, "access", lambda place, mode: False)  # root may write anywhere
+        assert cache.folder() == temporary
+    monkeypatch.delenv("HOME")
+    monkeypatch.setattr("pwd.getpwuid", {}.__getitem__)  # as of a user that the system lacks
+    assert cache.folder() == temporary
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert cache.folder().is_relative_to(tmp_path)
+    assert cache.folder() != temporary
 
 
 def test_an_entry_is_made_once_with_a_digest_that_others_can_check(place):
