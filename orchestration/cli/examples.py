@@ -51,7 +51,7 @@ EXAMPLES = {
     ),
     "check": (
         "ppy check fmu/native/ppy_actuator.fmu",
-        "ppy check fmu/native/ppy_actuator.fmu --json findings.json",
+        "ppy check fmu/native/ppy_actuator.fmu --fail-on warning --junit check.xml",
     ),
     "simulate": (
         "ppy simulate ppy_actuator --set current=0.9 --stop 30s --plot run.png",
@@ -63,7 +63,7 @@ EXAMPLES = {
     ),
     "run": (
         "ppy run fig_3_4 --set duration=5s --out fig_3_4.nc --plot fig_3_4.html",
-        "ppy run dma_bench.ssp --set inputs.force_reference=1N --set duration=0.5s",
+        "ppy run fig_3_4.nc --tolerance voltage=1mV,0.1% --report differences.html",
     ),
     "system list": ("ppy system list", "ppy system show dma_bench"),
     "system show": ("ppy system show dma_bench", "ppy system show dma_bench.ssp"),

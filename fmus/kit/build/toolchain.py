@@ -331,9 +331,13 @@ def run_program(command: Sequence[str], limit: float) -> subprocess.CompletedPro
         If it takes longer than the limit. It is then killed with all its child processes, as after
         an interrupt.
     """
+    environment = dict(os.environ)
+    if cache.users_folder() is None:  # zig keeps what it compiled in the home
+        environment.setdefault("ZIG_GLOBAL_CACHE_DIR", str(cache.folder() / "zig"))
     # A process group can be killed as a whole. Ctrl-C does not reach it, but interrupts the wait.
     with subprocess.Popen(
         command,
+        env=environment,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

@@ -27,17 +27,22 @@ def folder() -> Path:
 
     A user without a home, as in many containers, has it among the temporary files.
     """
-    import platformdirs
-
     named = os.environ.get("PPY_CACHE")
     if named:
         return Path(named)
-    with contextlib.suppress(RuntimeError):  # the environment names no home, nor does the system
+    return users_folder() or Path(tempfile.gettempdir(), f"ppy-rig-{os.geteuid()}")
+
+
+def users_folder() -> Path | None:
+    """Return the user's default folder of the cache; None if there is no home to write to."""
+    import platformdirs
+
+    try:
         usual = Path(platformdirs.user_cache_dir("ppy-rig"))
         nearest = next(place for place in (usual, *usual.parents) if place.exists())
-        if os.access(nearest, os.W_OK):
-            return usual
-    return Path(tempfile.gettempdir(), f"ppy-rig-{os.geteuid()}")
+    except (RuntimeError, PermissionError):  # no home is named, or it is another user's
+        return None
+    return usual if os.access(nearest, os.W_OK) else None
 
 
 def cached_file(name: str, make: Callable[[], bytes], place: Path | None = None) -> Path:

@@ -210,6 +210,15 @@ def test_a_compiler_that_was_replaced_makes_other_libraries(tmp_path):
     assert toolchain.Compiler(("/no/such/compiler",)).version == "/no/such/compiler"
 
 
+def test_without_a_home_zig_has_its_cache_beside_ours(tmp_path, monkeypatch):
+    monkeypatch.setenv("PPY_CACHE", str(tmp_path))
+    monkeypatch.delenv("ZIG_GLOBAL_CACHE_DIR", raising=False)
+    printing = (sys.executable, "-c", "import os; print(os.environ.get('ZIG_GLOBAL_CACHE_DIR'))")
+    for home, place in ((tmp_path, None), (None, tmp_path / "zig")):
+        monkeypatch.setattr(toolchain.cache, "users_folder", lambda home=home: home)
+        assert toolchain.run_program(printing, 60.0).stdout.strip() == str(place)
+
+
 def test_the_same_sources_are_compiled_once(tmp_path, monkeypatch):
     """Another text, another file to compile, another library to link with makes another library."""
     compiled = []
