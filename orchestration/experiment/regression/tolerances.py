@@ -119,7 +119,7 @@ def read_tolerances(texts: str | Sequence[str], flag: str) -> Tolerances:
             if not name or name in groups:
                 raise UserError(f"{flag} {text!r}: {name or 'a name'} is {_fault(name)}")
             groups[name] = []
-        groups[name].append(amount.strip())
+        groups[name].append(amount)
     read = {name: _tolerance(amounts, flag) for name, amounts in groups.items()}
     return Tolerances(read.pop(""), read)
 
@@ -132,10 +132,11 @@ def _tolerance(amounts: Sequence[str], flag: str) -> Tolerance:
     """Return the tolerance of one signal, of a width and a height."""
     time = 0.0
     values = []
-    for text in amounts:
+    for given in amounts:
+        text = given.strip()
         number, unit = read_quantity(text.removesuffix("%")) or (inf, "")
         if not 0.0 <= number < inf or (text.endswith("%") and unit):
-            raise UserError(f"{flag} {text!r}: {_FORM}, at least 0")
+            raise UserError(f"{flag} {given!r}: {_FORM}, at least 0")
         if unit and units.measure_alike(unit, "s"):
             time += read_amount(text, "s", flag)
         else:
