@@ -58,7 +58,7 @@ def as_json(regression: Regression) -> dict[str, Any]:
                 "unit": one.unit,
                 "largest": one.largest,
                 "at": None if one.fault else float(one.time[one.worst]),
-                "outside": int((one.excess > 0.0).sum()),
+                "outside": one.outside,
                 "message": one.message or None,
             }
             for one in regression.deviations

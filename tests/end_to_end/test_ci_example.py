@@ -210,7 +210,7 @@ CHANGES = {
         repacked("models/Dahlquist.fmu", "modelDescription.xml", 'stopTime="10"', 'stopTime="8"'),
         DECAY,
         1,
-        r"decay\.csv,title=ppy compare%3A x::ends at 8 s, the reference at 10 s",
+        r"decay\.csv,title=ppy compare%3A x::covers 0 s to 8 s, the reference 0 s to 10 s",
     ),
     "a sample of the other tool": (
         replaced("references/decay.csv", "\n0.5,0.59", "\n0.5,0.69"),

@@ -16,7 +16,6 @@ from orchestration.cli.outputs import (
     XML,
     Outputs,
     standard_output_for,
-    typed_command,
     write_json,
 )
 from orchestration.cli.verdicts import Case, conclude
@@ -40,10 +39,9 @@ def compare(options: CompareCommand) -> None:
     if options["reference"] is not None:
         _compare_files(options["record"], options["reference"], options)
         return
-    if options["tube"] is not None:
-        raise UserError("--tube is for two files: ppy compare RESULT REFERENCE")
-    if options["report"] is not None and not options["fit"]:
-        raise UserError("--report needs parameters (--fit) or a REFERENCE")
+    for flag, value in (("--tube", options["tube"]), ("--report", options["report"])):
+        if value is not None:
+            raise UserError(f"{flag} is for two files: ppy compare RESULT REFERENCE")
     from orchestration.cli.models import model_file, note_neutral, open_measured
     from orchestration.identify import comparison as work
     from orchestration.reporting.console import progress
@@ -76,7 +74,6 @@ def _check_outputs(reads: Mapping[str, Path | None], options: CompareCommand) ->
 def _compare_files(result: Path, reference: Path, options: CompareCommand) -> None:
     """Compare a result with a reference; exit with status 1 if a signal differs."""
     from orchestration.cli import regression as shown
-    from orchestration.experiment.regression import Tolerances
     from orchestration.experiment.regression import compare as work
     from orchestration.records import read_samples
     from orchestration.reporting.console import tell_repairs
@@ -88,7 +85,7 @@ def _compare_files(result: Path, reference: Path, options: CompareCommand) -> No
     _check_outputs({"the result": result, "the reference": reference}, options)
     one, other = read_samples(result), read_samples(reference)
     tell_repairs([*one.repairs, *other.repairs])
-    regression = work(one, other, options["tube"] or Tolerances())
+    regression = work(one, other, options["tube"] or {})
     with standard_output_for(options["json"]):
         shown.show(regression)
         shown.write(regression, options["report"], options["plot"])
@@ -114,8 +111,7 @@ def _cases(comparison: Comparison, percent: float | None) -> list[Case]:
 
 
 def _write(comparison: Comparison, options: CompareCommand) -> None:
-    """Write the figures, the picture and the page of a comparison."""
-    from orchestration.reporting import write_page
+    """Write the figures and the picture of a comparison."""
     from orchestration.reporting.console import wrote
 
     effects = comparison.model.effects
@@ -125,9 +121,6 @@ def _write(comparison: Comparison, options: CompareCommand) -> None:
     if options["plot"] is not None:
         comparison.plot(options["plot"])
         wrote(options["plot"])
-    if options["report"] is not None:
-        write_page(comparison, options["report"], typed_command())
-        wrote(options["report"])
 
 
 def show(comparison: Comparison) -> None:

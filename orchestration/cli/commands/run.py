@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     import xarray
 
     from orchestration.experiment.live import Live
-    from orchestration.experiment.regression import Regression, Tolerances
+    from orchestration.experiment.regression import Regression, Tolerance
 
 
 @command(RunCommand)
@@ -110,13 +111,16 @@ def _run(
 
 
 def _compare(
-    data: xarray.Dataset, earlier: xarray.Dataset, name: str, tolerances: Tolerances | None
+    data: xarray.Dataset,
+    earlier: xarray.Dataset,
+    name: str,
+    tolerances: Mapping[str, Tolerance] | None,
 ) -> Regression:
     """Compare a result with an earlier one; print the differences and their possible reasons."""
     import json
 
     from orchestration.experiment import results
-    from orchestration.experiment.regression import Tolerances, compare
+    from orchestration.experiment.regression import compare
     from orchestration.reporting.console import note, out, warn
 
     then, now = (json.loads(made.attrs["guids"]) for made in (earlier, data))
@@ -127,7 +131,7 @@ def _compare(
                 f" {now[member]})"
             )
     made, known = results.as_record(data, "this run"), results.as_record(earlier, name)
-    regression = compare(made, known, tolerances or Tolerances())
+    regression = compare(made, known, tolerances or {})
     if tolerances is None and not regression.refused:
         out.print(f"every value is the same to the last bit as in {name}")
     else:

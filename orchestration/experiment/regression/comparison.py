@@ -7,14 +7,17 @@ of the result must be in it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fmus.kit import UserError, units
+from fmus.kit import units
 from fmus.kit.arrays import Array, Indices
-from orchestration.experiment.regression.tolerances import EXACT, Tolerance, Tolerances
+from fmus.kit.errors import UserError, suggestion
+from orchestration.experiment.regression.tolerances import EXACT, OTHERS, Tolerance
 from orchestration.records import Record
 
 _NOTHING = np.empty(0)
@@ -55,14 +58,13 @@ class Deviation(NamedTuple):
     @property
     def worst(self) -> int:
         """Sample that is farthest outside; of none, the one farthest from the reference."""
-        if self.is_outside:
-            return int(np.argmax(self.excess))
-        return int(np.argmax(np.nan_to_num(np.abs(self.values - self.reference))))
+        difference = np.nan_to_num(np.abs(self.values - self.reference))
+        return int(np.argmax(self.excess if self.outside else difference))
 
     @property
-    def is_outside(self) -> bool:
-        """True if a sample is outside of the tube."""
-        return bool((self.excess > 0.0).any())
+    def outside(self) -> int:
+        """Number of samples outside of the tube."""
+        return int(np.count_nonzero(self.excess))
 
     @property
     def largest(self) -> float:
@@ -70,29 +72,23 @@ class Deviation(NamedTuple):
         if self.fault:
             return np.inf
         difference = abs(float(self.values[self.worst] - self.reference[self.worst]))
-        return difference if np.isfinite(difference) else np.inf
+        return np.inf if np.isnan(difference) else difference
 
     @property
     def message(self) -> str:
         """Why the result is refused, with the worst place; empty if it is not."""
-        if self.fault or not self.is_outside:
+        if not self.outside:
             return self.fault
         k = self.worst
-        count = int((self.excess > 0.0).sum())
-        place = f"at {self.time[k]:.6g} s: {self._shown(self.values[k])}"
-        exact = self.lower[k] == self.upper[k]
-        allowed = (
-            f"is {self._shown(self.reference[k])} in the reference"
-            if exact
-            else f"allowed {self._shown(self.lower[k])} to {self._shown(self.upper[k])}"
-        )
+        now, lower, upper = (self.shown(one[k]) for one in (self.values, self.lower, self.upper))
         return (
-            f"differs by up to {self.largest:.3g} {self.unit} {place}, {allowed};"
-            f" {count} of {self.time.size} samples are outside"
-        ).replace(" 1 at", " at")
+            f"differs by up to {self.shown(self.largest)} at {self.time[k]:.6g} s: {now}, allowed"
+            f" {lower} to {upper}; {self.outside} of {self.time.size} samples are outside"
+        )
 
-    def _shown(self, value: float) -> str:
-        return f"{value:.10g} {self.unit}".removesuffix(" 1")
+    def shown(self, value: float) -> str:
+        """Return a value with the unit."""
+        return f"{value:.7g} {self.unit}".removesuffix(" 1")
 
 
 @dataclass(frozen=True)
@@ -120,7 +116,7 @@ class Regression:
         return [one for one in self.deviations if one.message]
 
 
-def compare(result: Record, reference: Record, tolerances: Tolerances) -> Regression:
+def compare(result: Record, reference: Record, tolerances: Mapping[str, Tolerance]) -> Regression:
     """Compare a result with a reference.
 
     Signals without a tolerance must be the same to the last bit, at the same times.
@@ -129,7 +125,8 @@ def compare(result: Record, reference: Record, tolerances: Tolerances) -> Regres
     ----------
     result, reference : Record
         In any units; see `orchestration.records.read_samples`.
-    tolerances : Tolerances
+    tolerances : Mapping of str to Tolerance
+        See `read_tolerances`.
 
     Returns
     -------
@@ -143,7 +140,11 @@ def compare(result: Record, reference: Record, tolerances: Tolerances) -> Regres
     """
     for record in (result, reference):
         _check_time(record)
-    tolerances.check_names(reference.signals, reference.source)
+    for name in tolerances:
+        if name != OTHERS and name not in reference.signals:
+            near = suggestion(name, reference.signals)
+            raise UserError(f"tolerance of {name}: {reference.source} has no such signal{near}")
+    others = tolerances.get(OTHERS, EXACT)
     if not result.signals.keys() & reference.signals.keys():
         raise UserError(
             f"nothing to compare: {result.source} has {', '.join(result.signals) or 'no signals'},"
@@ -152,7 +153,10 @@ def compare(result: Record, reference: Record, tolerances: Tolerances) -> Regres
     return Regression(
         str(result.source),
         str(reference.source),
-        [_deviation(name, result, reference, tolerances.of(name)) for name in reference.signals],
+        [
+            _deviation(name, result, reference, tolerances.get(name, others))
+            for name in reference.signals
+        ],
         [name for name in result.signals if name not in reference.signals],
     )
 
@@ -178,10 +182,11 @@ def _deviation(name: str, result: Record, reference: Record, tolerance: Toleranc
     except UserError as error:
         return Deviation(name, fault=f"cannot be compared: {error}")
     slack = tolerance.time + _ROUNDING * np.ptp(reference.time)
-    if result.time[0] > reference.time[0] + slack:
-        return Deviation(name, fault=_misses("begins", result.time[0], reference.time[0]))
-    if result.time[-1] < reference.time[-1] - slack:
-        return Deviation(name, fault=_misses("ends", result.time[-1], reference.time[-1]))
+    begin, end = result.time[[0, -1]]
+    first, last = reference.time[[0, -1]]
+    if begin > first + slack or end < last - slack:
+        covers = f"covers {begin:.6g} s to {end:.6g} s, the reference {first:.6g} s to {last:.6g} s"
+        return Deviation(name, fault=covers)
     if tolerance == EXACT:
         return _exact_deviation(name, unit, result.time, values, reference.time, expected)
     if np.isnan(expected).all():
@@ -194,27 +199,23 @@ def _deviation(name: str, result: Record, reference: Record, tolerance: Toleranc
     return Deviation(name, unit, result.time, values, inside, lower, upper, np.maximum(excess, 0.0))
 
 
-def _misses(verb: str, time: float, expected: float) -> str:
-    return f"{verb} at {time:.6g} s, the reference at {expected:.6g} s"
-
-
 def _exact_deviation(
     name: str, unit: str, time: Array, values: Array, expected_time: Array, expected: Array
 ) -> Deviation:
     """Return how a signal deviates that must be the same to the last bit."""
     count = expected.size
-    if _bits(time[:count]) != _bits(expected_time):
+    if not np.array_equal(_bits(time[:count]), _bits(expected_time)):
         return Deviation(name, fault="is at other times than in the reference; allow a tolerance")
     values = values[:count]
-    differs = values.astype("<f8").view("<i8") != expected.astype("<f8").view("<i8")
     difference = np.nan_to_num(np.abs(values - expected), nan=np.inf, posinf=np.inf)
     # zeros of different sign differ as well
-    excess = np.where(differs, np.maximum(difference, np.finfo(float).tiny), 0.0)
+    difference = np.maximum(difference, np.finfo(float).tiny)
+    excess = np.where(_bits(values) != _bits(expected), difference, 0.0)
     return Deviation(name, unit, expected_time, values, expected, expected, expected, excess)
 
 
-def _bits(values: Array) -> bytes:
-    return values.astype("<f8").tobytes()
+def _bits(values: Array) -> NDArray[np.int64]:
+    return values.astype("<f8").view("<i8")
 
 
 def extent(values: Array) -> float:

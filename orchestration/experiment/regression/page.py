@@ -21,13 +21,11 @@ def rows(regression: Regression) -> list[tuple[str, ...]]:
 def _row(one: Deviation) -> tuple[str, ...]:
     if one.fault:
         return (one.signal, "", "", "", one.fault)
-    count = int((one.excess > 0.0).sum())
-    unit = "" if one.unit == "1" else f" {one.unit}"
     return (
         one.signal,
-        f"{one.largest:.3g}{unit}",
+        one.shown(one.largest),
         f"{one.time[one.worst]:.6g} s",
-        f"{count} of {one.time.size}",
+        f"{one.outside} of {one.time.size}",
         "differs" if one.message else "as allowed",
     )
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from fmus.kit import UserError
 from orchestration.experiment.regression.comparison import Deviation, Regression
 from orchestration.reporting import draw, pictures
@@ -15,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MOST_SIGNALS = 8  # more are too small to read
-_NEIGHBOURHOOD = 0.04  # of the duration, on either side of the worst place
+_AROUND = 5  # samples on either side of the worst place, at least
 
 
 def shown(regression: Regression) -> list[Deviation]:
@@ -38,41 +36,24 @@ def draw_regression(regression: Regression) -> Figure:
         raise UserError(f"{regression.result}: no signal was compared, so there is no picture")
     rows = [(one.signal, f"{one.signal} at its worst") for one in deviations]
     figure, panels = pictures.mosaic(rows, f"{regression.result} and {regression.reference}")
-    for deviation, (whole, near) in zip(deviations, rows, strict=True):
-        for panel in (panels[whole], panels[near]):
-            _draw_signal(panel, deviation)
-        pictures.label(panels[whole], deviation.signal, deviation.unit)
-        _approach(panels[near], deviation)
+    for one, (whole, near) in zip(deviations, rows, strict=True):
+        _draw_signal(panels[whole], one, slice(None))
+        around = max(_AROUND, one.time.size // 25)
+        _draw_signal(panels[near], one, slice(max(0, one.worst - around), one.worst + around + 1))
+        pictures.label(panels[whole], one.signal, one.unit)
     panels[rows[0][0]].legend(fontsize=8)
     for name in rows[-1]:
         panels[name].set_xlabel("time [s]")
     return figure
 
 
-def _draw_signal(panel: Axes, deviation: Deviation) -> None:
-    """Draw a signal, the reference with the tube, and the worst place if it is outside."""
-    time = deviation.time
-    panel.fill_between(
-        time, deviation.lower, deviation.upper, color=pictures.MEASURED, alpha=0.4, label="allowed"
-    )
-    panel.plot(time, deviation.reference, color=pictures.MEASURED, label="reference")
-    panel.plot(time, deviation.values, color=pictures.MODEL, label="result")
-    if deviation.is_outside:
-        k = deviation.worst
-        panel.plot(time[k], deviation.values[k], "o", color=pictures.FITTED, fillstyle="none")
-
-
-def _approach(panel: Axes, deviation: Deviation) -> None:
-    """Limit a panel to the neighbourhood of the worst place."""
-    time = deviation.time
-    place = time[deviation.worst]
-    half = max(_NEIGHBOURHOOD * np.ptp(time), np.finfo(float).eps * max(1.0, abs(place)))
-    panel.set_xlim(place - half, place + half)
-    near = np.abs(time - place) <= half
-    drawn = np.concatenate(
-        [curve[near] for curve in (deviation.values, deviation.lower, deviation.upper)]
-    )
-    drawn = drawn[np.isfinite(drawn)]
-    if drawn.size and np.ptp(drawn) > 0.0:
-        margin = 0.1 * np.ptp(drawn)
-        panel.set_ylim(drawn.min() - margin, drawn.max() + margin)
+def _draw_signal(panel: Axes, one: Deviation, samples: slice) -> None:
+    """Draw samples of a signal, the reference in its tube, and the worst place if it is outside."""
+    time = one.time[samples]
+    tube = (one.lower[samples], one.upper[samples])
+    panel.fill_between(time, *tube, color=pictures.MEASURED, alpha=0.4, label="allowed")
+    panel.plot(time, one.reference[samples], color=pictures.MEASURED, label="reference")
+    panel.plot(time, one.values[samples], color=pictures.MODEL, label="result")
+    if one.outside:
+        place = one.time[one.worst], one.values[one.worst]
+        panel.plot(*place, "o", color=pictures.FITTED, fillstyle="none")

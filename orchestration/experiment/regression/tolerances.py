@@ -3,32 +3,30 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from math import inf
+from typing import NamedTuple
 
-from fmus.kit import units
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit import UserError, units
 from orchestration.fmu.signal import read_amount, read_quantity
 
-_FORM = "write a time, a value or a share of the range such as 20ms, 1mV or 1%"
 
-
-@dataclass(frozen=True)
-class Tolerance:
+class Tolerance(NamedTuple):
     """Half the width and half the height of a tube, before the signal is known.
 
     Attributes
     ----------
     time : float
         Half the width, s.
-    values : tuple of str
-        Amounts with a unit, or without one in that of the signal, and shares of the reference's
-        range in percent; half the height is their sum.
+    percent : float
+        Share of the range of the reference in half the height.
+    amounts : tuple of str
+        What is added to that: with a unit, or in that of the signal.
     """
 
     time: float = 0.0
-    values: tuple[str, ...] = ()
+    percent: float = 0.0
+    amounts: tuple[str, ...] = ()
 
     def height(self, unit: str, extent: float, where: str) -> float:
         """Return half the height of the tube of a signal.
@@ -47,48 +45,18 @@ class Tolerance:
         UserError
             If an amount is of another quantity.
         """
-        shares = [text for text in self.values if text.endswith("%")]
-        amounts = [text for text in self.values if not text.endswith("%")]
         # a difference of temperatures has no offset
         difference = units.difference_unit(unit)
-        return sum(float(text[:-1]) / 100.0 * extent for text in shares) + sum(
-            read_amount(text, difference, where) for text in amounts
-        )
+        added = (read_amount(text, difference, where) for text in self.amounts)
+        return self.percent / 100.0 * extent + sum(added)
 
 
 EXACT = Tolerance()
+OTHERS = ""
+"""Key of the tolerance of all signals that are not named."""
 
 
-@dataclass(frozen=True)
-class Tolerances:
-    """The tolerance of each signal.
-
-    Attributes
-    ----------
-    others : Tolerance
-        Of all signals that are not named.
-    named : dict of str to Tolerance
-        By signal.
-    """
-
-    others: Tolerance = EXACT
-    named: dict[str, Tolerance] = field(default_factory=dict)
-
-    def of(self, signal: str) -> Tolerance:
-        """Return the tolerance of a signal."""
-        return self.named.get(signal, self.others)
-
-    def check_names(self, known: Iterable[str], source: object) -> None:
-        """Raise UserError if a signal that has a tolerance is not in a file."""
-        names = list(known)
-        for name in self.named:
-            if name not in names:
-                raise UserError(
-                    f"tolerance of {name}: {source} has no such signal{suggestion(name, names)}"
-                )
-
-
-def read_tolerances(texts: str | Sequence[str], flag: str) -> Tolerances:
+def read_tolerances(texts: str | Sequence[str], flag: str) -> dict[str, Tolerance]:
     """Read tolerances that are separated by commas.
 
     Those after ``NAME=`` are of that signal; those before any name are of all others.
@@ -101,7 +69,8 @@ def read_tolerances(texts: str | Sequence[str], flag: str) -> Tolerances:
 
     Returns
     -------
-    Tolerances
+    dict of str to Tolerance
+        By signal, and by `OTHERS`.
 
     Raises
     ------
@@ -109,36 +78,31 @@ def read_tolerances(texts: str | Sequence[str], flag: str) -> Tolerances:
         If a text is no tolerance, or a signal has two.
     """
     text = texts if isinstance(texts, str) else ",".join(texts)
-    groups: dict[str, list[str]] = {"": []}
-    name = ""
+    found: dict[str, Tolerance] = {}
+    name = OTHERS
     # a comma in brackets is part of a name, such as A[1,2]
     for part in re.split(r",(?![^\[\]]*\])", text):
         named, equals, amount = part.rpartition("=")
         if equals:
             name = named.strip()
-            if not name or name in groups:
-                raise UserError(f"{flag} {text!r}: {name or 'a name'} is {_fault(name)}")
-            groups[name] = []
-        groups[name].append(amount)
-    read = {name: _tolerance(amounts, flag) for name, amounts in groups.items()}
-    return Tolerances(read.pop(""), read)
+            if not name or name in found:
+                raise UserError(f"{flag} {text!r}: {name or 'a name'} is named twice or missing")
+        found[name] = _with(found.get(name, EXACT), amount, flag)
+    return found
 
 
-def _fault(name: str) -> str:
-    return "named twice" if name else "missing before ="
-
-
-def _tolerance(amounts: Sequence[str], flag: str) -> Tolerance:
-    """Return the tolerance of one signal, of a width and a height."""
-    time = 0.0
-    values = []
-    for given in amounts:
-        text = given.strip()
-        number, unit = read_quantity(text.removesuffix("%")) or (inf, "")
-        if not 0.0 <= number < inf or (text.endswith("%") and unit):
-            raise UserError(f"{flag} {given!r}: {_FORM}, at least 0")
-        if unit and units.measure_alike(unit, "s"):
-            time += read_amount(text, "s", flag)
-        else:
-            values.append(text)
-    return Tolerance(time, tuple(values))
+def _with(tolerance: Tolerance, given: str, flag: str) -> Tolerance:
+    """Return a tolerance with one more amount."""
+    text = given.strip()
+    number, unit = read_quantity(text.removesuffix("%")) or (inf, "")
+    is_share = text.endswith("%")
+    if not 0.0 <= number < inf or (is_share and unit):
+        raise UserError(
+            f"{flag} {given!r}: write a time, a value or a share of the range, at least 0, such as"
+            " 20ms, 1mV or 1%"
+        )
+    if is_share:
+        return tolerance._replace(percent=tolerance.percent + number)
+    if unit and units.measure_alike(unit, "s"):
+        return tolerance._replace(time=tolerance.time + read_amount(text, "s", flag))
+    return tolerance._replace(amounts=(*tolerance.amounts, text))

@@ -153,7 +153,7 @@ def test_what_cannot_be_compared_has_another_one(files):
         (("result.csv", "reference.csv", "--tube", "wide"), ["--tube 'wide'"]),
         (("result.csv", "reference.csv", "--tube", "v=1%"), ["tolerance of v", "no such signal"]),
         (("result.csv", "--tube", "1%"), ["ppy compare RESULT REFERENCE"]),
-        (("result.csv", "--report", "page.html"), ["--report needs parameters"]),
+        (("result.csv", "--report", "page.html"), ["--report is for two files"]),
         (("result.csv", "reference.csv", "--plot", "result.csv"), ["--plot result.csv"]),
     ):
         refused(files, "compare", *arguments, parts=parts)
