@@ -6,7 +6,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
+
+from pydantic import Field
 
 from fmus.kit.errors import UserError, suggestion
 from orchestration.experiment.values import ValueTable, checked, read_toml
@@ -30,7 +32,7 @@ class Acceptance(ValueTable):
     """
 
     code: str
-    why: str
+    why: Annotated[str, Field(min_length=1)]
     variable: str | None = None
     fmu: str | None = None
     until: date | None = None
@@ -72,8 +74,6 @@ def read_acceptances(path: Path) -> list[Acceptance]:
             raise UserError(
                 f"{path}: no finding has the code {entry.code!r}{suggestion(entry.code, RULES)}"
             )
-        if not entry.why.strip():
-            raise UserError(f"{path}: {entry}: why is empty; write the reason")
     return entries
 
 
@@ -87,7 +87,7 @@ def judge(
     """
     for finding in findings:
         concerned = [entry for entry in entries if entry.concerns(finding, fmu)]
-        valid = [entry for entry in concerned if entry.until is None or today <= entry.until]
+        valid = [entry for entry in concerned if today <= (entry.until or today)]
         named = {entry.variable for entry in valid}
         rest = [] if None in named else [n for n in finding.variables if n not in named]
         if valid and not rest:
@@ -96,15 +96,3 @@ def judge(
         lacks = [f"; not accepted for {', '.join(rest)}"] if valid else []
         lacks += [f"; accepted until {entry.until} only" for entry in concerned if entry.until]
         yield Judged(replace(finding, message=finding.message + "".join(lacks)))
-
-
-def unused(
-    entries: Iterable[Acceptance], findings: Iterable[tuple[Path, Finding]]
-) -> list[Acceptance]:
-    """Return the entries that are about none of the findings, each with its FMU."""
-    found = list(findings)
-    return [
-        entry
-        for entry in entries
-        if not any(entry.concerns(finding, fmu) for fmu, finding in found)
-    ]

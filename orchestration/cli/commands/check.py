@@ -24,7 +24,7 @@ def check(options: CheckCommand) -> None:
     """
     from datetime import date
 
-    from orchestration.cli.acceptance import judge, read_acceptances, unused
+    from orchestration.cli.acceptance import judge, read_acceptances
     from orchestration.cli.verdicts import conclude
     from orchestration.fmu.check import check_fmu
     from orchestration.reporting.console import note
@@ -40,8 +40,9 @@ def check(options: CheckCommand) -> None:
     entries = [] if accept is None else read_acceptances(accept)
     findings = {fmu: check_fmu(fmu) for fmu in fmus}
     judged = {fmu: [*judge(among, entries, fmu, date.today())] for fmu, among in findings.items()}
-    for entry in unused(entries, [(fmu, one) for fmu, among in findings.items() for one in among]):
-        note(f"{accept}: {entry}: there is no such finding; the entry can go")
+    for entry in entries:
+        if not any(entry.concerns(one, fmu) for fmu in fmus for one in findings[fmu]):
+            note(f"{accept}: {entry}: there is no such finding; the entry can go")
     with standard_output_for(path):
         for fmu, among in judged.items():
             _show(fmu, among)
