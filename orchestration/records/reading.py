@@ -146,7 +146,8 @@ def read_samples(path: Readable) -> Record:
     Returns
     -------
     Record
-        In the units of the file. Columns with words are noted and left out.
+        In the units of the file, which are empty where it states none. Columns with words are noted
+        and left out.
 
     Raises
     ------
@@ -165,8 +166,11 @@ def read_samples(path: Readable) -> Record:
             values[column.name] = numbers(table, column)
         except UserError as error:
             table.note("words", f"left out: {str(error).removeprefix(f'{table.path}: ')}")
-    units_in_file = {column.name: column.unit or "1" for column in table.columns}
-    return Record(time, values, units_in_file, table.path, table.repairs)
+    stated = {column.name: column.unit or "" for column in table.columns}
+    without = [name for name in values if not stated[name]]
+    if without:
+        table.note("no unit", f"no unit is stated for {', '.join(without)}")
+    return Record(time, values, stated, table.path, table.repairs)
 
 
 def read_runs(

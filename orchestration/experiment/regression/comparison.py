@@ -175,10 +175,11 @@ def _deviation(name: str, result: Record, reference: Record, tolerance: Toleranc
     """Return how a signal of a result deviates from the reference."""
     if name not in result.signals:
         return Deviation(name, fault=f"is missing in {result.source}")
-    unit = reference.units[name]
+    # a column without a unit is in that of the other file
+    unit = reference.units[name] or result.units[name] or "1"
     expected = reference.signals[name]
     try:
-        values = units.convert(result.signals[name], result.units[name], unit)
+        values = units.convert(result.signals[name], result.units[name] or unit, unit)
     except UserError as error:
         return Deviation(name, fault=f"cannot be compared: {error}")
     slack = tolerance.time + _ROUNDING * np.ptp(reference.time)

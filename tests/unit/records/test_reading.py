@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from fmus.kit import UserError
-from orchestration.records import Source, parse_mapping, read_columns, read_record
+from orchestration.records import Source, parse_mapping, read_columns, read_record, read_samples
 from tests.support import odd_tables, vendors
 from tests.support.record_forms import write
 from tests.support.record_rows import read, varied_rows, write_rows
@@ -194,3 +194,18 @@ def read_vendor(folder, file):
         required=list(vendors.UNITS),
         inputs=["current"],
     )
+
+
+def test_samples_are_read_as_they_stand(tmp_path):
+    """Jumps, gaps and order stay; words are left out and noted."""
+    path = tmp_path / "result.csv"
+    path.write_text("time [s],u [mV],x,mode\n0,1,5,on\n1,2,6,on\n1,3,,off\n0.5,4,8,off\n")
+    record = read_samples(path)
+    assert record.time.tolist() == [0.0, 1.0, 1.0, 0.5]
+    assert record.signals["u"].tolist() == [1.0, 2.0, 3.0, 4.0]
+    assert np.isnan(record.signals["x"]).tolist() == [False, False, True, False]
+    assert (record.units["u"], record.units["x"]) == ("mV", "")
+    assert list(record.signals) == ["u", "x"]
+    notes = [repair.message for repair in record.repairs]
+    assert any("mode" in note and note.startswith("left out") for note in notes)
+    assert "no unit is stated for x" in notes

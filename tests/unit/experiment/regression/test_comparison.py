@@ -129,6 +129,9 @@ def test_without_a_tolerance_the_last_bit_counts():
 def test_units_are_converted_and_others_refused():
     millivolts = replace(result(v=1e3 * REFERENCE.signals["v"]), units={"v": "mV", "w": "rad/s"})
     assert refused(millivolts, "1e-9") == {}
+    unstated = replace(result(), units={"v": "", "w": ""})
+    assert refused(unstated, "v=1mV, w=1%") == {}
+    assert refused(unstated, "v=1, w=1%", unstated) == {}
     metres = replace(result(), units={"v": "m", "w": "rad/s"})
     assert "cannot be compared" in refused(metres, "1%")["v"]
 
