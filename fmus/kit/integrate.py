@@ -159,12 +159,12 @@ class Integrator:
         """Advance the component from ``time`` to ``time + step``.
 
         A sample instant at ``time`` is taken first; one at ``time + step`` belongs to the next
-        call.
+        call, unless the step is 0 s.
 
         Parameters
         ----------
         time, step : float
-            Seconds; ``step`` is positive.
+            Seconds; ``step`` is not negative.
 
         Raises
         ------
@@ -176,7 +176,7 @@ class Integrator:
             return
         end = time + step
         self._budget = MAX_STEPS
-        while time < end:
+        while True:
             target = end
             for index, group in enumerate(self.groups):
                 period, shift = self._seconds(group[0])
@@ -195,6 +195,8 @@ class Integrator:
             self._budget -= steps
             if self._budget <= 0 and target < end:
                 raise self._too_many_steps(target)
+            if target >= end:
+                return
             time = target
 
     def _seconds(self, clock: Clock) -> tuple[float, float]:

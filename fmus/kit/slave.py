@@ -128,7 +128,7 @@ class Slave:
         Parameters
         ----------
         time, step : float
-            Start and length of the step, s.
+            Start and length of the step, s; a step of 0 s makes the updates that are due.
 
         Returns
         -------

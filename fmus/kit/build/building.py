@@ -16,7 +16,6 @@ from fmus.kit.errors import UserError
 from fmus.kit.storage import cache
 
 if TYPE_CHECKING:
-    from fmus.kit.build.sources import EngineSources
     from fmus.kit.symbolic.packing import PackedSystem
 
 RUNTIMES = ("python", "native")  # with the project's own front-end in C
@@ -85,8 +84,7 @@ def plan_build(
     Raises
     ------
     UserError
-        If there is no such runtime or version, or FMI 3.0 is requested for a build without laws
-        in C, or clocks of FMI 2.0.
+        If there is no such runtime or version, or clocks of FMI 2.0 are requested.
     """
     # CasADi takes a tenth of a second to load, and other parts of this package do not need it
     from fmus.kit.build import description
@@ -102,7 +100,10 @@ def plan_build(
     contents = documents(cls)
     describe = description.describe_fmi3 if fmi == 3 else description.describe_fmi2
     if fmi == 3:
-        contents |= _fmi3_files(cls, contents.pop("model.png", None), engine)
+        contents |= _fmi3_files(cls, contents.pop("model.png", None))
+    if fmi == 3 and native:
+        built = description.build_description(cls, UNIT, engine.libraries)
+        contents["sources/buildDescription.xml"] = built
     if not native:
         contents |= python_package(cls)
     capabilities = description.Capabilities(
@@ -129,16 +130,11 @@ def plan_build(
     return BuildPlan(cls.name, runtime, fmi, guid, contents, sources, engine.libraries)
 
 
-def _fmi3_files(
-    cls: type[Component], icon: bytes | None, engine: EngineSources
-) -> dict[str, bytes]:
-    """Return the files of FMI 3.0 other than the model description, by path in the archive."""
+def _fmi3_files(cls: type[Component], icon: bytes | None) -> dict[str, bytes]:
+    """Return the files of terminals and icons of FMI 3.0, by path in the archive."""
     from fmus.kit.build import description
-    from fmus.kit.build.sources import UNIT
 
-    files = {
-        "sources/buildDescription.xml": description.build_description(cls, UNIT, engine.libraries)
-    }
+    files = {}
     if cls.ports or icon is not None:
         declared = description.terminals(cls, with_icon=icon is not None)
         files["terminalsAndIcons/terminalsAndIcons.xml"] = declared
@@ -264,13 +260,11 @@ def _check_runtime(runtime: str, known: Sequence[str]) -> None:
 
 
 def _check_version(cls: type[Component], runtime: str, fmi: int, clocks: bool = False) -> None:
-    """Raise an error unless a version of FMI is known and available for a build."""
+    """Raise an error unless a version of FMI is known and there is such a build of it."""
     if fmi not in (2, 3):
         raise UserError(f"unknown version {fmi} of FMI; there are: 2, 3")
-    if fmi == 3 and runtime != "native":
-        raise UserError(f"{cls.name}: FMI 3.0 is built native, not {runtime}")
-    if fmi == 3 and cls.engine is not None:
-        raise UserError(f"{cls.name} has no laws, which a build of FMI 3.0 needs; build FMI 2.0")
+    if fmi == 3 and runtime == STOCK:
+        raise UserError(f"{cls.name}: the build of {STOCK} is of FMI 2.0, not of 3.0")
     if clocks and fmi == 2:
         raise UserError(f"{cls.name}: FMI 2.0 has no clocks; build FMI 3.0")
 

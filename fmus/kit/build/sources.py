@@ -31,6 +31,7 @@ _HEADERS = (
     "values.h",
     "derivatives.h",
     "step.h",
+    "samples.h",
 )
 _RECORD_MODEL = (
     "engine.h",
@@ -44,6 +45,7 @@ _RECORD_ENGINE = (
     "any_model.c",
     "export.h",
     "native.h",
+    "samples.h",
     "native.c",
     "integrate.c",
     "exponential.c",
@@ -60,37 +62,43 @@ class _Version:
     standard : tuple of str
         Headers of the standard, in ``standard``.
     headers, front_end : tuple of str
-        Headers and sources of every build.
-    exchange : tuple of str
-        Sources of a build with model exchange.
+        Headers and sources of every build, in ``fmi``.
+    laws, lawless : tuple of str
+        Sources of a build with laws in C, and of one without.
     """
 
     standard: tuple[str, ...]
     headers: tuple[str, ...]
     front_end: tuple[str, ...]
-    exchange: tuple[str, ...]
+    laws: tuple[str, ...]
+    lawless: tuple[str, ...]
 
 
 _VERSIONS = {
     2: _Version(
         ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
-        ("host.h",),
-        ("common.c", "co_simulation.c"),
-        ("model_exchange.c",),
+        ("fmi2/host.h", "exchange.h"),
+        ("fmi2/common.c", "fmi2/co_simulation.c"),
+        ("exchange.c", "events.c", "fmi2/model_exchange.c"),
+        ("no_laws.c",),
     ),
     3: _Version(
         ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
-        ("host.h", "variables.h", "arrays.h", "extra_laws.h"),
+        ("fmi3/host.h", "fmi3/variables.h", "fmi3/arrays.h", "fmi3/extra_laws.h", "exchange.h"),
         (
-            "common.c",
-            "arrays.c",
-            "access.c",
-            "partials.c",
-            "clocks.c",
-            "co_simulation.c",
-            "unused.c",
+            "fmi3/common.c",
+            "fmi3/arrays.c",
+            "fmi3/access.c",
+            "fmi3/partials.c",
+            "fmi3/clocks.c",
+            "fmi3/co_simulation.c",
+            "fmi3/unused.c",
+            "exchange.c",
+            "events.c",
+            "fmi3/model_exchange.c",
         ),
-        ("model_exchange.c", "extra_laws.c"),
+        ("fmi3/extra_laws.c",),
+        ("no_laws.c", "fmi3/no_extra_laws.c"),
     ),
 }
 
@@ -122,10 +130,8 @@ def _unix(library: str) -> dict[str, tuple[str, ...]]:
 
 
 _NATIVE = EngineSources(
-    tuple(FOLDER / name for name in ("native.h", "this_model.h", "exchange.h")),
-    tuple(
-        FOLDER / name for name in ("native.c", "integrate.c", "hosted.c", "exchange.c", "events.c")
-    ),
+    tuple(FOLDER / name for name in ("native.h", "this_model.h")),
+    tuple(FOLDER / name for name in ("native.c", "integrate.c", "hosted.c")),
     ("laws.c",),
     _unix("m"),
 )
@@ -190,27 +196,26 @@ def c_sources(
         Name to contents, :data:`UNIT` among them.
     """
     version = _VERSIONS[fmi]
+    laws = version.lawless
     if packed is not None:
         texts = packing.packed_sources(packed, guid)
-        front_end = version.front_end
     elif "laws.c" in engine.generated:
         texts = codegen.native_sources(graph, guid, fmi=fmi)
-        front_end = (*version.front_end, *version.exchange)
+        laws = version.laws
     else:
         texts = codegen.lawless_sources(graph, guid)
-        front_end = version.front_end
-    folder = FOLDER / f"fmi{fmi}"
-    files = (
-        *(FOLDER / name for name in _HEADERS),
+    headers = (
+        *(FOLDER / name for name in (*_HEADERS, *version.headers)),
         *engine.headers,
         *(toolchain.fmi_headers(fmi) / name for name in version.standard),
-        *(folder / name for name in (*version.headers, *front_end)),
-        *(FOLDER / name for name in _FRONT_END),
-        *engine.sources,
     )
-    sources = {path.name: path.read_bytes() for path in files}
     # an engine may have to define feature macros of the system before the first header is read
-    parts = (*(path.name for path in engine.sources), *_FRONT_END, *front_end, *engine.generated)
+    compiled = (
+        *engine.sources,
+        *(FOLDER / name for name in (*_FRONT_END, *version.front_end, *laws)),
+    )
+    sources = {path.name: path.read_bytes() for path in (*headers, *compiled)}
+    parts = (*(path.name for path in compiled), *engine.generated)
     generated = {name: text.encode() for name, text in texts.items()}
     return sources | {UNIT: unit(*parts)} | generated
 

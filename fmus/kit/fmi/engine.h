@@ -2,7 +2,7 @@
  *
  * An FMU is compiled from three parts:
  *     front-end   instance.c evaluate.c lifecycle.c access.c snapshot.c step.c      (the same in every FMU)
- *     engine      native.c integrate.c hosted.c exchange.c,
+ *     engine      native.c integrate.c hosted.c,
  *                 or python.c library.c interpreter.c resources.c,   or packed.c,   or a component's own
  *     model       model.h tables.h, and laws.c with the native engine   (generated)
  *
@@ -116,7 +116,7 @@ static bool engine_evaluate(Engine *engine, double time, Message message);
 static bool engine_differentiate(Engine *engine, double time, Message message);
 
 /* States and discretes from `time` to `time + step`; outputs and derivatives need not be up to date after it. A message
-   beside success is a warning. */
+   beside success is a warning. A step of 0 s makes the updates that are due; without groups nobody asks for one. */
 static bool engine_advance(Engine *engine, double time, double step, Message message);
 
 /* `seed` is a direction [parameters | inputs | states | discretes] and, at MODEL_VARIABLES, of the time; `result` takes

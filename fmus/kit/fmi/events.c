@@ -1,7 +1,6 @@
 /* Event mode: samples are time events. */
 #include "evaluate.h"
 #include "exchange.h"
-#include "native.h"
 
 #include <math.h>
 
@@ -34,27 +33,25 @@ EXPORT Status FMI(EnterEventMode)(void *c) {
     return FMI(OK);
 }
 
-static double next_sample(const Engine *engine) {
+static double next_sample(const Instance *instance) {
     double next = INFINITY;
     for (int i = 0; i < MODEL_GROUPS; i++)
-        next = fmin(next, sample_instant(engine, i));
+        next = fmin(next, instant_of(instance, i));
     return next;
 }
 
 Status update_discretes(Instance *instance, const char *function, double *next) {
     Message message = "";
-    double target;
     if (!enters_events(instance, EVENT, function))
         return FMI(Error);
     instance->before = instance->now;
-    instance->engine->sloped = false;
-    if (!sample(instance->engine, instance->now.time, instance->now.time, &target, message)) {
+    if (MODEL_GROUPS > 0 && !engine_advance(instance->engine, instance->now.time, 0.0, message)) {
         report(instance, FMI(Error), "event at %.10g s failed: %s", instance->now.time, message);
         return fail(instance);
     }
     touch(instance, false);
     if (!all_finite(instance, FIRST_DISCRETE, FIRST_OUTPUT))
         return fail(instance);
-    *next = next_sample(instance->engine);
+    *next = next_sample(instance);
     return FMI(OK);
 }

@@ -1,12 +1,9 @@
 /* Model exchange: the host integrates the states; samples are time events, switches of laws have indicators. */
 #include "exchange.h"
 #include "evaluate.h"
-#include "native.h"
 
 #include <math.h>
 #include <string.h>
-
-static Law indicators;
 
 bool host_integrates(const Instance *instance, int modes, const char *function) {
     if (!allowed(instance, modes, function))
@@ -101,11 +98,7 @@ static void keep_off_zero(Instance *instance, double z[]) {
 }
 
 bool indicate(Instance *instance, double z[]) {
-    Engine *engine = instance->engine;
-    engine->sloped = false;
-    bind(engine, instance->now.time, engine->memory + FIRST_STATE);
-    engine->res[0] = z;
-    if (!call(engine, indicators))
+    if (!engine_indicate(instance->engine, instance->now.time, z))
         return false;
     keep_off_zero(instance, z);
     return true;

@@ -1,12 +1,12 @@
 /* The native engine in an FMU: of the one model that is compiled with it, and with what only a host asks for. */
-#include "engine.h"
+#include "exchange.h"
 #include "native.h"
 #include "this_model.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 
-static Law tangent;
+static Law tangent, indicators;
 
 static const bool engine_interpolates = true;
 static const bool engine_exchanges = true;
@@ -55,4 +55,11 @@ bool engine_tangent(Engine *engine, double time, const double *seed, double *res
     engine->res[0] = result;
     engine->res[1] = result + MODEL_STATES;
     return call(engine, tangent) || law_failed(message, "tangent");
+}
+
+bool engine_indicate(Engine *engine, double time, double z[]) {
+    engine->sloped = false;
+    bind(engine, time, engine->memory + FIRST_STATE);
+    engine->res[0] = z;
+    return call(engine, indicators);
 }

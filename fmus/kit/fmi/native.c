@@ -1,5 +1,6 @@
 /* The native engine: calls the generated laws; sampled updates at their exact instants, integration between them. */
 #include "native.h"
+#include "samples.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -53,18 +54,20 @@ static bool update(Engine *engine, int group, double time) {
     return true;
 }
 
-bool sample(Engine *engine, double time, double end, double *target, Message message) {
+/* Makes the updates that are due and finds where the integration has to stop next: the next sample or `end`. */
+static bool sample(Engine *engine, double time, double end, double *target, Message message) {
     const Model *model = model_of(engine);
-    double *counters = engine->memory + model->counters;
+    double *memory = engine->memory, *counters = memory + model->counters, start = memory[model->start_time];
     *target = end;
     for (int i = 0; i < model->groups; i++) {
-        double next = sample_instant(engine, i);
-        double slack = sample_slack(engine, i, end);
+        const Group *group = &model->group[i];
+        double next = sample_instant(group, memory, start, counters[i]);
+        double slack = sample_slack(group, memory, end);
         if (next <= time + slack) {
             if (!update(engine, i, time))
                 return law_failed(message, "update");
             counters[i] += 1.0;
-            next = sample_instant(engine, i);
+            next = sample_instant(group, memory, start, counters[i]);
         }
         if (next < end - slack)
             *target = fmin(*target, next);

@@ -60,39 +60,6 @@ static bool law_failed(Message message, const char *law);
 static bool engine_evaluate(Engine *engine, double time, Message message);
 static bool engine_advance(Engine *engine, double time, double step, Message message);
 
-/* Makes the updates that are due and finds where the integration has to stop next: the next sample or `end`. */
-static bool sample(Engine *engine, double time, double end, double *target, Message message);
-
-static inline double period_of(const Engine *engine, int group) {
-    const Group *of = &model_of(engine)->group[group];
-    return of->period_parameter < 0 ? of->period : engine->memory[of->period_parameter];
-}
-
-/* The time of the first sample, for a simulation that starts at `start`. */
-static inline double first_sample(const Engine *engine, int group, double start) {
-    for (int i = 0; i < 2; i++) {
-        int parameter = model_of(engine)->group[group].shift_parameters[i];
-        start += parameter < 0 ? 0.0 : engine->memory[parameter];
-    }
-    return start;
-}
-
-static inline double sample_instant(const Engine *engine, int group) {
-    const Model *model = model_of(engine);
-    const double *memory = engine->memory;
-    return first_sample(engine, group, memory[model->start_time]) +
-           memory[model->counters + group] * period_of(engine, group);
-}
-
-/* Times this close are the same instant: hosts round, and late in a simulation more than a share of the period. */
-static inline double sample_slack(const Engine *engine, int group, double end) {
-    return 1e-9 * period_of(engine, group) + 1e-15 * fabs(end);
-}
-
-static inline bool sample_due(const Engine *engine, int group, double time) {
-    return sample_instant(engine, group) <= time + sample_slack(engine, group, time);
-}
-
 /* Integrates the states from `time` to `target`, all else being held. */
 static bool integrate(Engine *engine, double time, double target, Message message);
 

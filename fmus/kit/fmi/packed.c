@@ -374,12 +374,3 @@ bool engine_advance(Engine *engine, double time, double size, Message message) {
     }
     return true;
 }
-
-bool engine_tangent(Engine *engine, double time, const double *seed, double *result, Message message) {
-    (void)engine;
-    (void)time;
-    (void)seed;
-    (void)result;
-    snprintf(message, MESSAGE_SIZE, "a packed system has no directional derivatives");
-    return false;
-}

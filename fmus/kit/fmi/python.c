@@ -267,12 +267,3 @@ bool engine_advance(Engine *engine, double time, double step, Message message) {
     python->PyGILState_Release(lock);
     return good;
 }
-
-bool engine_tangent(Engine *engine, double time, const double *seed, double *result, Message message) {
-    (void)engine;
-    (void)time;
-    (void)seed;
-    (void)result;
-    snprintf(message, MESSAGE_SIZE, "directional derivatives need the native build");
-    return false;
-}

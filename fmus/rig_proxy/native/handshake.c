@@ -12,7 +12,7 @@ static Opening unfit(Wire *wire) {
     return WIRE_UNFIT;
 }
 
-static Opening absent(Wire *wire) {
+static Opening missing_peer(Wire *wire) {
     wire_close(wire);
     return WIRE_ABSENT;
 }
@@ -31,9 +31,9 @@ static void write_greeting(unsigned char greeting[GREETING]) {
 static Opening check_version(Wire *wire, double until, Message message) {
     const unsigned char *theirs;
     if (wire_fill(wire, 1, until) != WIRE_FRAME)
-        return absent(wire);
+        return missing_peer(wire);
     if (wire->input[0] == 0xff && wire_fill(wire, VERSION + 1, until) != WIRE_FRAME)
-        return absent(wire);
+        return missing_peer(wire);
     theirs = wire->input;
     if (theirs[0] == 0xff && (theirs[9] & 1) != 0 && theirs[VERSION] >= 3)
         return WIRE_OPEN;
@@ -44,7 +44,7 @@ static Opening check_version(Wire *wire, double until, Message message) {
 static Opening check_mechanism(Wire *wire, double until, Message message) {
     char theirs[MECHANISM_SIZE + 1] = "";
     if (wire_fill(wire, GREETING, until) != WIRE_FRAME)
-        return absent(wire);
+        return missing_peer(wire);
     memcpy(theirs, wire->input + MECHANISM, MECHANISM_SIZE);
     wire->taken = GREETING;
     if (strcmp(theirs, "NULL") == 0)
@@ -87,7 +87,7 @@ static Opening await_ready(Wire *wire, double until, Message message) {
         Frame frame, data;
         char type[16];
         if (wire_frame(wire, until, &frame) != WIRE_FRAME || (frame.flags & FLAG_COMMAND) == 0)
-            return absent(wire);
+            return missing_peer(wire);
         if (command_is(&frame, "READY", &data)) {
             if (!find_property(data, "Socket-Type", type, sizeof type) || strcmp(type, "ROUTER") == 0)
                 return WIRE_OPEN;
@@ -100,7 +100,7 @@ static Opening await_ready(Wire *wire, double until, Message message) {
             return unfit(wire);
         }
     }
-    return absent(wire);
+    return missing_peer(wire);
 }
 
 static bool put_ready(Wire *wire, const char *name) {
@@ -122,16 +122,16 @@ Opening wire_open(Wire *wire, const Address *address, const char *name, double u
     if (!wire_is_open(wire))
         return WIRE_ABSENT;
     if (!socket_wait(wire->socket, true, until - clock_now()) || !socket_is_connected(wire->socket))
-        return absent(wire);
+        return missing_peer(wire);
     write_greeting(ours);
     /* Our mechanism goes out when theirs is there: libzmq hangs up on one that does not suit it, before it has told
        its own, and nobody would learn that keys are missing. */
     if (!wire_put(wire, ours, FIRST_PART))
-        return absent(wire);
+        return missing_peer(wire);
     if ((opening = check_version(wire, until, message)) != WIRE_OPEN ||
         (opening = check_mechanism(wire, until, message)) != WIRE_OPEN)
         return opening;
     if (!wire_put(wire, ours + FIRST_PART, GREETING - FIRST_PART) || !put_ready(wire, name))
-        return absent(wire);
+        return missing_peer(wire);
     return await_ready(wire, until, message);
 }

@@ -174,12 +174,3 @@ bool engine_differentiate(Engine *engine, double time, Message message) {
     (void)message;
     return true;
 }
-
-bool engine_tangent(Engine *engine, double time, const double *seed, double *result, Message message) {
-    (void)engine;
-    (void)time;
-    (void)seed;
-    (void)result;
-    snprintf(message, MESSAGE_SIZE, "a rig has no derivatives");
-    return false;
-}

@@ -3,7 +3,7 @@
  * It is active in event mode from a sample instant to the call that makes the sample. The standard has intervals of input
  * clocks only; hosts that ask for that of an output clock get the period.
  */
-#include "native.h"
+#include "exchange.h"
 #include "variables.h"
 
 #include <math.h>
@@ -27,18 +27,18 @@ EXPORT fmi3Status fmi3GetClock(fmi3Instance c, const fmi3ValueReference vr[], si
         return fmi3Error;
     for (size_t i = 0; i < n; i++)
         value[i] = instance->now.mode == EVENT &&
-                   sample_due(instance->engine, (int)(vr[i] - FIRST_CLOCK), instance->now.time);
+                   sample_due(instance, (int)(vr[i] - FIRST_CLOCK));
     return fmi3OK;
 }
 
 /* ---- intervals and shifts ----------------------------------------------------------------------- */
 
 static double interval_of(const Instance *instance, fmi3ValueReference vr) {
-    return period_of(instance->engine, (int)(vr - FIRST_CLOCK));
+    return period_of(&model_groups[vr - FIRST_CLOCK], instance->now.memory);
 }
 
 static double shift_of(const Instance *instance, fmi3ValueReference vr) {
-    return first_sample(instance->engine, (int)(vr - FIRST_CLOCK), 0.0);
+    return first_sample(&model_groups[vr - FIRST_CLOCK], instance->now.memory, 0.0);
 }
 
 typedef double Seconds(const Instance *instance, fmi3ValueReference vr);

@@ -1,7 +1,7 @@
 /* FMI 3.0 co-simulation: the step in time, which may end early, at a sample. */
 #include "arrays.h"
 #include "evaluate.h"
-#include "native.h"
+#include "exchange.h"
 #include "extra_laws.h"
 #include "step.h"
 #include "values.h"
@@ -9,12 +9,13 @@
 #include <math.h>
 
 /* The first sample after the beginning of a step that is before its end; else that end. */
-static double sample_within(const Engine *engine, double time, double end) {
+static double sample_within(const Instance *instance, double time, double end) {
+    const double *memory = instance->now.memory;
     double first = end;
     for (int i = 0; i < MODEL_GROUPS; i++) {
-        double instant = sample_instant(engine, i), slack = sample_slack(engine, i, end);
+        double instant = instant_of(instance, i), slack = sample_slack(&model_groups[i], memory, end);
         if (instant <= time + slack) /* the step begins with this one */
-            instant += period_of(engine, i);
+            instant += period_of(&model_groups[i], memory);
         if (instant < end - slack)
             first = fmin(first, instant);
     }
@@ -23,14 +24,14 @@ static double sample_within(const Engine *engine, double time, double end) {
 
 /* The size of a step, which is shorter where a sample comes before its end. */
 static double step_to_sample(const Instance *instance, double time, double step, bool *early) {
-    double end = time + step, stop = sample_within(instance->engine, time, end);
+    double end = time + step, stop = sample_within(instance, time, end);
     *early = stop < end;
     return *early ? stop - time : step;
 }
 
-static bool any_sample_due(const Engine *engine, double time) {
+static bool any_sample_due(const Instance *instance) {
     for (int i = 0; i < MODEL_GROUPS; i++)
-        if (sample_due(engine, i, time))
+        if (sample_due(instance, i))
             return true;
     return false;
 }
@@ -67,7 +68,7 @@ EXPORT fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 step,
     if (status != fmi3OK)
         *early = false;
     else if (instance->host.event_mode)
-        *event = any_sample_due(instance->engine, *last);
+        *event = any_sample_due(instance);
     return status;
 }
 
@@ -88,6 +89,8 @@ static fmi3Status output_derivatives(Instance *instance, const char *function, c
     if (!allowed(instance, STEP_COMPLETE | FAILED | TERMINATED, function) ||
         !valid(instance, function, TYPE_REAL, vr, n, value))
         return fmi3Error;
+    if (!engine_differentiates)
+        return report(instance, fmi3Error, "%s is not supported by this build of %s", function, model_name);
     if (n > 0 && !differentiate_outputs(instance, rate))
         return report(instance, fmi3Error, "%s: the law could not be evaluated", function);
     status = n > 0 ? refresh_derivatives(instance) : fmi3OK;
