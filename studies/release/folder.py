@@ -1,9 +1,9 @@
 """Write the release folder: ``python -m studies.release.folder --out dist/release``.
 
-It holds every component as ``fmu/native/NAME.fmu`` and ``fmu/python/NAME.fmu``, those with laws
-also as ``fmu/fmi3/NAME.fmu`` of FMI 3.0, every system as ``ssp/NAME.ssp``, ``manifest.json`` with
-what each file is, and ``SHA256SUMS``, which ``sha256sum --check`` reads. All of it is in
-``ppy-rig-VERSION-fmus.zip``, too. The same sources give the same digests.
+It holds every component as ``fmu/native/NAME.fmu`` and ``fmu/python/NAME.fmu``, of FMI 3.0 as
+``fmu/fmi3/NAME.fmu`` and ``fmu/fmi3-python/NAME.fmu``, every system as ``ssp/NAME.ssp``,
+``manifest.json`` with what each file is, and ``SHA256SUMS``, which ``sha256sum --check`` reads. All
+of it is in ``ppy-rig-VERSION-fmus.zip``, too. The same sources give the same digests.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from hashlib import sha256
 from importlib.metadata import version
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 from fmus import MODELS, component
 from fmus.kit import files
-from fmus.kit.build import RUNTIMES, archive, available_platforms, build
+from fmus.kit.build import RUNTIMES, archive, available_platforms, build, folder_of
 from fmus.kit.storage import scratch
 from orchestration.fmu import Archive
 from orchestration.system import NAMES, Member, System, library, ssp
@@ -57,12 +58,10 @@ def write(
     served = list(available_platforms() if platforms is None else platforms)
     for name in models:
         cls = component(name)
-        for runtime in RUNTIMES:
-            tell(f"{name} ({runtime})")
-            files.write(out / "fmu" / runtime / f"{name}.fmu", build(cls, runtime, served))
-        if cls.engine is None:
-            tell(f"{name} (FMI 3.0)")
-            files.write(out / "fmu" / "fmi3" / f"{name}.fmu", build(cls, "native", served, fmi=3))
+        for fmi, runtime in product((2, 3), RUNTIMES):
+            tell(f"{name} ({runtime}, FMI {fmi}.0)")
+            path = out / "fmu" / folder_of(runtime, fmi) / f"{name}.fmu"
+            files.write(path, build(cls, runtime, served, fmi=fmi))
     for name in systems:
         tell(f"{name}.ssp")
         _write_system(out / "ssp" / f"{name}.ssp", library.system(name), served)

@@ -143,6 +143,22 @@ def _fmi3_files(cls: type[Component], icon: bytes | None) -> dict[str, bytes]:
     return files
 
 
+def folder_of(runtime: str, fmi: int) -> str:
+    """Return the name of the folder that builds of one kind are written to.
+
+    Parameters
+    ----------
+    runtime : {"python", "native", "pythonfmu"}
+    fmi : {2, 3}
+        Version of FMI.
+
+    Returns
+    -------
+    str
+    """
+    return runtime if fmi == 2 else {"native": "fmi3"}.get(runtime, f"fmi3-{runtime}")
+
+
 def build(
     cls: type[Component],
     runtime: str,
@@ -264,7 +280,7 @@ def _check_version(cls: type[Component], runtime: str, fmi: int, clocks: bool = 
     if fmi not in (2, 3):
         raise UserError(f"unknown version {fmi} of FMI; there are: 2, 3")
     if fmi == 3 and runtime == STOCK:
-        raise UserError(f"{cls.name}: the build of {STOCK} is of FMI 2.0, not of 3.0")
+        raise UserError(f"{cls.name}: the build of {STOCK} is of FMI 2.0, not 3.0")
     if clocks and fmi == 2:
         raise UserError(f"{cls.name}: FMI 2.0 has no clocks; build FMI 3.0")
 

@@ -14,15 +14,6 @@ from fmus.kit.symbolic import Graph, codegen, packing
 FOLDER = Path(__file__).parents[1] / "fmi"
 UNIT = "all.c"  # includes every other C file
 _FRONT_END = (
-    "instance.c",
-    "evaluate.c",
-    "lifecycle.c",
-    "values.c",
-    "derivatives.c",
-    "snapshot.c",
-    "step.c",
-)
-_HEADERS = (
     "any_model.h",
     "engine.h",
     "instance.h",
@@ -31,7 +22,13 @@ _HEADERS = (
     "values.h",
     "derivatives.h",
     "step.h",
-    "samples.h",
+    "instance.c",
+    "evaluate.c",
+    "lifecycle.c",
+    "values.c",
+    "derivatives.c",
+    "snapshot.c",
+    "step.c",
 )
 _RECORD_MODEL = (
     "engine.h",
@@ -61,14 +58,13 @@ class _Version:
     ----------
     standard : tuple of str
         Headers of the standard, in ``standard``.
-    headers, front_end : tuple of str
-        Headers and sources of every build, in ``fmi``.
+    front_end : tuple of str
+        Files of every build, in ``fmi``.
     laws, lawless : tuple of str
-        Sources of a build with laws in C, and of one without.
+        Files of a build with laws in C, and of one without.
     """
 
     standard: tuple[str, ...]
-    headers: tuple[str, ...]
     front_end: tuple[str, ...]
     laws: tuple[str, ...]
     lawless: tuple[str, ...]
@@ -77,15 +73,19 @@ class _Version:
 _VERSIONS = {
     2: _Version(
         ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
-        ("fmi2/host.h", "exchange.h"),
-        ("fmi2/common.c", "fmi2/co_simulation.c"),
-        ("exchange.c", "events.c", "fmi2/model_exchange.c"),
+        ("fmi2/host.h", "fmi2/common.c", "fmi2/co_simulation.c"),
+        ("exchange.h", "exchange.c", "events.c", "fmi2/model_exchange.c"),
         ("no_laws.c",),
     ),
     3: _Version(
         ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
-        ("fmi3/host.h", "fmi3/variables.h", "fmi3/arrays.h", "fmi3/extra_laws.h", "exchange.h"),
         (
+            "fmi3/host.h",
+            "fmi3/variables.h",
+            "fmi3/arrays.h",
+            "fmi3/extra_laws.h",
+            "exchange.h",
+            "samples.h",
             "fmi3/common.c",
             "fmi3/arrays.c",
             "fmi3/access.c",
@@ -130,7 +130,7 @@ def _unix(library: str) -> dict[str, tuple[str, ...]]:
 
 
 _NATIVE = EngineSources(
-    tuple(FOLDER / name for name in ("native.h", "this_model.h")),
+    tuple(FOLDER / name for name in ("native.h", "samples.h", "this_model.h")),
     tuple(FOLDER / name for name in ("native.c", "integrate.c", "hosted.c")),
     ("laws.c",),
     _unix("m"),
@@ -142,7 +142,10 @@ _PYTHON = EngineSources(
     _unix("dl"),
 )
 PACKED = EngineSources(
-    tuple(FOLDER / name for name in ("native.h", "native.c", "any_model.c", "integrate.c")),
+    tuple(
+        FOLDER / name
+        for name in ("native.h", "samples.h", "native.c", "any_model.c", "integrate.c")
+    ),
     (FOLDER / "packed.c",),
     (),
     _unix("m"),
@@ -204,20 +207,19 @@ def c_sources(
         laws = version.laws
     else:
         texts = codegen.lawless_sources(graph, guid)
-    headers = (
-        *(FOLDER / name for name in (*_HEADERS, *version.headers)),
+    files = (
         *engine.headers,
         *(toolchain.fmi_headers(fmi) / name for name in version.standard),
-    )
-    # an engine may have to define feature macros of the system before the first header is read
-    compiled = (
+        # an engine may have to define feature macros of the system before the first header is read
         *engine.sources,
         *(FOLDER / name for name in (*_FRONT_END, *version.front_end, *laws)),
     )
-    sources = {path.name: path.read_bytes() for path in (*headers, *compiled)}
-    parts = (*(path.name for path in compiled), *engine.generated)
+    sources = {path.name: path.read_bytes() for path in files}
+    # what an engine includes itself is among its headers
+    included = {path.name for path in engine.headers}
+    parts = (name for name in sources if name.endswith(".c") and name not in included)
     generated = {name: text.encode() for name, text in texts.items()}
-    return sources | {UNIT: unit(*parts)} | generated
+    return sources | {UNIT: unit(*parts, *engine.generated)} | generated
 
 
 def record_engine_sources() -> dict[str, bytes]:

@@ -34,8 +34,8 @@ def build(options: BuildCommand) -> None:
 
     With --set, NAME ends in _set and the values are the FMU's defaults. --runtime pythonfmu builds
     OUT/pythonfmu/NAME.fmu with that package, and states its limits. --fmi 3 builds
-    OUT/fmi3/NAME.fmu of components that have laws. If a platform of --platforms all fails, it is
-    reported and left out, and the exit status is 1.
+    OUT/fmi3-python/NAME.fmu and, native, OUT/fmi3/NAME.fmu. If a platform of --platforms all fails,
+    it is reported and left out, and the exit status is 1.
 
     ppy export modelica writes components in the Modelica language.
     """
@@ -61,17 +61,17 @@ def _plan(options: BuildCommand) -> list[_PlannedFmu]:
 
     names = options["names"] or []
     fmi = options["fmi"]
-    runtime = "native" if fmi == 3 and options["runtime"] == "both" else options["runtime"]
+    runtime = options["runtime"]
     if (options["laid_over"] or options["settings"]) and not names:
         raise UserError("--with and --set are about one model; name it")
-    buildable = registry.components if fmi == 3 or runtime == kit.STOCK else registry.models
+    buildable = registry.components if runtime == kit.STOCK else registry.models
     runtimes = kit.RUNTIMES if runtime == "both" else (runtime,)
     classes = [_class_with_settings(name, options) for name in names or buildable()]
     planned = []
     for cls in classes:
         for kind in runtimes:
-            folder = options["out"] / ("fmi3" if fmi == 3 else kind)
-            planned.append(_PlannedFmu(cls, kind, fmi, folder / f"{cls.name}.fmu"))
+            path = options["out"] / kit.folder_of(kind, fmi) / f"{cls.name}.fmu"
+            planned.append(_PlannedFmu(cls, kind, fmi, path))
     return planned
 
 

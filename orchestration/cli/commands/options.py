@@ -130,7 +130,8 @@ class BuildOptions(TypedDict, total=False):
         ),
     ]
     fmi: Annotated[
-        int, Option("Version of FMI, 2 or 3; 3 is native, in OUT/fmi3/NAME.fmu.", default=2)
+        int,
+        Option("Version of FMI, 2 or 3; 3 in OUT/fmi3 and OUT/fmi3-python.", default=2),
     ]
     clocks: Annotated[
         bool, Option("Declare when states are sampled, as clocks of FMI 3.0.", default=False)

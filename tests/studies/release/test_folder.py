@@ -39,6 +39,7 @@ def test_every_file_is_in_the_manifest_with_its_digest(release):
         if path.suffix in (".fmu", ".ssp")
     }
     assert set(found) == {
+        "fmu/fmi3-python/galvanostat.fmu",
         "fmu/fmi3/galvanostat.fmu",
         "fmu/native/galvanostat.fmu",
         "fmu/python/galvanostat.fmu",

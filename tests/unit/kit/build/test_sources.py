@@ -38,10 +38,11 @@ def included(sources: Mapping[str, bytes], name: str) -> set[str]:
     return found
 
 
+@pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("runtime", ["native", "python"])
 @pytest.mark.parametrize("cls", [Thermostat, component("rig_proxy")], ids=lambda c: c.name)
-def test_a_build_has_all_that_is_included_and_nothing_else(cls, runtime):
-    sources = c_sources(trace(cls), engine_sources(cls, runtime), "{guid}", 2)
+def test_a_build_has_all_that_is_included_and_nothing_else(cls, runtime, fmi):
+    sources = c_sources(trace(cls), engine_sources(cls, runtime), "{guid}", fmi)
     assert included(sources, UNIT) | {UNIT} == set(sources)
 
 
