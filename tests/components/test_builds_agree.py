@@ -7,7 +7,6 @@ from __future__ import annotations
 import ctypes.util
 import subprocess
 import sys
-import sysconfig
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -359,8 +358,8 @@ def test_length_driven_follows_its_transfer_functions_while_taut(fmu, runtime):
 
 @linux
 @each_front_end
-@pytest.mark.parametrize("master", ["run_libcosim", "run_ecos"])
-def test_both_builds_run_in_real_masters(fmu, name, runtime, master):
+@pytest.mark.parametrize(("master", "fmi"), [("run_libcosim", 2), ("run_ecos", 2), ("run_ecos", 3)])
+def test_both_builds_run_in_real_masters(fmu, name, runtime, master, fmi):
     # a binary fraction, and a whole number of nanoseconds: every master counts its multiples alike
     time = 2.0 ** np.ceil(np.log2(component(name).experiment[1])) * np.arange(81)
     _, inputs = moves(name, len(time), seed=21)
@@ -368,7 +367,7 @@ def test_both_builds_run_in_real_masters(fmu, name, runtime, master):
         fmu(name, runtime), time, inputs, reals(name), SUBJECTS[name].parameters, feedthrough=False
     )
     found = getattr(hosts, master)(
-        fmu(name, runtime), time, inputs, reals(name), SUBJECTS[name].parameters
+        fmu(name, runtime, fmi), time, inputs, reals(name), SUBJECTS[name].parameters
     )
     for output in reals(name):
         assert deviation(found[output][1:], expected[output][1:]) < 1e-9, output
@@ -386,23 +385,14 @@ def test_native_build_runs_in_a_host_without_python(fmu, name):
         assert np.array_equal(found[output], expected[output]), output
 
 
-def python_library() -> str:
-    """Shared library of this Python, as ``PPY_LIBPYTHON`` wants it."""
-    path = Path(
-        sysconfig.get_config_var("LIBDIR") or "", sysconfig.get_config_var("LDLIBRARY") or ""
-    )
-    if path.suffix == ".a" or not path.is_file():
-        pytest.skip("this Python has no shared library")
-    return str(path)
-
-
 @linux
 @pytest.mark.parametrize("name", slow_but(COMPONENTS, *TELLING_NAMES))
-def test_python_build_brings_python_into_a_host_without(fmu, name):
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_python_build_brings_python_into_a_host_without(fmu, name, fmi):
     time, inputs = moves(name, 81, seed=24)
-    environment = {"PPY_LIBPYTHON": python_library()}
+    environment = {"PPY_LIBPYTHON": hosts.python_library()}
     found = hosts.run_c_host(
-        fmu(name, "python"), time, inputs, reals(name), environment=environment
+        fmu(name, "python", fmi), time, inputs, reals(name), environment=environment
     )
     expected = run(fmu(name, "python"), time, inputs)
     for output in reals(name):

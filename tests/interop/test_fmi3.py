@@ -10,6 +10,7 @@ import shutil
 import zipfile
 from fractions import Fraction
 from math import prod
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -22,11 +23,13 @@ from fmpy.validation import validate_fmu
 import fmus
 from fmus import component, effects
 from fmus.kit import Component, Input, Output, State, maximum, sqrt, stack
-from fmus.kit.build.building import build, build_cached
+from fmus.kit.build.building import RUNTIMES, build, build_cached
 from fmus.kit.build.toolchain import host_platform
 from tests.support.exchange import both_ways, distance
 from tests.support.stimuli import STIMULI
 
+# of every build all that it can
+KINDS = [("native", "CoSimulation"), ("native", "ModelExchange"), ("python", "CoSimulation")]
 SAMPLED = [name for name in STIMULI if component(name).layout.sampled]
 
 
@@ -77,9 +80,9 @@ def initialized(one):
 
 @pytest.mark.filterwarnings("ignore:.*missing input")
 @pytest.mark.parametrize("name", STIMULI)
-def test_co_simulation_gives_the_bits_of_fmi_2(fmu, name):
+def test_co_simulation_gives_the_bits_of_fmi_2(fmu, name, runtime):
     of_2, of_3 = (
-        simulated(fmu(name, "native", fmi), name, fmi_type="CoSimulation") for fmi in (2, 3)
+        simulated(fmu(name, runtime, fmi), name, fmi_type="CoSimulation") for fmi in (2, 3)
     )
     assert of_2.dtype.names == of_3.dtype.names
     assert of_2.tobytes() == of_3.tobytes()
@@ -101,12 +104,26 @@ def test_cvode_computes_what_co_simulation_of_fmi_2_does(fmu, name):
     assert moved, "nothing moved"
 
 
-@pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
-def test_charge_and_displacement_follow_their_closed_forms(fmu, kind):
+@pytest.mark.filterwarnings("ignore:.*missing input")
+@pytest.mark.parametrize("name", STIMULI)
+def test_builds_agree_in_event_mode(fmu, name):
+    """Within what builds of FMI 2.0 are allowed."""
+    handled = {"use_event_mode": True, "early_return_allowed": True}
+    native, python = (
+        simulated(fmu(name, build, 3), name, fmi_type="CoSimulation", **handled)
+        for build in RUNTIMES
+    )
+    assert native["time"].tobytes() == python["time"].tobytes()
+    for output in native.dtype.names[1:]:
+        assert distance(python[output], native[output]) <= 1e-9, output
+
+
+@pytest.mark.parametrize(("runtime", "kind"), KINDS)
+def test_charge_and_displacement_follow_their_closed_forms(fmu, runtime, kind):
     """Under constant current and load: eq. 3.9 for the charge, a Burgers body for the creep."""
     current, force = 0.25, 0.4
     found = simulate_fmu(
-        str(fmu("ppy_actuator", "native", 3)),
+        str(fmu("ppy_actuator", runtime, 3)),
         stop_time=30.0,
         output_interval=0.5,
         start_values={"current": current, "force": force},
@@ -126,11 +143,11 @@ def test_charge_and_displacement_follow_their_closed_forms(fmu, kind):
 
 
 @pytest.mark.parametrize("name", SAMPLED)
-def test_a_host_that_handles_events_gets_what_one_without_does(fmu, name):
+def test_a_host_that_handles_events_gets_what_one_without_does(fmu, name, runtime):
     """In event mode, steps end early at samples; between them nothing else happens."""
     stop, step, stimuli = STIMULI[name]
     held = {key: mean for key, (mean, _, _) in stimuli.items()}
-    path = str(fmu(name, "native", 3))
+    path = str(fmu(name, runtime, 3))
 
     def run(**options):
         return simulate_fmu(
@@ -155,9 +172,9 @@ def test_a_host_that_handles_events_gets_what_one_without_does(fmu, name):
 
 
 @pytest.mark.parametrize("name", ["ppy_actuator", "galvanostat"])
-def test_start_values_are_read_before_initialization(fmu, tmp_path, name):
+def test_start_values_are_read_before_initialization(fmu, tmp_path, name, runtime):
     """Of parameters and inputs, as they are declared or set; of outputs there are none yet."""
-    with opened(fmu(name, "native", 3), tmp_path) as (one, names, described):
+    with opened(fmu(name, runtime, 3), tmp_path) as (one, names, described):
         starts = {
             v.name: float(v.start)
             for v in described.modelVariables
@@ -174,25 +191,27 @@ def test_start_values_are_read_before_initialization(fmu, tmp_path, name):
         assert one.getFloat64([names["time"]]) == [0.0]
 
 
-@pytest.mark.parametrize("exchange", [True, False])
+@pytest.mark.parametrize(("runtime", "kind"), KINDS)
 @pytest.mark.parametrize(("name", "has_states"), [("foot", False), ("ppy_actuator", True)])
 def test_an_event_tells_a_host_that_integrates_to_start_its_solver_again(
-    fmu, tmp_path, name, has_states, exchange
+    fmu, tmp_path, name, has_states, runtime, kind
 ):
     """By the nominals of states: one that does not integrate has no solver."""
+    exchange = kind == "ModelExchange"
     given = {} if exchange else {"eventModeUsed": True}
-    with opened(fmu(name, "native", 3), tmp_path / name, exchange, **given) as (one, _, of):
+    with opened(fmu(name, runtime, 3), tmp_path / name, exchange, **given) as (one, _, of):
         assert of.coSimulation.hasEventMode, "or the FMU must refuse eventModeUsed"
         initialized(one)
         _, _, nominals, values, _, _ = one.updateDiscreteStates()
         assert (nominals, values) == (exchange and has_states, False)
 
 
-@pytest.mark.parametrize("exchange", [True, False])
-def test_a_tunable_parameter_is_taken_at_events_and_between_steps(fmu, tmp_path, exchange):
+@pytest.mark.parametrize(("runtime", "kind"), KINDS)
+def test_a_tunable_parameter_is_taken_at_events_and_between_steps(fmu, tmp_path, runtime, kind):
     """A margin is its limit less the load of 1 N."""
+    exchange = kind == "ModelExchange"
     given = {} if exchange else {"eventModeUsed": True}
-    path = fmu("ppy_actuator", "native", 3)
+    path = fmu("ppy_actuator", runtime, 3)
     with opened(path, tmp_path / "actuator", exchange, **given) as (one, names, _):
         limit, margin = [names["force_limit"]], [names["force_margin"]]
         one.setFloat64([names["force"]], [1.0])
@@ -231,9 +250,9 @@ def test_samples_cannot_be_evaluated_in_advance(fmu, tmp_path):
         assert one.getFloat64([names["sampled_voltage"]]) == [0.5]
 
 
-def test_steps_end_early_at_samples_only_where_the_host_allows_it(fmu, tmp_path):
+def test_steps_end_early_at_samples_only_where_the_host_allows_it(fmu, tmp_path, runtime):
     """The galvanostat converts every millisecond."""
-    path = fmu("galvanostat", "native", 3)
+    path = fmu("galvanostat", runtime, 3)
     period = next(p.start for p in component("galvanostat").layout.parameters if "period" in p.name)
     given = {"eventModeUsed": True, "earlyReturnAllowed": True}
     with opened(path, tmp_path / "early", **given) as (one, _, _):
@@ -263,9 +282,11 @@ def test_steps_end_early_at_samples_only_where_the_host_allows_it(fmu, tmp_path)
         assert last == pytest.approx(2.5 * period, rel=1e-12)
 
 
-def test_a_host_that_passes_over_an_event_gets_its_sample_with_the_next_step(fmu, tmp_path):
+def test_a_host_that_passes_over_an_event_gets_its_sample_with_the_next_step(
+    fmu, tmp_path, runtime
+):
     """A sample that is due when a step begins is no reason to end it."""
-    path = fmu("galvanostat", "native", 3)
+    path = fmu("galvanostat", runtime, 3)
     period = next(p.start for p in component("galvanostat").layout.parameters if "period" in p.name)
     given = {"eventModeUsed": True, "earlyReturnAllowed": True}
     with opened(path, tmp_path, **given) as (one, names, _):
@@ -640,8 +661,8 @@ def test_what_the_time_moves_depends_on_it(tmp_path, name, effect, settings):
 
 
 @pytest.mark.parametrize("name", ["ppy_actuator", "voice_coil_dma"])
-def test_a_state_is_restored_and_survives_as_bytes(fmu, tmp_path, name):
-    with opened(fmu(name, "native", 3), tmp_path / "a") as (one, names, described):
+def test_a_state_is_restored_and_survives_as_bytes(fmu, tmp_path, name, runtime):
+    with opened(fmu(name, runtime, 3), tmp_path / "a") as (one, names, described):
         vr = [names[u.variable.name] for u in described.outputs if u.variable.type == "Float64"]
         initialized(one)
         one.doStep(0.0, 0.0123)
@@ -654,6 +675,83 @@ def test_a_state_is_restored_and_survives_as_bytes(fmu, tmp_path, name):
             one.doStep(0.0123, 0.01)
             assert one.getFloat64(vr) == expected
             one.freeFMUState(again)
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_a_sample_is_taken_once_in_event_mode(fmu, tmp_path, runtime, late):
+    """The galvanostat converts the voltage that it is given; samples within a step are its own."""
+    path = fmu("galvanostat", runtime, 3)
+    period = next(p.start for p in component("galvanostat").layout.parameters if "period" in p.name)
+    with opened(path, tmp_path, eventModeUsed=True) as (one, names, _):
+        sampled, voltage = [names["sampled_voltage"]], [names["voltage"]]
+        initialized(one)
+        assert one.updateDiscreteStates()[0] is False
+        one.setFloat64(voltage, [0.5])
+        assert one.updateDiscreteStates()[0] is False
+        assert one.getFloat64(sampled) == [0.0]
+        one.enterStepMode()
+        end = period * (3.5 if late else 1.0)
+        one.doStep(0.0, end)
+        one.enterEventMode()
+        one.updateDiscreteStates()
+        assert one.getFloat64(sampled) == [0.5]
+        *_, defined, following = one.updateDiscreteStates()
+        assert defined
+        assert following == pytest.approx(period * (4.0 if late else 2.0), rel=1e-12)
+
+
+def test_a_python_build_declares_what_it_can(fmu):
+    with zipfile.ZipFile(fmu("galvanostat", "python", 3)) as archive:
+        root = ElementTree.fromstring(archive.read("modelDescription.xml"))
+        assert not any(name.startswith("sources/") for name in archive.namelist())
+    assert root.find("ModelExchange") is None
+    assert root.find("ModelStructure/EventIndicator") is None
+    assert root.find("CoSimulation").attrib == {
+        "modelIdentifier": "galvanostat",
+        "needsExecutionTool": "true",
+        "canGetAndSetFMUState": "true",
+        "canSerializeFMUState": "true",
+        "providesDirectionalDerivatives": "false",
+        "providesAdjointDerivatives": "false",
+        "canHandleVariableCommunicationStepSize": "true",
+        "maxOutputDerivativeOrder": "0",
+        "hasEventMode": "true",
+        "mightReturnEarlyFromDoStep": "true",
+    }
+
+
+def test_a_python_build_refuses_what_it_does_not_declare(fmu, tmp_path):
+    """By name, after which it goes on."""
+    said = []
+    path = fmu("ppy_actuator", "python", 3)
+    given = {"logMessage": lambda *told: said.append(told[-1].decode())}
+    with opened(path, tmp_path / "a", **given) as (one, names, described):
+        assert described.modelExchange is None
+        initialized(one)
+        one.doStep(0.0, 0.1)
+        charge, current = [names["charge"]], [names["current"]]
+        for ask in (
+            lambda: one.getDirectionalDerivative(charge, current, [1.0]),
+            lambda: one.getAdjointDerivative(charge, current, [1.0], 1),
+            lambda: one.getOutputDerivatives(charge, [1]),
+        ):
+            with pytest.raises(FMICallException):
+                ask()
+        assert [line.split(" by")[0] for line in said] == [
+            f"fmi3Get{of} is not supported"
+            for of in ("DirectionalDerivative", "AdjointDerivative", "OutputDerivatives")
+        ]
+        one.doStep(0.1, 0.1)
+    interface = described.coSimulation
+    model = FMU3Model(
+        guid=described.guid,
+        modelIdentifier=interface.modelIdentifier,
+        unzipDirectory=str(tmp_path / "a"),
+        instanceName="one",
+    )
+    with pytest.raises(Exception, match=r"[Ii]nstantiate"):
+        model.instantiate(**given)
+    assert said[-1].endswith("ppy_actuator is made for co-simulation")
 
 
 def test_time_and_indicators_are_variables(fmu, tmp_path):
@@ -727,5 +825,5 @@ def test_sources_are_built_by_fmpy(fmu, tmp_path):
 
 
 @pytest.mark.parametrize("name", fmus.COMPONENTS)
-def test_fmpy_finds_no_problem_in_the_archive(fmu, name):
-    assert validate_fmu(str(fmu(name, "native", 3))) == []
+def test_fmpy_finds_no_problem_in_the_archive(fmu, name, runtime):
+    assert validate_fmu(str(fmu(name, runtime, 3))) == []

@@ -16,6 +16,7 @@ import pytest
 
 import fmus
 from fmus.kit.build.building import plan_build
+from tests.support import hosts
 from tests.support.kit_samples import Wall
 from tests.support.pace import slow_but
 
@@ -37,23 +38,29 @@ pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc brings 
 
 @pytest.fixture(scope="module")
 def program(tmp_path_factory):
-    """Compile the driver with a component; return the program and the token of the component."""
+    """Compile the driver with a component; return the program, the token and the resources."""
 
-    def compiled(name, *flags):
+    def compiled(name, runtime, *flags):
         folder = tmp_path_factory.mktemp(name)
-        planned = plan_build(CLASSES[name], "native", 3)
-        for file, text in planned.sources.items():
+        planned = plan_build(CLASSES[name], runtime, 3)
+        for file, text in (planned.sources | planned.files).items():
+            (folder / file).parent.mkdir(parents=True, exist_ok=True)
             (folder / file).write_bytes(text)
         target = folder / "driver"
         command = ["gcc", *flags, f"-I{folder}", str(DRIVER), str(folder / "all.c")]
-        subprocess.run([*command, "-lm", "-o", str(target)], check=True)
-        return target, planned.guid
+        subprocess.run([*command, "-lm", "-ldl", "-o", str(target)], check=True)
+        return target, planned.guid, folder / "resources"
 
     return compiled
 
 
-def output_of(*command):
+def output_of(runtime, *command):
     environment = os.environ | {"ASAN_OPTIONS": "detect_leaks=1"}
+    if runtime == "python":  # which keeps memory until the end of the process
+        environment |= {
+            "ASAN_OPTIONS": "detect_leaks=0",
+            "PPY_LIBPYTHON": hosts.python_library(),
+        }
     run = subprocess.run(
         [str(part) for part in command],
         capture_output=True,
@@ -68,20 +75,22 @@ def output_of(*command):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", slow_but(CLASSES, *FAST))
-def test_no_order_of_calls_and_no_argument_does_harm(program, name):
-    driver, token = program(name, *SANITIZED)
+def test_no_order_of_calls_and_no_argument_does_harm(program, name, runtime):
+    driver, token, resources = program(name, runtime, *SANITIZED)
     for seed in range(4):
-        assert "errors" in output_of(driver, "calls", token, seed, 10_000)
+        assert "errors" in output_of(runtime, driver, "calls", token, seed, 10_000, resources)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CLASSES)
 def test_180000_calls(program, name):
-    driver, token = program(name, *SANITIZED)
-    assert "errors" in output_of(driver, "calls", token, 36, 180_000)
+    driver, token, _ = program(name, "native", *SANITIZED)
+    assert "errors" in output_of("native", driver, "calls", token, 36, 180_000)
 
 
+@pytest.mark.parametrize(("runtime", "count"), [("native", 10_000), ("python", 300)])
 @pytest.mark.parametrize("name", slow_but(CLASSES, *FAST))
-def test_ten_thousand_instances_live_side_by_side(program, name):
-    driver, token = program(name, "-O1", "-std=c11")
-    assert output_of(driver, "instances", token, 10_000).startswith("10000 instances")
+def test_many_instances_live_side_by_side(program, name, runtime, count):
+    driver, token, resources = program(name, runtime, "-O1", "-std=c11")
+    told = output_of(runtime, driver, "instances", token, count, resources)
+    assert told.startswith(f"{count} instances")

@@ -33,10 +33,10 @@ def test_cvode_computes_what_co_simulation_does(fmu, name, fmi, tolerance):
 
 @pytest.mark.parametrize(("fmi", "flags"), [(2, ()), (3, ()), (3, fmusim.EVENT_MODE)])
 @pytest.mark.parametrize("name", STIMULI)
-def test_co_simulation_gives_the_numbers_of_our_master(fmu, name, fmi, flags):
+def test_co_simulation_gives_the_numbers_of_our_master(fmu, name, runtime, fmi, flags):
     """To the 16 digits that it writes."""
     for output, (found, expected) in both_ways(
-        *(fmu(name, "native", fmi), fmu(name, "native")),
+        *(fmu(name, runtime, fmi), fmu(name, runtime)),
         *STIMULI[name],
         simulate=partial(fmusim.simulate_fmu, flags=flags),
         fmi_type="CoSimulation",

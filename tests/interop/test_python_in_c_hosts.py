@@ -8,7 +8,6 @@ import os
 import re
 import subprocess
 import sys
-import sysconfig
 import tempfile
 import zipfile
 from collections.abc import Callable
@@ -67,16 +66,6 @@ SURROUNDINGS = {
     "warnings are errors": ({"PYTHONWARNINGS": "error", "PYTHONDEVMODE": "1"}, {}),
     "no UTF-8": ({"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}, {}),
 }
-
-
-def python_library() -> str:
-    """Shared library of this Python, as ``PPY_LIBPYTHON`` wants it."""
-    path = Path(
-        sysconfig.get_config_var("LIBDIR") or "", sysconfig.get_config_var("LDLIBRARY") or ""
-    )
-    if path.suffix == ".a" or not path.is_file():
-        pytest.skip("this Python has no shared library")
-    return str(path)
 
 
 @pytest.fixture(scope="module")
@@ -157,7 +146,7 @@ def test_first_instances_of_several_threads_start_python_once(fmu, thread_host, 
             capture_output=True,
             text=True,
             timeout=60,
-            env={**os.environ, "PPY_LIBPYTHON": python_library()},
+            env={**os.environ, "PPY_LIBPYTHON": hosts.python_library()},
         )
         assert done.returncode == 0, f"trial {trial + 1}: {done.returncode} {done.stderr}"
         assert sorted(map(float, done.stdout.split())) == sorted(expected), f"trial {trial + 1}"
@@ -168,7 +157,7 @@ def test_first_instances_of_several_threads_start_python_once(fmu, thread_host, 
 
 
 def run(path: Path, **environment: str) -> dict[str, np.ndarray]:
-    environment = {"PPY_LIBPYTHON": python_library()} | environment
+    environment = {"PPY_LIBPYTHON": hosts.python_library()} | environment
     return hosts.run_c_host(
         path, TIMES, {"current": 1e-3}, ["voltage", "displacement"], environment=environment
     )
@@ -224,7 +213,7 @@ def test_library_whose_standard_library_is_broken_is_refused_as_often_as_asked(
     library = tmp_path / "lib" / "libpython.so"
     (tmp_path / "lib" / f"python{version}").mkdir(parents=True)
     (tmp_path / "lib" / f"python{version}" / "os.py").write_text("")
-    library.write_bytes(Path(python_library()).read_bytes())
+    library.write_bytes(Path(hosts.python_library()).read_bytes())
     done = subprocess.run(
         [str(thread_host), str(THREADS), "0", *unzipped(ACTUATOR, FOOT)],
         capture_output=True,

@@ -21,7 +21,7 @@ from fmpy import read_model_description
 from fmpy.validation import validate_fmu
 
 from fmus import COMPONENTS, component
-from fmus.kit.build import build, build_cached
+from fmus.kit.build import RUNTIMES, build, build_cached
 from fmus.kit.storage import scratch
 from tests.support import fmusim, hosts, omsimulator, pyfmi_host
 from tests.support.compatibility_page import FAILED, NOT_RUN, PASSED, badges, page
@@ -123,13 +123,17 @@ def by_fmpy(path: str, **options: Any) -> Any:
 
 
 def fed_constants(
-    simulate: Callable[..., Any], fmi: int, interface: str = "CoSimulation", **how: Any
+    simulate: Callable[..., Any],
+    fmi: int,
+    interface: str = "CoSimulation",
+    build: str = "native",
+    **how: Any,
 ) -> Callable[[str], float]:
     """Constant inputs by a tool, beside co-simulation by fmpy's bare functions and FMI 2.0."""
 
     def deviation(name: str) -> float:
         time, inputs, outputs = _signals(name)
-        path = build_cached(component(name), "native", fmi)
+        path = build_cached(component(name), build, fmi)
         found = simulate(
             str(path),
             stop_time=time[-1],
@@ -175,7 +179,7 @@ def _masters() -> list[Tool]:
     ecos = partial(metadata.version, "ecospy")
     native = stepped_by(hosts.run_libcosim), stepped_by(hosts.run_ecos)
     python = stepped_by(hosts.run_libcosim, "python"), stepped_by(hosts.run_ecos, "python")
-    of_3 = stepped_by(hosts.run_ecos, "native", 3)
+    of_3 = [(build, stepped_by(hosts.run_ecos, build, 3)) for build in RUNTIMES]
     crash = "any FMU of FMI 3.0 ends its process with a segmentation fault"
     return [
         Tool("libcosim", libcosim, 2, "co-simulation", native[0], ROUNDED),
@@ -183,7 +187,7 @@ def _masters() -> list[Tool]:
         Tool("libcosim", libcosim, 3, "co-simulation", _cannot, ROUNDED, lacks=lambda: crash),
         Tool("Ecos", ecos, 2, "co-simulation", native[1], SAME),
         Tool("Ecos", ecos, 2, "co-simulation", python[1], SAME, "python"),
-        Tool("Ecos", ecos, 3, "co-simulation", of_3, SAME),
+        *(Tool("Ecos", ecos, 3, "co-simulation", run, SAME, build) for build, run in of_3),
     ]
 
 
@@ -206,8 +210,23 @@ def _on_other_platforms() -> list[Tool]:
     ]
 
 
-def _fmusim_is_missing() -> str:
-    return "" if fmusim.BINARY else fmusim.MISSING
+def _by_fmusim() -> list[Tool]:
+    """fmusim, with and without event mode; the Python build in FMI 3.0."""
+
+    def lacks() -> str:
+        return "" if fmusim.BINARY else fmusim.MISSING
+
+    def stepped(interface: str, build: str, simulate: Callable[..., Any]) -> Tool:
+        run = fed_constants(simulate, 3, build=build)
+        return Tool("fmusim", fmusim.version, 3, interface, run, SAME, build, lacks)
+
+    with_events = partial(fmusim.simulate_fmu, flags=fmusim.EVENT_MODE)
+    return [
+        *_all("fmusim", fmusim.version, fmusim.simulate_fmu, lacks=lacks),
+        stepped("event mode", "native", with_events),
+        stepped("co-simulation", "python", fmusim.simulate_fmu),
+        stepped("event mode", "python", with_events),
+    ]
 
 
 def _cannot(name: str) -> float:
@@ -252,22 +271,15 @@ def _by_omsimulator() -> list[Tool]:
 
 
 _FMPY = partial(metadata.version, "fmpy")
-_with_events = partial(fmusim.simulate_fmu, flags=fmusim.EVENT_MODE)
 TOOLS = [
     *_all("fmpy", _FMPY, by_fmpy),
     Tool("fmpy", _FMPY, 2, "co-simulation", stepped_by(hosts.run_fmpy, "python"), SAME, "python"),
+    Tool(
+        "fmpy", _FMPY, 3, "co-simulation", fed_constants(by_fmpy, 3, build="python"), SAME, "python"
+    ),
     *_masters(),
     *_on_other_platforms(),
-    *_all("fmusim", fmusim.version, fmusim.simulate_fmu, lacks=_fmusim_is_missing),
-    Tool(
-        "fmusim",
-        fmusim.version,
-        3,
-        "event mode",
-        fed_constants(_with_events, 3),
-        SAME,
-        lacks=_fmusim_is_missing,
-    ),
+    *_by_fmusim(),
     *_by_pyfmi(),
     *_by_omsimulator(),
 ]

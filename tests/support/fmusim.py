@@ -14,6 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.support import hosts
+
 BINARY = os.environ.get("PPY_FMUSIM", "")
 MISSING = "PPY_FMUSIM names no binary of fmusim"
 EVENT_MODE = ("--event-mode-used", "--early-return-allowed", "--record-intermediate-values")
@@ -58,7 +60,13 @@ def simulate_fmu(
             columns = ",".join(input.dtype.names or ())
             np.savetxt(table, input, "%.17g", delimiter=",", header=columns, comments="")
             command += ["--input-file", str(table)]
-        done = subprocess.run([*command, filename], capture_output=True, text=True, timeout=300)
+        done = subprocess.run(
+            [*command, filename],
+            capture_output=True,
+            text=True,
+            timeout=300,
+            env=os.environ | {"PPY_LIBPYTHON": hosts.shared_python()},
+        )
         messages = (done.stdout + done.stderr).splitlines()
         if done.returncode or messages:
             raise RuntimeError(

@@ -21,6 +21,7 @@ import re
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -549,6 +550,22 @@ def _ecos(
 
 # --- a host without Python
 # ------------------------------------------------------------------------------------------
+
+
+def shared_python() -> str:
+    """Shared library of this Python; empty if there is none."""
+    path = Path(
+        sysconfig.get_config_var("LIBDIR") or "", sysconfig.get_config_var("LDLIBRARY") or ""
+    )
+    return str(path) if path.suffix != ".a" and path.is_file() else ""
+
+
+def python_library() -> str:
+    """Shared library of this Python, as ``PPY_LIBPYTHON`` wants it."""
+    found = shared_python()
+    if not found:
+        pytest.skip("this Python has no shared library")
+    return found
 
 
 def compiler() -> str:

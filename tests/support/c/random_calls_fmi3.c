@@ -1,7 +1,7 @@
 /* Calls of every function of an FMU of FMI 3.0, in any order and with any arguments; or many instances at once.
  *
- *     random_calls calls TOKEN SEED COUNT
- *     random_calls instances TOKEN COUNT
+ *     random_calls calls TOKEN SEED COUNT [RESOURCES]
+ *     random_calls instances TOKEN COUNT [RESOURCES]
  *
  * Arrays are as long as they are said to be, so that a sanitizer sees a function that goes beyond them. An error must
  * have a message, no status may be Fatal, and what was valid before a refused call is so after it. Linked with the FMU.
@@ -25,7 +25,7 @@ static struct {
     fmi3FMUState states[STATES];
     double time;
 } slots[INSTANCES];
-static const char *token;
+static const char *token, *resources;
 static unsigned long long seed, messages, answers[5];
 
 static unsigned below(unsigned n) {
@@ -89,7 +89,7 @@ static void make(int k) {
     if (below(3) == 0)
         slots[k].instance = fmi3InstantiateModelExchange(name, whose, NULL, false, below(2), slots, heard);
     else
-        slots[k].instance = fmi3InstantiateCoSimulation(name, whose, below(2) ? NULL : "/nowhere", false, below(2),
+        slots[k].instance = fmi3InstantiateCoSimulation(name, whose, below(10) ? resources : NULL, false, below(2),
                                                         below(2), below(2), NULL, 0, slots, heard, NULL);
     if (below(50) == 0 &&
         fmi3InstantiateScheduledExecution(name, whose, NULL, false, true, slots, heard, NULL, NULL, NULL) != NULL)
@@ -352,7 +352,7 @@ static int instances(unsigned long count) {
     bool event, terminate, early;
     size_t n = 0;
     for (unsigned long i = 0; i < count; i++) {
-        all[i] = fmi3InstantiateCoSimulation("one", token, NULL, false, false, false, false, NULL, 0, slots, heard, NULL);
+        all[i] = fmi3InstantiateCoSimulation("one", token, resources, false, false, false, false, NULL, 0, slots, heard, NULL);
         if (all[i] == NULL || fmi3EnterInitializationMode(all[i], false, 0.0, 0.0, false, 0.0) != fmi3OK ||
             fmi3ExitInitializationMode(all[i]) != fmi3OK)
             return 8;
@@ -381,7 +381,9 @@ int main(int argc, char *argv[]) {
     if (argc < 4)
         return 1;
     token = argv[2];
-    if (strcmp(argv[1], "instances") == 0)
+    bool many = strcmp(argv[1], "instances") == 0;
+    resources = argc > 5 - many ? argv[5 - many] : "/nowhere";
+    if (many)
         return instances(strtoul(argv[3], NULL, 10));
     seed = strtoull(argv[3], NULL, 10);
     return calls(strtoul(argv[4], NULL, 10));
