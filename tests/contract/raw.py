@@ -20,6 +20,8 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+from tests.contract.raw3 import TYPES, Fmi3Functions
+
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 BINARY = {"linux": ("linux64", ".so"), "win32": ("win64", ".dll"), "darwin": ("darwin64", ".dylib")}
 
@@ -108,21 +110,24 @@ class Library:
     def __init__(self, folder: Path):
         self.folder = folder
         description = ElementTree.parse(folder / "modelDescription.xml").getroot()
-        self.guid = description.attrib["guid"]
+        self.fmi = int(description.attrib["fmiVersion"][0])
+        self.guid = description.attrib["guid" if self.fmi == 2 else "instantiationToken"]
+        variables = {v.attrib["name"]: v for v in description.find("ModelVariables") or ()}
         self.variables = {
-            v.attrib["name"]: (int(v.attrib["valueReference"]), v[0].tag)
-            for v in description.iter("ScalarVariable")
+            name: (int(v.attrib["valueReference"]), v[0].tag if self.fmi == 2 else TYPES[v.tag])
+            for name, v in variables.items()
         }
-        self.causality = {
-            v.attrib["name"]: v.attrib["causality"] for v in description.iter("ScalarVariable")
-        }
-        self.variability = {
-            v.attrib["name"]: v.attrib["variability"] for v in description.iter("ScalarVariable")
-        }
+        self.causality = {name: v.attrib["causality"] for name, v in variables.items()}
+        self.variability = {name: v.attrib["variability"] for name, v in variables.items()}
         self.step = float(description.find("DefaultExperiment").attrib["stepSize"])  # type: ignore[union-attr]
         identifier = description.find("CoSimulation").attrib["modelIdentifier"]  # type: ignore[union-attr]
         platform, extension = BINARY[sys.platform]
-        self.dll = ctypes.CDLL(str(folder / "binaries" / platform / (identifier + extension)))
+        file = identifier + extension
+        if self.fmi == 3:
+            (path,) = (folder / "binaries").glob(f"*/{file}")
+            self.dll: Any = Fmi3Functions(ctypes.CDLL(str(path)))
+            return
+        self.dll = ctypes.CDLL(str(folder / "binaries" / platform / file))
         self.dll.fmi2Instantiate.argtypes = [
             c_char_p,
             c_int,
@@ -141,7 +146,8 @@ class Library:
 
     @property
     def resources(self) -> bytes:
-        return (self.folder / "resources").as_uri().encode()
+        place = self.folder / "resources"
+        return (place.as_uri() if self.fmi == 2 else f"{place}/").encode()
 
 
 class Instance:
