@@ -13,8 +13,16 @@ The proxy of another rig is declared in the same way, in a file of its own::
 
 from __future__ import annotations
 
-from ..kit import Input
+from ..kit import Input, PowerPort
 from .proxy import Measured, Proxy
+
+# as at the component that a proxy takes the place of
+_CIRCUIT = PowerPort("circuit", "electrical", "voltage", "current", ("p", "n"))
+
+
+def _chain(length: str, force: str) -> PowerPort:
+    """Return the port between the ends of the actuator."""
+    return PowerPort("chain", "translational", length, force, ("flange_b", "flange_a"))
 
 
 class _Actuator(Proxy):
@@ -35,6 +43,7 @@ class RigProxy(_Actuator):
     """The force-driven actuator of a real rig: the signals of ppy_actuator, measured."""
 
     name = "rig_proxy"
+    ports = (_CIRCUIT, _chain("displacement", "force"))
 
     force = Input("N", doc="applied load, tension positive")
     displacement = Measured("m", nominal=1e-4, display="mm", doc="total elongation")
@@ -46,6 +55,7 @@ class RigProxyLengthDriven(_Actuator):
     """
 
     name = "rig_proxy_length_driven"
+    ports = (_CIRCUIT, _chain("length_change", "tension"))
 
     length_change = Input(
         "m", nominal=1e-4, display="mm", doc="imposed total elongation from the unloaded length"
@@ -59,6 +69,7 @@ class RigProxyBench(Proxy):
     """
 
     name = "rig_proxy_bench"
+    ports = (_CIRCUIT,)
 
     force_reference = Input("N", doc="wanted force")
     current = Input("A", doc="current into the actuator")
@@ -72,6 +83,7 @@ class RigProxyThesis(Proxy):
     """The analyzer of the thesis without its force loop: the signals of the calibration thesis."""
 
     name = "rig_proxy_thesis"
+    ports = (_CIRCUIT,)
 
     current = Input("A", doc="current into the actuator")
     force = Input("N", doc="force of the voice coil, open loop")
@@ -86,6 +98,7 @@ class RigProxyThesisGenerator(Proxy):
     """
 
     name = "rig_proxy_thesis_generator"
+    ports = (_CIRCUIT,)
 
     current = Input("A", doc="current into the actuator")
     voltage = Measured("V", doc="voltage across the actuator")

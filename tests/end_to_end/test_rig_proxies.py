@@ -11,7 +11,7 @@ from tests.contract.raw import ERROR, OK, Instance, instance
 from tests.support.rig.process import Server
 from tests.support.rig.proxies import set_text
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.parametrize("fmi", [2, 3])]
 
 CONNECTED, LOST = 0, 3
 STEP = 0.02
@@ -52,10 +52,10 @@ def wait_for(remote: Endpoint, state: str) -> None:
 
 
 @pytest.mark.slow
-def test_a_second_proxy_is_refused_and_the_first_goes_on(fmu, runtime, server):
+def test_a_second_proxy_is_refused_and_the_first_goes_on(fmu, runtime, fmi, server):
     with (
-        instance(fmu("rig_proxy", runtime)) as one,
-        instance(fmu("rig_proxy", runtime)) as other,
+        instance(fmu("rig_proxy", runtime, fmi)) as one,
+        instance(fmu("rig_proxy", runtime, fmi)) as other,
     ):
         connected(one, server.endpoint)
         with pytest.raises(AssertionError, match=r"refuses: .*rig_proxy"):
@@ -69,8 +69,8 @@ def test_a_second_proxy_is_refused_and_the_first_goes_on(fmu, runtime, server):
 
 
 @pytest.mark.slow
-def test_a_first_command_may_come_later_than_the_watchdog(fmu, runtime, server):
-    with instance(fmu("rig_proxy", runtime)) as one:
+def test_a_first_command_may_come_later_than_the_watchdog(fmu, runtime, fmi, server):
+    with instance(fmu("rig_proxy", runtime, fmi)) as one:
         connected(one, server.endpoint)
         time.sleep(2.0 * WATCHDOG)
         assert steps(one, 5) == [OK] * 5
@@ -78,10 +78,10 @@ def test_a_first_command_may_come_later_than_the_watchdog(fmu, runtime, server):
 
 
 @pytest.mark.slow
-def test_after_a_stop_and_its_acknowledgement_nothing_comes_back(fmu, runtime, server):
+def test_after_a_stop_and_its_acknowledgement_nothing_comes_back(fmu, runtime, fmi, server):
     """However often the proxy is stepped, and whatever it holds."""
     remote = read_endpoint(server.endpoint)
-    with instance(fmu("rig_proxy", runtime)) as one:
+    with instance(fmu("rig_proxy", runtime, fmi)) as one:
         connected(one, server.endpoint, on_stale="hold")
         assert steps(one, 10) == [OK] * 10
         stopped = ask(remote, "stop", reason="the emergency stop was pressed")

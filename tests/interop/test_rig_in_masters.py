@@ -22,7 +22,7 @@ pytestmark = pytest.mark.skipif(
     sys.platform != "linux", reason="the hosts of the tests run on Linux"
 )
 
-MASTERS = ["run_fmpy", "run_libcosim", "run_ecos"]
+MASTERS = [("run_fmpy", 2), ("run_libcosim", 2), ("run_ecos", 2), ("run_ecos", 3)]
 TIMES = np.linspace(0.0, 4.0, 81)
 CURRENT = np.where(np.sin(4.0 * TIMES) > 0.0, 1.0, -0.6)
 CASES = {
@@ -56,22 +56,23 @@ def stepped(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "runtime", "master"),
+    ("name", "runtime", "master", "fmi"),
     slow_but(
-        [(name, runtime, master) for name in CASES for runtime in RUNTIMES for master in MASTERS],
-        ("rig_proxy", "native", "run_libcosim"),
-        ("rig_proxy", "python", "run_ecos"),
-        ("rig_proxy", "native", "run_fmpy"),
+        [(name, runtime, *way) for name in CASES for runtime in RUNTIMES for way in MASTERS],
+        ("rig_proxy", "native", "run_libcosim", 2),
+        ("rig_proxy", "python", "run_ecos", 2),
+        ("rig_proxy", "native", "run_fmpy", 2),
+        ("rig_proxy", "native", "run_ecos", 3),
     ),
 )
-def test_outputs_are_those_of_the_emulated_rig_stepped_here(tmp_path, name, runtime, master):
+def test_outputs_are_those_of_the_emulated_rig_stepped_here(tmp_path, name, runtime, master, fmi):
     signals, inputs = CASES[name]
     options = {"signals": signals, "hidden": "double_layer", "seed": 5, "noise": "off"}
     with Server(tmp_path, "emulator", "--lockstep", options=options) as server:
         server.wait_ready()
         archive = tmp_path / f"{name}.fmu"
         here = stack(component(name), name=name, defaults={"endpoint": server.endpoint})
-        archive.write_bytes(build(here, runtime, [host_platform()]))
+        archive.write_bytes(build(here, runtime, [host_platform()], fmi=fmi))
         outputs = [
             o.name
             for o in component(name).layout.outputs

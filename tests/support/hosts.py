@@ -42,7 +42,7 @@ HEADERS = Path(fmpy.__file__).parent / "c-code"
 LETTER = {"Real": "r", "Float64": "r", "Integer": "i", "Int32": "i", "Boolean": "b"}
 TYPE: dict[str, type] = {"Real": float, "Float64": float, "Integer": int, "Boolean": bool}
 NANOSECONDS = 1_000_000_000
-ECOS_COMPLAINT = re.compile(r"\] fmi2(Discard|Error|Fatal)\b")
+ECOS_COMPLAINT = re.compile(r"\] (fmi2)?(Discard|Error|Fatal)\b")
 
 Series = Mapping[str, Any]
 Times = Sequence[float] | np.ndarray

@@ -43,7 +43,24 @@ def test_the_flow_of_a_source_goes_out():
     assert circuit == {"potential": ("voltage", "signal"), "flow": ("current", "outflow")}
 
 
-@pytest.mark.parametrize("name", fmus.COMPONENTS)
+@pytest.mark.parametrize(
+    ("proxy", "name"),
+    [
+        ("rig_proxy", "ppy_actuator"),
+        ("rig_proxy_length_driven", "ppy_actuator_length_driven"),
+    ],
+)
+def test_a_proxy_has_the_terminals_of_what_it_takes_the_place_of(proxy, name):
+    assert read(fmus.component(proxy)) == read(fmus.component(name))
+
+
+@pytest.mark.parametrize("name", fmus.PROXIES)
+def test_every_proxy_has_the_circuit_of_the_actuator(name):
+    circuit = {"potential": ("voltage", "signal"), "flow": ("current", "inflow")}
+    assert read(fmus.component(name))["circuit"] == circuit
+
+
+@pytest.mark.parametrize("name", fmus.MODELS)
 def test_members_are_variables_and_no_terminal_is_twice(name):
     cls = fmus.component(name)
     members = [variable for terminal in read(cls).values() for variable, _ in terminal.values()]
