@@ -700,14 +700,16 @@ def test_a_sample_is_taken_once_in_event_mode(fmu, tmp_path, runtime, late):
         assert following == pytest.approx(period * (4.0 if late else 2.0), rel=1e-12)
 
 
-def test_a_python_build_declares_what_it_can(fmu):
-    with zipfile.ZipFile(fmu("galvanostat", "python", 3)) as archive:
+@pytest.mark.parametrize("name", ["galvanostat", "ppy_actuator"])
+def test_a_python_build_declares_what_it_can(fmu, name):
+    with zipfile.ZipFile(fmu(name, "python", 3)) as archive:
         root = ElementTree.fromstring(archive.read("modelDescription.xml"))
         assert not any(name.startswith("sources/") for name in archive.namelist())
     assert root.find("ModelExchange") is None
     assert root.find("ModelStructure/EventIndicator") is None
+    assert root.find("ModelStructure/ContinuousStateDerivative") is None, "which nobody can get"
     assert root.find("CoSimulation").attrib == {
-        "modelIdentifier": "galvanostat",
+        "modelIdentifier": name,
         "needsExecutionTool": "true",
         "canGetAndSetFMUState": "true",
         "canSerializeFMUState": "true",
@@ -716,7 +718,7 @@ def test_a_python_build_declares_what_it_can(fmu):
         "canHandleVariableCommunicationStepSize": "true",
         "maxOutputDerivativeOrder": "0",
         "hasEventMode": "true",
-        "mightReturnEarlyFromDoStep": "true",
+        "mightReturnEarlyFromDoStep": str(name == "galvanostat").lower(),
     }
 
 

@@ -62,7 +62,7 @@ def describe_fmi3(
     first_clock = _time_reference(layout) + 1 + indicators
     clocks = range(first_clock, first_clock + len(layout.sampled) * can.clocks)
     _append_clocks(root, layout, clocks)
-    _append_structure(root, layout, graph, can.model_exchange, clocks)
+    _append_structure(root, layout, graph, can, clocks)
     annotate_fmi3(root, cls, graph)
     return serialized(root)
 
@@ -201,17 +201,17 @@ def _time_reference(layout: Layout) -> int:
 
 
 def _append_structure(
-    root: Element, layout: Layout, graph: Graph, with_indicators: bool, clocks: Sequence[int]
+    root: Element, layout: Layout, graph: Graph, can: common.Capabilities, clocks: Sequence[int]
 ) -> None:
     """Append the dependencies of outputs, derivatives, initial unknowns and event indicators."""
     parent = SubElement(root, "ModelStructure")
     array_of = {a.first + k: a.first for a in layout.arrays for k in range(a.size)}
     time = _time_reference(layout)
-    structure = dependencies(graph, time=time)
+    structure = dependencies(graph, can.directional_derivatives, time)
     structure["Outputs"] |= {clock: [time] for clock in clocks}
     structure["InitialUnknowns"] |= {clock: [] for clock in clocks}
     for title, unknowns in structure.items():
-        if title == "EventIndicators" and not with_indicators:
+        if title == "EventIndicators" and not can.model_exchange:
             continue
         joined: dict[int, set[int]] = {}
         for reference, known in unknowns.items():
