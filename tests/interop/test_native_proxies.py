@@ -40,8 +40,9 @@ OF_THE_SYSTEM = {
 @pytest.mark.slow
 @pytest.mark.parametrize("target", [name for targets in ZIG_TARGETS.values() for name in targets])
 @pytest.mark.parametrize("standard", ["c99", "c11"])
-def test_every_compiler_is_content(tmp_path, target, standard):
-    planned = plan_build(component("rig_proxy"), "native")
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_every_compiler_is_content(tmp_path, target, standard, fmi):
+    planned = plan_build(component("rig_proxy"), "native", fmi)
     for name, content in planned.sources.items():
         (tmp_path / name).write_bytes(content)
     command = [

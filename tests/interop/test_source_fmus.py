@@ -16,7 +16,8 @@ import fmpy
 import numpy as np
 import pytest
 
-from fmus import MODELS
+from fmus import MODELS, component
+from fmus.kit.build.building import plan_build
 from tests.support import hosts
 from tests.support.pace import slow_but
 
@@ -113,6 +114,18 @@ def test_sources_compile_without_a_warning_and_offer_fmi_alone(sources, name, co
     assert defined(compiled(compiler, folder)) == functions
     prefixed = compiled(compiler, folder, f"-DFMI2_FUNCTION_PREFIX={name}_", level="-O0")
     assert defined(prefixed) == {f"{name}_{function}" for function in functions}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("which", COMPILERS)
+@pytest.mark.parametrize("name", slow_but(MODELS, "voice_coil_dma", "rig_proxy"))
+def test_each_build_of_fmi_3_offers_all_functions(tmp_path, name, runtime, compiler):
+    for file, text in plan_build(component(name), runtime, 3).sources.items():
+        (tmp_path / file).write_bytes(text)
+    header = (tmp_path / "fmi3Functions.h").read_text()
+    functions = set(re.findall(r"^#define (fmi3\w+)\s+fmi3FullName", header, re.M))
+    assert {"fmi3DoStep", "fmi3GetEventIndicators", "fmi3EnterStepMode"} <= functions
+    assert defined(compiled(compiler, tmp_path)) == functions
 
 
 def test_headers_are_those_of_the_standard(sources):
