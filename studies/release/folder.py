@@ -20,7 +20,7 @@ from typing import Any
 
 from fmus import MODELS, component
 from fmus.kit import files
-from fmus.kit.build import RUNTIMES, archive, available_platforms, build, folder_of
+from fmus.kit.build import RUNTIMES, archive, available_platforms, build
 from fmus.kit.storage import scratch
 from orchestration.fmu import Archive
 from orchestration.system import NAMES, Member, System, library, ssp
@@ -60,7 +60,7 @@ def write(
         cls = component(name)
         for fmi, runtime in product((2, 3), RUNTIMES):
             tell(f"{name} ({runtime}, FMI {fmi}.0)")
-            path = out / "fmu" / folder_of(runtime, fmi) / f"{name}.fmu"
+            path = out / "fmu" / archive.folder_of(runtime, fmi) / f"{name}.fmu"
             files.write(path, build(cls, runtime, served, fmi=fmi))
     for name in systems:
         tell(f"{name}.ssp")

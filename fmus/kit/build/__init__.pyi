@@ -5,7 +5,6 @@ from .building import STOCK as STOCK
 from .building import build as build
 from .building import build_cached as build_cached
 from .building import check_build as check_build
-from .building import folder_of as folder_of
 from .building import plan_build as plan_build
 from .building import version as version
 from .documentation import STYLE as STYLE

@@ -1,4 +1,4 @@
-"""The archive of an FMU: a zip file whose bytes depend on its contents only, and its GUID."""
+"""The archive of an FMU: a zip file whose bytes depend on its contents only; GUID and folder."""
 
 from __future__ import annotations
 
@@ -56,3 +56,19 @@ def identity(files: Mapping[str, bytes]) -> str:
     for name in sorted(files):
         digest.update(name.encode() + b"\0" + hashlib.sha256(files[name]).digest())
     return f"{{{uuid.UUID(bytes=digest.digest()[:16], version=5)}}}"
+
+
+def folder_of(runtime: str, fmi: int) -> str:
+    """Return the name of the folder that builds of one kind are written to.
+
+    Parameters
+    ----------
+    runtime : {"python", "native", "pythonfmu"}
+    fmi : {2, 3}
+        Version of FMI.
+
+    Returns
+    -------
+    str
+    """
+    return runtime if fmi == 2 else {"native": "fmi3"}.get(runtime, f"fmi3-{runtime}")

@@ -143,22 +143,6 @@ def _fmi3_files(cls: type[Component], icon: bytes | None) -> dict[str, bytes]:
     return files
 
 
-def folder_of(runtime: str, fmi: int) -> str:
-    """Return the name of the folder that builds of one kind are written to.
-
-    Parameters
-    ----------
-    runtime : {"python", "native", "pythonfmu"}
-    fmi : {2, 3}
-        Version of FMI.
-
-    Returns
-    -------
-    str
-    """
-    return runtime if fmi == 2 else {"native": "fmi3"}.get(runtime, f"fmi3-{runtime}")
-
-
 def build(
     cls: type[Component],
     runtime: str,

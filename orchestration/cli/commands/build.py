@@ -70,7 +70,7 @@ def _plan(options: BuildCommand) -> list[_PlannedFmu]:
     planned = []
     for cls in classes:
         for kind in runtimes:
-            path = options["out"] / kit.folder_of(kind, fmi) / f"{cls.name}.fmu"
+            path = options["out"] / kit.archive.folder_of(kind, fmi) / f"{cls.name}.fmu"
             planned.append(_PlannedFmu(cls, kind, fmi, path))
     return planned
 
