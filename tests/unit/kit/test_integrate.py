@@ -291,6 +291,17 @@ def test_a_sample_at_a_communication_point_belongs_to_the_step_that_begins_there
     assert model.stamp == 1.5
 
 
+def test_a_step_of_zero_makes_the_updates_that_are_due_and_no_other():
+    model = Clocked(period=0.5)
+    integrator = Integrator(model)
+    integrator.advance(0.0, 0.4)
+    seen = []
+    for time in (0.4, 0.5, 0.5):
+        integrator.advance(time, 0.0)
+        seen.append((model.count, model.stamp, model.ramp))
+    assert seen == [(1.0, 0.0, 0.4), (2.0, 0.5, 0.4), (2.0, 0.5, 0.4)]
+
+
 def test_ten_million_samples_later_the_instants_are_still_exact():
     model = Clocked(period=0.1)
     integrator = Integrator(model)
