@@ -1,4 +1,4 @@
-/* For an engine without laws in C: what it says by `engine_differentiates` that it has not, which nobody calls then. */
+/* Completes an engine without laws in C. Nobody calls this: `engine_differentiates` is false. */
 #include "engine.h"
 
 bool engine_tangent(Engine *engine, double time, const double *seed, double *result, Message message) {

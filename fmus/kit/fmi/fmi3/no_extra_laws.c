@@ -1,4 +1,5 @@
-/* FMI 3.0: for an engine without laws in C, what it has not beside no_laws.c; there are no event indicators. */
+/* FMI 3.0: completes an engine without laws in C, beside no_laws.c. Nobody calls this: there are no derivatives, and no
+   event indicators. */
 #include "exchange.h"
 #include "extra_laws.h"
 
