@@ -303,8 +303,8 @@ def test_a_host_that_passes_over_an_event_gets_its_sample_with_the_next_step(
         assert one.getFloat64([names["current"]])[0] > 0.0, "samples were made"
 
 
-def clocked(name):
-    return build_cached(component(name), "native", 3, clocks=True)
+def clocked(name, runtime="native"):
+    return build_cached(component(name), runtime, 3, clocks=True)
 
 
 def clocks_of(name, names, starts):
@@ -345,10 +345,10 @@ def assert_ticks(ticks, clocks, stop):
 
 
 @pytest.mark.parametrize("name", SAMPLED)
-def test_clocks_are_active_at_the_samples_of_a_step(tmp_path, name):
+def test_clocks_are_active_at_the_samples_of_a_step(tmp_path, name, runtime):
     """Closed form: at shift + k period, in event mode alone, until the sample is made."""
     given = {"eventModeUsed": True, "earlyReturnAllowed": True}
-    with opened(clocked(name), tmp_path, **given) as (one, names, _):
+    with opened(clocked(name, runtime), tmp_path, **given) as (one, names, _):
         clocks = clocks_of(name, names, {})
         references = [reference for reference, *_ in clocks]
         one.enterInitializationMode()
