@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import copyreg
+import sys
 from collections.abc import Callable, Mapping
+from functools import partial
+from types import ModuleType
 from typing import Any, ClassVar
 
 from .declare import ArrayDeclaration, Declaration, Engine, Preset
@@ -11,7 +15,56 @@ from .layout import Layout, arrange, check, check_laws, expand, extract
 from .ports import PowerPort
 
 
-class Component:
+class ComponentType(type):
+    """The metaclass of components, whose classes can be pickled if their calls are kept.
+
+    Attributes
+    ----------
+    described : tuple of str
+        Attributes that are also set after a class is made.
+    """
+
+    described: ClassVar[tuple[str, ...]] = ("__doc__", "remark")
+    _made: partial[Any]
+
+
+def call_of(cls: type) -> partial[Any] | None:
+    """Return the call that makes a class; None for a class that is defined in a module."""
+    call: partial[Any] | None = vars(cls).get("_made")
+    return call
+
+
+def keep_call(module: ModuleType, call: Callable[[], ModuleType]) -> None:
+    """Keep the call that makes a module, for its classes in another process."""
+    vars(module)["_run_again"] = call
+
+
+def _member(run: Callable[[], ModuleType], name: str) -> Any:
+    return getattr(run(), name)
+
+
+def _reduce(cls: Any) -> Any:
+    """Return what pickle stores of a class: its name, or the call that makes it or its module."""
+    call = call_of(cls)
+    if call is not None:
+        return call, (), (None, {name: getattr(cls, name) for name in cls.described})
+    run = getattr(sys.modules.get(cls.__module__), "_run_again", None)
+    return cls.__qualname__ if run is None else (_member, (run, cls.__qualname__))
+
+
+def enable_pickling(metaclass: type[ComponentType]) -> None:
+    """Let pickle reduce the classes of a metaclass.
+
+    Not in a Python FMU: its modules are dropped with it, and `copyreg` would keep them.
+    """
+    if __name__ == "fmus.kit.component":
+        copyreg.pickle(metaclass, _reduce)  # type: ignore[arg-type]
+
+
+enable_pickling(ComponentType)
+
+
+class Component(metaclass=ComponentType):
     """Base class of every component.
 
     The class body declares variables; the attributes of an instance are their current values. Laws

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import wraps
+from functools import partial, wraps
 from inspect import signature
 from types import ModuleType
-from typing import Any, ClassVar, ParamSpec, cast
+from typing import Any, ClassVar, ParamSpec, TypeVar, cast
 from zlib import crc32
 
-from .component import Component
+from .component import Component, ComponentType, call_of, enable_pickling
 from .declare import Declaration, OutputDeclaration, ParameterDeclaration, name_declaration
 from .errors import UserError, find
 from .layout import APART
 
 _Call = ParamSpec("_Call")
+_Made = TypeVar("_Made", bound=type[Component])
 _ATTRIBUTES = frozenset(
     {"id", "title", "output", "term", "neutral", "assumption", "sizes", "is_random"}
 )
@@ -75,12 +76,13 @@ class Size:
 _ATTRIBUTE_TYPES = (str, int, Term, tuple)  # a law or variable of the same name has another type
 
 
-class EffectType(type):
+class EffectType(ComponentType):
     """The metaclass of effects, which separates their attributes, such as ``id``, from their laws.
 
     A component may have a law named ``id``; an effect stacked on it must not hide that law.
     """
 
+    described = (*ComponentType.described, "assumption", "title")
     _about: dict[str, Any]
 
     def __new__(
@@ -115,6 +117,9 @@ class EffectType(type):
         cls, name: str, bases: tuple[type, ...], body: dict[str, Any], /, **about: Any
     ) -> None:
         super().__init__(name, bases, body)  # without the attributes, which `type` would reject
+
+
+enable_pickling(EffectType)
 
 
 def _effect_attribute(name: str) -> property:
@@ -181,45 +186,46 @@ def make_effect(name: str, body: Mapping[str, Any], /, **about: Any) -> type[Eff
     body : Mapping of str to object
         Laws and declared variables, ``__doc__`` and ``__module__``.
     **about
-        Attributes of `Effect`. Unless `effect_maker` adds them, also ``made_by`` and ``made_with``:
-        the function that makes the effect, and its arguments after the component.
+        Attributes of `Effect`.
     """
     return cast("type[Effect]", EffectType(name, (Effect,), dict(body), **about))
 
 
-def effect_maker(make: Callable[_Call, type[Effect]]) -> Callable[_Call, type[Effect]]:
-    """Decorate a function that makes effects, so that each effect keeps the call that made it.
+def effect_maker(make: Callable[_Call, _Made]) -> Callable[_Call, _Made]:
+    """Decorate a function that makes effects or components, so that each keeps its call.
+
+    With the call it can be pickled, and an effect can be a part of a Python FMU.
 
     Parameters
     ----------
     make : callable
-        Its first parameter is the component, its second the law, output or input of the effect.
+        Of an effect, its first parameter is the component, its second the law, output or input.
         The `repr` of an argument after the first must be an expression for it.
     """
     parameters = signature(make)
 
     @wraps(make)
-    def maker(*positional: _Call.args, **named: _Call.kwargs) -> type[Effect]:
-        effect = make(*positional, **named)
+    def maker(*positional: _Call.args, **named: _Call.kwargs) -> _Made:
+        made = make(*positional, **named)
         call = parameters.bind(*positional, **named)
         call.apply_defaults()
-        _, *arguments = call.arguments.items()
-        effect._about |= {"made_by": maker, "made_with": dict(arguments)}
-        return effect
+        (_, first), *others = call.arguments.items()
+        made._made = partial(maker, first, **dict(others))
+        return made
 
     return maker
 
 
-def made_by(cls: type[Component]) -> Callable[..., type[Effect]] | None:
-    """Return the function that made an effect; None for a class that is defined in a module."""
-    function: Callable[..., type[Effect]] | None = vars(cls).get("_about", {}).get("made_by")
-    return function
+def made_by(cls: type[Component]) -> Callable[..., type[Component]] | None:
+    """Return the function that made a class; None for a class that is defined in a module."""
+    call = call_of(cls)
+    return call and call.func
 
 
 def made_with(cls: type[Component]) -> Mapping[str, Any]:
-    """Return the arguments, after the component, of the function that made an effect."""
-    arguments: Mapping[str, Any] = vars(cls).get("_about", {}).get("made_with", {})
-    return arguments
+    """Return the arguments, after the component, of the function that made a class."""
+    call = call_of(cls)
+    return call.keywords if call else {}
 
 
 def effect_name(effect: type[Effect]) -> str:
@@ -357,8 +363,7 @@ def stack(
         "remark": base.remark,
         "__doc__": component.__doc__,
         "__module__": component.__module__,
-        "_stacked": (component, layers),
-        "_stacked_with": values,
+        "_made": partial(stack, component, *layers, name=name, defaults=values),
     }
     title = "".join(effect.__name__ for effect in reversed(layers)) + component.__name__
     return type(
@@ -370,11 +375,13 @@ def stack(
 
 def unstack(cls: type[Component]) -> tuple[type[Component], tuple[type[Effect], ...]]:
     """Return a component without effects, and the effects stacked on it, innermost first."""
-    parts: tuple[type[Component], tuple[type[Effect], ...]] = vars(cls).get("_stacked", (cls, ()))
-    return parts
+    if made_by(cls) is not stack:
+        return cls, ()
+    component, *effects = cast("partial[Any]", call_of(cls)).args
+    return component, tuple(effects)
 
 
 def stacked_with(cls: type[Component]) -> Mapping[str, float | str]:
     """Return the new defaults that a component and its effects were stacked with, by name."""
-    values: Mapping[str, float | str] = vars(cls).get("_stacked_with", {})
+    values: Mapping[str, float | str] = made_with(cls).get("defaults", {})
     return values

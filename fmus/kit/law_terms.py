@@ -16,7 +16,7 @@ from typing import Any
 from .component import Component
 from .curves import coefficient, per
 from .declare import Constant, Discrete, Parameter, State
-from .effects import Effect, Term, made_by, make_effect, stack, unstack
+from .effects import Effect, Term, effect_maker, made_by, make_effect, stack, unstack
 from .errors import UserError
 from .functions import absolute, exp, maximum, minimum, smooth_table, sqrt, tanh, where
 
@@ -151,13 +151,14 @@ def base_value(
     value = getattr(self, name)
     if not callable(value):
         return value
-    stacked = next(part for part in type(self).__mro__ if "_stacked" in vars(part))
+    stacked = next(part for part in type(self).__mro__ if made_by(part) is stack)
     plain: Any = object.__new__(_without(stacked, effects, known))
     vars(plain).update(vars(self))
     plain._kept = None
     return getattr(plain, name)(*arguments)
 
 
+@effect_maker
 def law_term_effect(component: type[Component], law: str, term: LawTerm) -> type[Effect]:
     """Make the effect that adds a term to a law.
 
@@ -204,8 +205,6 @@ def law_term_effect(component: type[Component], law: str, term: LawTerm) -> type
         term=Term(law, term.signal, term.shape, f"{law} over {term.signal}", stem),
         neutral=stem,
         assumption=f"{law} does not hang on {term.signal or 'a constant'} like this",
-        made_by=law_term_effect,
-        made_with={"law": law, "term": term},
     )
     return effect
 

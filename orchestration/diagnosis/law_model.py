@@ -12,6 +12,7 @@ from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 from threading import Lock
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -123,6 +124,10 @@ class LawModel:
         functions = self.perturbed.functions()
         self._library = self._compiled(functions)
         self._by_parameters, self._moving = self._dependence(functions)
+
+    def __reduce__(self) -> Any:
+        """Return what copies and pickles have: graphs and compiled code are made again of it."""
+        return type(self), (self.cls, self.effects)
 
     def stacked(self, effects: tuple[str, ...]) -> StackedModel:
         """Return the model with effects laid over it, compiled when they are first asked for."""

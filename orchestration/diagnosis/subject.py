@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -59,6 +59,10 @@ _IN_NOISE = 0.1  # of the noise of an output, by which it may differ at most: te
 _RESOLVED = 2e-4  # of the spread, by which it may differ where there is no noise
 
 
+def _no_subject() -> None:
+    """Return what there is instead of a subject of other samples, where there is none."""
+
+
 @dataclass(frozen=True, eq=False)
 class LeftOut:
     """Samples that no fit sees.
@@ -111,8 +115,8 @@ class Subject:
     base: Fit
     reading: Reading | None = None
     observer: Observer | None = None
-    otherwise: Callable[[], Subject | None] = lambda: None
-    complete: Callable[[], Subject | None] = lambda: None
+    otherwise: Callable[[], Subject | None] = _no_subject
+    complete: Callable[[], Subject | None] = _no_subject
     fewer: Subject | None = None
 
     def judge(self, fitted: Fit) -> Judged | None:
@@ -425,7 +429,7 @@ def subject_of(
         return _as_read(first, False)
     if likelihood_gain(second.subject, first.subject) > WEIGHTS.least:
         first, second = second, first
-    return replace(_as_read(first, True), otherwise=lambda: _as_read(second, False))
+    return replace(_as_read(first, True), otherwise=partial(_as_read, second, False))
 
 
 def _as_read(recorded: _Recorded, turns: bool) -> Subject:
@@ -449,7 +453,7 @@ def _as_read(recorded: _Recorded, turns: bool) -> Subject:
         if one is not None and likelihood_gain(one.subject, best.subject) > WEIGHTS.least:
             best = one
     few = _without_outliers(best.subject)
-    return replace(few, complete=lambda: _of_all_samples(best, few))
+    return replace(few, complete=partial(_of_all_samples, best, few))
 
 
 def _of_all_samples(recorded: _Recorded, few: Subject) -> Subject | None:

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 from fmus.kit import Component, Input, Output, Parameter, State, UserError
 from fmus.kit import units as known_units
 from fmus.kit.arrays import Array
+from fmus.kit.effects import effect_maker
 from fmus.kit.quoting import line
 from fmus.kit.titles import titled
 from orchestration.diagnosis.foreign.response import FmuResponse
@@ -97,6 +98,7 @@ class Fitted(NamedTuple):
     size: float
 
 
+@effect_maker
 def output_correction(
     model: Model,
     names: Names,
@@ -158,6 +160,7 @@ def output_correction(
     return _component(model, doc, "corrected", body, laws, experiment)
 
 
+@effect_maker
 def input_correction(
     model: Model,
     names: Names,

@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import cached_property
 from hashlib import sha256
 from threading import Lock
+from typing import Any
 
 import numpy as np
 
@@ -43,12 +44,18 @@ class FmuRuns:
 
     def __init__(self, model: Model, names: Sequence[str], settings: Mapping[str, Value]):
         self.model = model
+        self._names = names
+        self._settings = settings
         self._others = {p: v for p, v in settings.items() if p not in model.inputs}
         for name in names:
             self._others.pop(name, None)
         self._fmu = FmuWithDifferences(model, names, [*reals(model.outputs)], self._others)
         self._one_at_a_time = Lock()
         self._known: dict[bytes, Trajectory] = {}
+
+    def __reduce__(self) -> Any:
+        """Return what copies and pickles have, without runs."""
+        return FmuRuns, (self.model, self._names, self._settings)
 
     def opened(self) -> AbstractContextManager[None]:
         """Keep the FMU open for the time of a context; without it each run opens it."""
@@ -104,6 +111,7 @@ class FmuModel(LawModel):
         effects: Mapping[str, type[Effect]] | None = None,
     ):
         super().__init__(cls, effects)
+        self._at = at
         self._names = names
         self._runs = runs
         index = cls.layout.parameter_index
@@ -111,6 +119,11 @@ class FmuModel(LawModel):
         self._points = [np.array([*at.values()])]
         nominal = np.array([float(p.start) for p in self.parameters])
         self.linearise_at(nominal)
+
+    def __reduce__(self) -> Any:
+        """Return what copies and pickles have, with the points of linearisations so far."""
+        arguments = self.cls, self._names, self._runs, self._at, self.effects
+        return type(self), arguments, {"_points": self._points}
 
     @cached_property
     def recorded(self) -> tuple[InputDeclaration, ...]:

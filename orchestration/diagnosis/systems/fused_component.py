@@ -20,7 +20,7 @@ from fmus.kit.declare import (
     OutputDeclaration,
     StateDeclaration,
 )
-from fmus.kit.effects import make_effect
+from fmus.kit.effects import effect_maker, make_effect
 from fmus.kit.layout import law_of
 from orchestration.system import Connection
 
@@ -93,6 +93,17 @@ def fused(
     UserError
         If two variables have one name, or outputs wait for each other in a circle.
     """
+    return Fused(_whole(name, members, values, connections), members)
+
+
+@effect_maker
+def _whole(
+    name: str,
+    members: Mapping[str, type[Component]],
+    values: Mapping[str, Mapping[str, Any]],
+    connections: Sequence[Connection],
+) -> type[Component]:
+    """Make the class of the component of `fused`."""
     received = {str(c.target): c for c in connections}
     body: dict[str, Any] = {"name": name, "__module__": __name__, "__doc__": f"Members of {name}."}
     for member, cls in members.items():
@@ -102,12 +113,14 @@ def fused(
         if twice is not None:
             raise UserError(f"{name}: two members have something named {twice!r}")
         body |= own
-    made = type("".join(part.title() for part in name.split("_")), (Component,), body)
+    made: type[Component] = type(
+        "".join(part.title() for part in name.split("_")), (Component,), body
+    )
     try:
         made().outputs()
     except RecursionError:
         raise UserError(f"{name}: outputs of its members wait for each other") from None
-    return Fused(made, members)
+    return made
 
 
 def _laws_of(cls: type[Component]) -> list[str]:
@@ -242,6 +255,7 @@ def _is_of_laws(effect: type[Effect]) -> bool:
     return not any(hasattr(value, "__set__") for value in vars(effect).values())
 
 
+@effect_maker
 def _lifted(member: str, cls: type[Component], effect: type[Effect]) -> type[Effect]:
     """Return an effect of a member as one of the whole."""
     laws = _laws_of(effect)

@@ -6,12 +6,14 @@ import importlib.util
 import re
 import sys
 import traceback
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit import files, quoting
+from fmus.kit.component import keep_call
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.interrupt import raise_interrupt
 from orchestration.fmu.model.authoring import check_names, describe, line_of, remarks
@@ -142,11 +144,22 @@ def is_subclass(thing: object, base: type) -> bool:
 
 
 def _load(path: Path) -> ModuleType:
-    """Return a user's file as a module, which is run again only if its contents have changed."""
+    """Return a user's file as a module, which is run again only if its contents have changed.
+
+    Raises
+    ------
+    UserError
+        If it cannot be read or run.
+    """
     try:
         text = files.contents(path)
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from error
+    return _run(path, text)
+
+
+def _run(path: Path, text: bytes) -> ModuleType:
+    """Return the text of a file as a module, which is run once; UserError if that fails."""
     check_names(path, text)
     digest = sha256(str(path.resolve()).encode(errors="surrogateescape") + text).hexdigest()
     name = f"{quoting.identifier(path.stem, 'model')}_{digest[:12]}"
@@ -167,6 +180,7 @@ def _load(path: Path) -> ModuleType:
             raise
         raise UserError(describe(path, text, error)) from error
     _LOADED.add(spec.origin)
+    keep_call(module, partial(_run, path, text))
     return module
 
 

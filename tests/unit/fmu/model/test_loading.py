@@ -2,11 +2,14 @@
 
 import importlib.util
 import os
+import pickle
 import py_compile
+import subprocess
+import sys
 
 import pytest
 
-from fmus.kit import UserError
+from fmus.kit import UserError, stack
 from orchestration.fmu.model.loading import load_class
 
 SOURCE = '''
@@ -91,3 +94,20 @@ def test_a_file_without_models_says_so(path):
         load_class(str(path))
     with pytest.raises(UserError, match=r"write path/to/file\.py:Class"):
         load_class(f"{path}:")
+
+
+def test_a_pickle_needs_no_file(path):
+    """It has the class as it was, whatever the file has become."""
+    pickled = pickle.dumps(stack(load_class(f"{path}:Own"), defaults={"gain": 3.0}))
+    path.unlink()
+    script = "import pickle, sys; print(pickle.load(sys.stdin.buffer)().outputs())"
+    run = subprocess.run([sys.executable, "-c", script], input=pickled, capture_output=True)
+    assert (run.stdout.strip(), run.stderr) == (b"[3.0]", b"")
+
+
+def test_a_pickle_of_a_file_that_changed_is_of_the_file_as_it_was(path):
+    before = load_class(f"{path}:Own")
+    path.write_text(SOURCE.replace("GAIN", "2.0"))
+    after = load_class(f"{path}:Own")
+    again = [pickle.loads(pickle.dumps(cls)) for cls in (before, after)]
+    assert [cls().outputs() for cls in again] == [[1.0], [2.0]]
