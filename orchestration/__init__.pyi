@@ -9,8 +9,8 @@ from .api import fit as fit
 from .api import frequency_response as frequency_response
 from .api import laws as laws
 from .api import linearise as linearise
+from .api import load as load
 from .api import optimise as optimise
-from .api import read_diagnosis as read_diagnosis
 from .api import read_record as read_record
 from .api import run as run
 from .api import simulate as simulate

@@ -24,7 +24,7 @@ from .simulation import as_runnable as as_runnable
 from .simulation import points_of as points_of
 from .simulation import simulate as simulate
 from .simulation import values_of as values_of
-from .stored import read_diagnosis as read_diagnosis
+from .stored import load as load
 from .sweeping import sweep as sweep
 from .sweeping import sweep_file as sweep_file
 from .system_results import SystemResult as SystemResult

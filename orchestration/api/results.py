@@ -13,7 +13,6 @@ import numpy as np
 from fmus.kit import Component, UserError, files, quoting
 from fmus.kit.build import host_platform
 from orchestration.api.builds import export
-from orchestration.api.stored import stamped
 from orchestration.diagnosis import Diagnosis, DiagnosisView
 from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.foreign import FmuDiagnosis, corrected_system
@@ -47,6 +46,7 @@ from orchestration.reporting import (
     plain_table,
     write_page,
 )
+from orchestration.reporting.saving import stamped
 from orchestration.system.ssp import write as write_ssp
 
 if TYPE_CHECKING:
@@ -252,6 +252,17 @@ class Diagnosed(Displayable):
         with in_shell():  # as from the command, which the page shows
             return write_page(self._view(command or self._command), path)
 
+    def _kept(self) -> dict[str, Any]:
+        return self.to_dict()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures, ready for JSON, in the form of ``ppy diagnose --json``."""
+        with in_shell():
+            return stamped(self._figures(), self._view(self._command))
+
+    def _figures(self) -> dict[str, Any]:
+        raise NotImplementedError
+
     def _view(self, command: str) -> DiagnosisView | SystemView:
         """Return what the page shows."""
         raise NotImplementedError
@@ -371,11 +382,6 @@ class DiagnosisResult(Diagnosed):
         names = ", ".join(dict.fromkeys(record.source.name for record in self.records))
         name = self._diagnosis.model.name
         return one_line(f"DiagnosisResult {self.verdict}{causes}: {name}, {names}")
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures, ready for JSON, in the form of ``ppy diagnose --json``."""
-        with in_shell():
-            return stamped(self._figures(), self._view(self._command))
 
     def _figures(self) -> dict[str, Any]:
         figures = summary.summary(self._diagnosis, self._written)

@@ -1,4 +1,4 @@
-"""Diagnoses in files of JSON: stamped with product and format, and shown again as they were."""
+"""Results from files of JSON, shown again as they were: ``ppy.load``."""
 
 from __future__ import annotations
 
@@ -15,30 +15,16 @@ from orchestration.diagnosis import DiagnosisView
 from orchestration.diagnosis.report import terminal
 from orchestration.diagnosis.systems import SystemView, overview
 from orchestration.reporting import Displayable, in_shell, one_line, write_page
+from orchestration.reporting.saving import FORMAT, STAMP, Shown
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-FORMAT = 1  # of the file; another one where a field is no longer what it was
-_STAMP = "format"
 
-
-def stamped(figures: Mapping[str, Any], shown: DiagnosisView | SystemView) -> dict[str, Any]:
-    """Return the figures of a diagnosis as a file has them.
-
-    Parameters
-    ----------
-    figures : Mapping of str to object
-    shown : DiagnosisView or SystemView
-        What people are shown of it.
-    """
-    product = f"ppy-rig {version('ppy-rig')}"
-    view = shown.model_dump(mode="json")
-    return {_STAMP: FORMAT, "product": product, **figures, "shown": view}
-
-
-def view_overview(shown: DiagnosisView | SystemView) -> list[RenderableType]:
+def view_overview(shown: DiagnosisView | SystemView | Shown) -> list[RenderableType]:
     """Return the renderables that the command prints."""
+    if isinstance(shown, Shown):
+        return [shown.text]
     if isinstance(shown, SystemView):
         return [overview(shown)]
     parts: list[RenderableType] = [terminal.overview(shown.answer)]
@@ -49,12 +35,12 @@ def view_overview(shown: DiagnosisView | SystemView) -> list[RenderableType]:
     return parts
 
 
-class StoredDiagnosis(Displayable):
-    """A diagnosis from a file: what terminal and page showed of it, and its figures.
+class StoredResult(Displayable):
+    """A result from a file: what text and page showed of it, and its figures.
 
     Parameters
     ----------
-    shown : DiagnosisView or SystemView
+    shown : DiagnosisView, SystemView or Shown
     figures : Mapping of str to object
         All of the file.
     source : Path
@@ -62,26 +48,37 @@ class StoredDiagnosis(Displayable):
     Attributes
     ----------
     verdict : str
+        Of a diagnosis; else empty.
     """
 
     def __init__(
-        self, shown: DiagnosisView | SystemView, figures: Mapping[str, Any], source: Path
+        self,
+        shown: DiagnosisView | SystemView | Shown,
+        figures: Mapping[str, Any],
+        source: Path,
     ) -> None:
         self._shown = shown
         self._figures = figures
         self._source = source
-        self.verdict = shown.verdict if isinstance(shown, SystemView) else shown.answer.verdict
+        about = shown.answer if isinstance(shown, DiagnosisView) else shown
+        self.verdict: str = getattr(about, "verdict", "")
 
     def overview(self) -> list[RenderableType]:
         """Return the renderables that the command printed."""
         return view_overview(self._shown)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the figures as they are in the file."""
+        """Return the figures as they were."""
+        figures: Mapping[str, Any] = self._figures
+        if isinstance(self._shown, Shown):
+            figures = figures["figures"]
+        return dict(figures)
+
+    def _kept(self) -> dict[str, Any]:
         return dict(self._figures)
 
     def report(self, path: str | Path) -> Path:
-        """Write the page of HTML that was made with it.
+        """Write the page of HTML of the result.
 
         Parameters
         ----------
@@ -91,17 +88,19 @@ class StoredDiagnosis(Displayable):
         Raises
         ------
         UserError
-            If the page cannot be written, or its name does not end in ``.html``.
+            If the result had no page, it cannot be written, or its name does not end in ``.html``.
         """
         with in_shell():
             return write_page(self._shown, path)
 
     def __repr__(self) -> str:
-        return one_line(f"StoredDiagnosis {self.verdict}: {self._source}")
+        if isinstance(self._shown, Shown):
+            return self._shown.line
+        return one_line(f"StoredResult {self.verdict}: {self._source}")
 
 
-def read_diagnosis(path: str | Path) -> StoredDiagnosis:
-    """Read a diagnosis that ``--json`` or `to_dict` wrote, to show it again.
+def load(path: str | Path) -> StoredResult:
+    """Read a result that its ``save`` or the option ``--json`` of `diagnose` wrote.
 
     Parameters
     ----------
@@ -110,23 +109,21 @@ def read_diagnosis(path: str | Path) -> StoredDiagnosis:
 
     Returns
     -------
-    StoredDiagnosis
+    StoredResult
+        It prints as the result did; ``to_dict`` has its figures, and ``report`` writes its page.
 
     Raises
     ------
     UserError
-        If the file cannot be read, is no diagnosis, or has a format of another version.
+        If the file cannot be read, is no result, or has a format of another version.
 
     Examples
     --------
-    >>> import json
-    >>> from pathlib import Path
     >>> import ppy_rig as ppy
     >>> from demonstrations.records import draw, write
     >>> write(draw(None, seed=1, duration=60.0), "right.csv")
-    >>> result = ppy.diagnose("right.csv", effects=[])
-    >>> _ = Path("right.json").write_text(json.dumps(result.to_dict()))
-    >>> ppy.read_diagnosis("right.json").verdict == result.verdict
+    >>> fitted = ppy.fit("right.csv", "ppy_actuator", ["R1", "C"])
+    >>> str(ppy.load(fitted.save("fitted.json"))) == str(fitted)
     True
     """
     source = Path(path)
@@ -136,21 +133,26 @@ def read_diagnosis(path: str | Path) -> StoredDiagnosis:
         raise UserError(f"{source}: {error.strerror}") from error
     except ValueError as error:
         raise UserError(f"{source}: this is no JSON: {error}") from error
-    if not isinstance(figures, dict) or _STAMP not in figures:
+    if not isinstance(figures, dict) or STAMP not in figures:
         raise UserError(
-            f"{source}: it has no format: it is no diagnosis, or one of before diagnoses were"
-            " stamped; diagnose the record again"
+            f"{source}: it has no format: it is no result, or one of before results were stamped;"
+            " save it again"
         )
-    if figures[_STAMP] != FORMAT:
+    if figures[STAMP] != FORMAT:
         raise UserError(
-            f"{source}: format {figures[_STAMP]!r} of {figures.get('product', 'another product')}"
+            f"{source}: format {figures[STAMP]!r} of {figures.get('product', 'another product')}"
             f" is not known; ppy-rig {version('ppy-rig')} reads format {FORMAT}"
         )
-    shown = figures.get("shown")
-    kind = SystemView if "system" in figures else DiagnosisView
     try:
-        return StoredDiagnosis(kind.model_validate(shown), figures, source)
+        return StoredResult(_kind(figures).model_validate(figures.get("shown")), figures, source)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = ".".join(map(str, ("shown", *first["loc"])))
         raise UserError(f"{source}: {place}: {first['msg'].lower()}") from error
+
+
+def _kind(figures: Mapping[str, Any]) -> type[DiagnosisView | SystemView | Shown]:
+    """Return the form of what is shown of the result in a file."""
+    if isinstance(figures.get("figures"), dict):
+        return Shown
+    return SystemView if "system" in figures else DiagnosisView

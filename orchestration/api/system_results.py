@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError
 from orchestration.api.results import Diagnosed
-from orchestration.api.stored import stamped
 from orchestration.diagnosis.systems import (
     MemberDiagnosis,
     MemberParameter,
@@ -19,7 +18,7 @@ from orchestration.diagnosis.systems import (
     view_of,
 )
 from orchestration.records import Record
-from orchestration.reporting import draw, in_shell, one_line
+from orchestration.reporting import draw, one_line
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -98,10 +97,8 @@ class SystemResult(Diagnosed):
         of = f" {named}" if named else ""
         return one_line(f"SystemResult {self.verdict}{of}: {self._diagnosis.system}")
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures, ready for JSON, in the form of ``ppy diagnose --system --json``."""
-        with in_shell():
-            return stamped(summary(self._diagnosis), self._view(self._command))
+    def _figures(self) -> dict[str, Any]:
+        return summary(self._diagnosis)
 
     def _view(self, command: str) -> SystemView:
         return view_of(self._diagnosis, command)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 import os
-import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -19,7 +17,6 @@ JSON = (".json",)
 PAGE = (".html", ".htm")
 XML = (".xml",)
 # a list of numbers, whose lines are joined; a text has no end of a line in it
-_NUMBERS = re.compile(r"\[\n\s+(?:(?:-?\d[\d.eE+-]*|null),?\n\s+)+\]")
 _WRITTEN_BY = {
     ".parquet": ("pyarrow",),
     **dict.fromkeys((".png", ".svg", ".pdf", *PAGE), ("matplotlib",)),
@@ -155,10 +152,9 @@ def write_json(path: Path | None, data: Any) -> None:
     """
     if path is None:
         return
-    import json
+    from orchestration.reporting.saving import json_text
 
-    text = json.dumps(_finite(data), indent=2, allow_nan=False) + "\n"
-    text = _NUMBERS.sub(lambda numbers: " ".join(numbers[0].split()), text)
+    text = json_text(data)
     if path == STANDARD_OUTPUT:
         sys.stdout.write(text)
         return
@@ -167,12 +163,3 @@ def write_json(path: Path | None, data: Any) -> None:
 
     files.write(path, text.encode())
     wrote(path)
-
-
-def _finite(data: Any) -> Any:
-    """Return data with None in place of numbers that JSON does not have."""
-    if isinstance(data, Mapping):
-        return {key: _finite(value) for key, value in data.items()}
-    if isinstance(data, list | tuple):
-        return [_finite(value) for value in data]
-    return None if isinstance(data, float) and not math.isfinite(data) else data

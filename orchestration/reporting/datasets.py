@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import xarray
 from xarray.plot.accessor import DatasetPlotAccessor
 
-from orchestration.reporting import pictures
+from orchestration.reporting import pictures, saving
 from orchestration.reporting.drawing import draw
 from orchestration.reporting.notebook import bundle
 
@@ -54,6 +54,10 @@ class ResultDataset(xarray.Dataset):
     def to_frame(self) -> pandas.DataFrame:
         """Return the result as a table."""
         return self.to_dataframe()
+
+    def save(self, path: str | Path) -> Path:
+        """Write the result to a file, from which `ppy.load` shows it again; see `Displayable`."""
+        return saving.save(saving.kept(self), path)
 
     @property
     def plot(self) -> Plots:  # type: ignore[override]

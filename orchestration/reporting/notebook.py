@@ -67,6 +67,29 @@ class Displayable:
 
         return pictures.also_saved(self.draw(), path)
 
+    def save(self, path: str | Path) -> Path:
+        """Write the result to a file, from which `ppy.load` shows it again.
+
+        Parameters
+        ----------
+        path : str or Path
+            A ``.json`` file: the figures, and what text and page show.
+
+        Raises
+        ------
+        UserError
+            If it cannot be written, or its name does not end in ``.json``.
+        """
+        from orchestration.reporting import saving
+
+        return saving.save(self._kept(), path)
+
+    def _kept(self) -> dict[str, Any]:
+        """Return what a file has of the result."""
+        from orchestration.reporting import saving
+
+        return saving.kept(self)
+
     def __str__(self) -> str:
         from orchestration.reporting.console import plain_text
 

@@ -49,14 +49,14 @@ def info(options: InfoCommand) -> None:
 
 def _show_diagnosis(options: InfoCommand) -> None:
     """Show a diagnosis from its file as it was shown when it was made."""
-    from orchestration.api import read_diagnosis
+    from orchestration.api import load
     from orchestration.cli.outputs import PAGE
     from orchestration.reporting.console import out, wrote
 
     file, path, page = Path(options["model"]), options["json"], options["report"]
     endings = {"--json": JSON, "--report": PAGE}
     Outputs({"the diagnosis": file}, {"--json": path, "--report": page}, endings).check()
-    stored = read_diagnosis(file)
+    stored = load(file)
     with standard_output_for(path):
         out.print(*stored.overview(), sep="\n")
         write_json(path, stored.to_dict())

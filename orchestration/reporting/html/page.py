@@ -26,6 +26,11 @@ SCROLLED = (
     f" local, linear-gradient(to right, {_EDGE}) 0 0 / 0.9rem 100% no-repeat,"
     f" linear-gradient(to left, {_EDGE}) 100% 0 / 0.9rem 100% no-repeat"
 )
+# Elements may be from somebody else's file.
+_NO_SCRIPTS = (
+    '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; style-src'
+    " 'unsafe-inline'; img-src data:\">"
+)
 _MORE = """
 body { overflow-wrap: anywhere; max-width: 64rem }
 h1 { font-size: 1.7rem; margin: 0.3rem 0 0.8rem }
@@ -196,7 +201,7 @@ class Page:
         """Return the whole page."""
         style = STYLE + _MORE.replace("SCROLLED", SCROLLED) + _CHART + _ELEMENTS
         head = (
-            '<meta charset="utf-8"><meta name="viewport" content="width=device-width,'
+            f'<meta charset="utf-8">{_NO_SCRIPTS}<meta name="viewport" content="width=device-width,'
             f' initial-scale=1"><title>{_plain([self.title])}</title><style>{style}</style>'
         )
         body = "\n".join(self.parts)

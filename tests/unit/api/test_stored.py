@@ -1,19 +1,28 @@
-"""Claims: a diagnosis from its file looks as it did; any other file is refused in one line."""
+"""Claims: a result from its file looks as it did; any other file is refused in one line."""
 
 from __future__ import annotations
 
 import json
 import re
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+import ppy_rig as ppy
 from fmus.kit import UserError
 from orchestration.api.results import DiagnosisResult
-from orchestration.api.stored import FORMAT, read_diagnosis
+from orchestration.api.stored import load
 from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.law_map import map_laws
-from orchestration.reporting import in_shell
+from orchestration.fmu.check.finding import Finding, Findings
+from orchestration.reporting import in_shell, make_page
+from orchestration.reporting.saving import FORMAT
+from tests.support.browser import chromium
 from tests.support.oscillator import CUBE, DRY, diagnosis_with, oscillator_record
+from tests.support.oscillator_model import Oscillator
+
+PINNED = Path(__file__).with_name("pinned")  # files of format 1, as written when it began
 
 
 @pytest.fixture(scope="module")
@@ -22,9 +31,7 @@ def dry():
 
 
 def kept(result, folder):
-    path = folder / "diagnosis.json"
-    path.write_text(json.dumps(result.to_dict(), allow_nan=False), encoding="utf-8")
-    return path
+    return result.save(folder / "diagnosis.json")
 
 
 @pytest.fixture
@@ -39,7 +46,7 @@ def results(dry):
 @pytest.mark.parametrize("kind", ["alone", "changed", "laws"])
 def test_terminal_and_page_are_those_of_the_time(results, kind, tmp_path):
     result = results[kind].as_typed("ppy diagnose a.csv --fmu b.fmu", {"fmu": "b.fmu"})
-    stored = read_diagnosis(kept(result, tmp_path))
+    stored = load(kept(result, tmp_path))
     with in_shell():
         assert str(stored) == str(result)
     pages = [one.report(tmp_path / name) for one, name in ((result, "a.html"), (stored, "b.html"))]
@@ -47,6 +54,66 @@ def test_terminal_and_page_are_those_of_the_time(results, kind, tmp_path):
     assert "--fmu b.fmu" in pages[0].read_text(encoding="utf-8")
     assert stored.verdict == result.verdict
     assert stored.to_dict() == json.loads(json.dumps(result.to_dict()))
+    assert stored.save(tmp_path / "again.json").read_bytes() == kept(result, tmp_path).read_bytes()
+
+
+@pytest.fixture(scope="module")
+def compared():
+    record = oscillator_record(1, samples=150)
+    units = {"force": "N", "position": "m"}
+    columns = {f"{name} [{unit}]": record.signals[name] for name, unit in units.items()}
+    return ppy.compare({"time [s]": record.time} | columns, Oscillator, fit=["damping"])
+
+
+def test_a_comparison_has_its_page(compared, tmp_path):
+    stored = load(compared.save(tmp_path / "compared.json"))
+    assert (str(stored), repr(stored)) == (str(compared), repr(compared))
+    assert stored.report(tmp_path / "a.html").read_text("utf-8") == make_page(compared).html()
+    assert stored.to_dict() == json.loads(json.dumps(compared.to_dict()))
+    assert stored.save(tmp_path / "again.json").read_bytes() == (
+        (tmp_path / "compared.json").read_bytes()
+    )
+
+
+def test_a_result_without_page_or_figures_prints(tmp_path):
+    findings = Findings([Finding(2, "error", "x has no [unit]")])
+    stored = load(findings.save(tmp_path / "findings.json"))
+    assert str(stored) == str(findings)
+    with pytest.raises(UserError, match="Findings: this has no page"):
+        stored.report(tmp_path / "a.html")
+
+
+def test_numbers_that_json_does_not_have_are_null(tmp_path):
+    run = ppy.simulate(Oscillator, {"force": 0.0}, stop=0.2, step=0.1)
+    run.outputs["position"][:] = [np.nan, np.inf, 1.0]
+    assert load(run.save(tmp_path / "run.json")).to_dict()["position"] == [None, None, 1.0]
+
+
+def test_a_name_that_is_no_json_is_refused(compared, tmp_path):
+    with pytest.raises(UserError, match=r"fit.txt: the name of a result's file ends in .json"):
+        compared.save(tmp_path / "fit.txt")
+
+
+@pytest.mark.parametrize("name", ["diagnosis", "comparison"])
+def test_a_file_of_the_first_format_is_read(name, tmp_path):
+    stored = load(PINNED / f"{name}.json")
+    with in_shell():
+        assert f"{stored}\n" == (PINNED / f"{name}.txt").read_text(encoding="utf-8")
+    assert "<h1>" in stored.report(tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_a_page_from_a_file_runs_nothing(browser, compared, tmp_path):
+    """Unlike text, elements of a page are not escaped again."""
+    data = json.loads(compared.save(tmp_path / "a.json").read_text("utf-8"))
+    ill = "document.title = 'ill'"
+    data["shown"]["page"]["parts"] += [f"<script>{ill}</script>", f'<img src="x" onerror="{ill}">']
+    (tmp_path / "a.json").write_text(json.dumps(data), encoding="utf-8")
+    page = load(tmp_path / "a.json").report(tmp_path / "page.html")
+    with chromium(browser, tmp_path / "profile") as tab:
+        tab.open(page, 1280)
+        assert tab.run("document.scripts.length") == 1
+        assert tab.run("document.title") != "ill"
 
 
 @pytest.mark.parametrize(
@@ -65,7 +132,7 @@ def test_another_format_is_refused_in_one_line(results, change, message, tmp_pat
     path = tmp_path / "d.json"
     path.write_text(json.dumps(results["alone"].to_dict() | change), encoding="utf-8")
     with pytest.raises(UserError, match=message) as refused:
-        read_diagnosis(path)
+        load(path)
     assert "\n" not in str(refused.value)
 
 
@@ -77,9 +144,9 @@ def test_another_file_is_refused_in_one_line(text, message, tmp_path):
     path = tmp_path / "d.json"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(UserError, match=message):
-        read_diagnosis(path)
+        load(path)
     with pytest.raises(UserError, match="No such file"):
-        read_diagnosis(tmp_path / "e.json")
+        load(tmp_path / "e.json")
 
 
 def test_code_in_a_file_stays_a_text(results, tmp_path):
@@ -90,6 +157,6 @@ def test_code_in_a_file_stays_a_text(results, tmp_path):
     spoilt = re.sub(r'(": |\[)"[^"]*"', lambda m: f'{m[1]}"{text}"', path.read_text("utf-8"))
     data = json.loads(spoilt)
     path.write_text(json.dumps(data | {"format": FORMAT}), encoding="utf-8")
-    page = read_diagnosis(path).report(tmp_path / "p.html").read_text(encoding="utf-8")
+    page = load(path).report(tmp_path / "p.html").read_text(encoding="utf-8")
     assert "<script" not in page
     assert page.count("</style>") == 1
