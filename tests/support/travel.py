@@ -11,26 +11,35 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from orchestration.reporting import in_shell
+import numpy as np
+
+from orchestration.reporting import Displayable, ResultDataset, in_shell
+
+STATES = np.linspace(0.1, 0.7, 40)  # of a model; more than any has
 
 
 def write_shown(result: Any, folder: Path) -> None:
-    """Write text, figures, tables and page of a result into a folder, as far as it has them."""
+    """Write text, figures, page and laws of a result into a folder, as far as it has them."""
     folder.mkdir(parents=True)
     with in_shell():
         (folder / "text").write_text(f"{result!r}\n{result}", encoding="utf-8")
-    if hasattr(result, "to_dict") and not hasattr(result, "dims"):  # of xarray it has an encoding
-        (folder / "json").write_text(json.dumps(result.to_dict(), default=str), encoding="utf-8")
-    if hasattr(result, "to_frame"):
-        (folder / "csv").write_text(result.to_frame().to_csv(), encoding="utf-8")
+    if isinstance(result, Displayable | ResultDataset):
+        result.save(folder / "saved.json")
     if hasattr(result, "report"):
         result.report(folder / "page.html")
+    cls = getattr(result, "model", None) or getattr(result, "cls", None)
+    if isinstance(cls, type):
+        instance: Any = cls()
+        for name, value in zip((s.name for s in cls.layout.states), STATES, strict=False):
+            setattr(instance, name, value)
+        laws = [*map(float, instance.outputs()), *map(float, instance.rates())]
+        (folder / "laws").write_text(json.dumps(laws), encoding="utf-8")
 
 
 def main(folder: Path) -> None:
     """Read the pickles of a folder."""
     for path in sorted(folder.glob("*.pickle")):
-        write_shown(pickle.loads(path.read_bytes()), folder / f"{path.stem}_elsewhere")
+        write_shown(pickle.loads(path.read_bytes()), folder / "there" / path.stem)
 
 
 if __name__ == "__main__":
