@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -119,9 +121,11 @@ def test_an_effect_of_a_member_acts_in_the_whole() -> None:
     assert [size.parameters for size in give.sizes] == [("spring_share",)]
     drive = 1.0 + np.sin(TIME)
     inputs = {"lag_drive": drive, "spring_bias": np.full(50, 0.2)}
-    run = CompiledModel(stack(both.cls, give)).run(TIME, inputs, {"spring_share": 0.3})
-    found = np.column_stack([run.signals["lag_x"], run.signals["spring_push"]])
-    assert found == pytest.approx(flows(0.5, 2.0, drive, 0.2, 0.3), abs=1e-6)
+    cls = stack(both.cls, give)
+    for own in (cls, pickle.loads(pickle.dumps(cls))):
+        run = CompiledModel(own).run(TIME, inputs, {"spring_share": 0.3})
+        found = np.column_stack([run.signals["lag_x"], run.signals["spring_push"]])
+        assert found == pytest.approx(flows(0.5, 2.0, drive, 0.2, 0.3), abs=1e-6)
 
 
 def test_laws_of_members_are_those_of_the_whole_and_a_connection_is_one() -> None:
