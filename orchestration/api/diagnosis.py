@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, Unpack, cast, overload
 
 from fmus.kit import UserError, registry
 from fmus.kit.extras import require
+from orchestration.api.batch import Diagnoses, diagnose_each, jobs_of
 from orchestration.api.command import equivalent_command
 from orchestration.api.declaration import options_of, stated_of, takes, words_of
 from orchestration.api.forms import optional_seconds
 from orchestration.api.options import (
     DiagnoseKeywords,
     DiagnoseOptions,
+    EachOption,
     LawsKeywords,
     LawsOptions,
     MappingOption,
 )
-from orchestration.api.records import Data, Records, held_out, matching_record, one_record
+from orchestration.api.records import Data, Records, held_out, listed, matching_record, one_record
 from orchestration.api.results import DiagnosisResult
 from orchestration.api.simulation import as_declared, values_of
 from orchestration.api.system_results import SystemResult
@@ -51,17 +54,29 @@ def diagnose(
 ) -> SystemResult: ...
 
 
-@takes(DiagnoseKeywords)
+@overload
+def diagnose(
+    record: Records,
+    model: Model | str | Path | None = None,
+    *,
+    workers: int,
+    **options: Unpack[DiagnoseKeywords],
+) -> Diagnoses: ...
+
+
+@takes(EachOption, DiagnoseKeywords)
 def diagnose(
     record: Records,
     model: Model | str | Path | None = None,
     *,
     system: System | str | Path | None = None,
+    workers: int | None = None,
     **options: Unpack[DiagnoseKeywords],
-) -> DiagnosisResult | SystemResult:
+) -> DiagnosisResult | SystemResult | Diagnoses:
     """Find the causes of a model's error on a record, extend the model, and validate the extension.
 
-    Several records have the same parameters, and each has its own start states.
+    Several records have the same parameters, and each has its own start states; with `workers`
+    each is diagnosed by itself.
 
     Parameters
     ----------
@@ -82,6 +97,9 @@ def diagnose(
         Of a model.
     SystemResult
         Of a system.
+    Diagnoses
+        With `workers`: a mapping of records to results, with ``failures`` of those that cannot be
+        used; after Ctrl-C of those that are done.
 
     Raises
     ------
@@ -99,6 +117,11 @@ def diagnose(
     >>> low, high = result.parameters["R1"].interval
     """
     require("threadpoolctl")
+    if workers is not None:
+        _refuse_of_all(system, options)
+        alone = {name: value for name, value in options.items() if name != "progress"}
+        one = partial(_diagnose_alone, model, alone)
+        return diagnose_each(jobs_of(listed(record)), one, workers, options["progress"])
     if system is not None:
         return _of_system(record, model, system, options)
     subject = as_declared(model).with_units(options["units"] or {})
@@ -130,6 +153,23 @@ def diagnose(
         return DiagnosisResult(diagnosis, command, around=around)
     changed = find_changes(diagnosis, later, chosen, options["progress"])
     return DiagnosisResult(diagnosis, command, changed)
+
+
+def _diagnose_alone(
+    model: Model | str | Path | None, options: Mapping[str, Any], record: Data
+) -> DiagnosisResult:
+    """Diagnose one record; a function of a module, as another process calls it."""
+    return diagnose(record, model, **options)
+
+
+def _refuse_of_all(system: System | str | Path | None, options: DiagnoseKeywords) -> None:
+    """Raise UserError for an option that is about all records, or about a system."""
+    given = {"system": system, "compare": options["compare"], "each": options["each"]}
+    unfit = next((name for name, value in given.items() if value), None)
+    if unfit is not None:
+        raise UserError(
+            f"{option(unfit)} is about all records; {option('workers')} diagnoses each by itself"
+        )
 
 
 def _of_system(

@@ -336,6 +336,23 @@ class LawsOptions(RecordOptions, SearchOptions, total=False):
     ]
 
 
+class EachOption(TypedDict, total=False):
+    """Diagnoses of several records, each by itself."""
+
+    workers: Annotated[
+        int | None,
+        Option(
+            "Diagnose each record, or each file of a folder, by itself, N at a time in processes.",
+            "Diagnose each record, or each file of a folder, by itself, in so many processes; the"
+            " answers are those of one after another. It is the ``n_jobs`` of joblib. By default"
+            " all records are diagnosed as one.",
+            metavar="N",
+            least=1,
+            most=1000,
+        ),
+    ]
+
+
 class DiagnoseKeywords(DiagnoseOptions, ProgressOption, total=False):
     """Keyword arguments of ``diagnose``."""
 

@@ -72,7 +72,7 @@ def one_record(records: Records, options: Mapping[str, Any]) -> Record | Source:
     UserError
         If there are several.
     """
-    first, *others = _listed(records)
+    first, *others = listed(records)
     if others:
         raise UserError(f"a system is diagnosed on one record, and there are {1 + len(others)}")
     return first if isinstance(first, Record) else source_of(first, options)
@@ -81,7 +81,7 @@ def one_record(records: Records, options: Mapping[str, Any]) -> Record | Source:
 def matching_runs(records: Records, model: Model, options: Mapping[str, Any]) -> list[Record]:
     """Return the runs of one or several records; files are read as options of a record say."""
     runs: list[Record] = []
-    for record in _listed(records):
+    for record in listed(records):
         if isinstance(record, Record):
             runs.append(record)
         else:
@@ -90,7 +90,8 @@ def matching_runs(records: Records, model: Model, options: Mapping[str, Any]) ->
     return runs
 
 
-def _listed(records: Records) -> list[Data]:
+def listed(records: Records) -> list[Data]:
+    """Return records as a list, also of one."""
     if isinstance(records, Sequence) and not isinstance(records, str):
         return list(records)
     return [records]
@@ -122,7 +123,7 @@ def held_out(
     by_label = dict(zip(record_labels(runs), runs, strict=True))
     labels: list[str] = []
     others: list[Record] = []
-    for item in _listed(holdout):
+    for item in listed(holdout):
         if not isinstance(item, str | Path) or Path(item).exists() or len(by_label) < 2:
             others += matching_runs(item, model, options)
         else:

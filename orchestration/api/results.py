@@ -40,12 +40,14 @@ from orchestration.reporting import (
     Displayable,
     draw,
     in_shell,
+    make_page,
     one_line,
     option,
     pictures,
     plain_table,
     write_page,
 )
+from orchestration.reporting.html import Page
 from orchestration.reporting.saving import stamped
 from orchestration.system.ssp import write as write_ssp
 
@@ -250,7 +252,11 @@ class Diagnosed(Displayable):
             If the page cannot be written, or its name does not end in ``.html``.
         """
         with in_shell():  # as from the command, which the page shows
-            return write_page(self._view(command or self._command), path)
+            return write_page(self, path, command)
+
+    def page(self, command: str = "") -> Page:
+        """Return the page of HTML, for a command that made the result."""
+        return make_page(self._view(command or self._command))
 
     def _kept(self) -> dict[str, Any]:
         return self.to_dict()
@@ -258,14 +264,21 @@ class Diagnosed(Displayable):
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON, in the form of ``ppy diagnose --json``."""
         with in_shell():
-            return stamped(self._figures(), self._view(self._command))
+            return stamped(self.figures(), self._view(self._command))
 
-    def _figures(self) -> dict[str, Any]:
+    def figures(self) -> dict[str, Any]:
+        """Return the figures alone, ready for JSON."""
         raise NotImplementedError
 
     def _view(self, command: str) -> DiagnosisView | SystemView:
         """Return what the page shows."""
         raise NotImplementedError
+
+
+@make_page.register(Diagnosed)
+def result_page(result: Diagnosed, command: str = "") -> Page:
+    """Make the page of a diagnosis of any kind."""
+    return result.page(command)
 
 
 class DiagnosisResult(Diagnosed):
@@ -383,14 +396,15 @@ class DiagnosisResult(Diagnosed):
         name = self._diagnosis.model.name
         return one_line(f"DiagnosisResult {self.verdict}{causes}: {name}, {names}")
 
-    def _figures(self) -> dict[str, Any]:
+    def figures(self) -> dict[str, Any]:
+        """Return the figures alone, ready for JSON."""
         figures = summary.summary(self._diagnosis, self._written)
         if self._law_map is not None:
             figures |= {"law_map": self.law_map}
         if self.changes is None or self.later is None:
             return figures
         comparison = [change.to_dict() for change in self.changes]
-        return figures | {"comparison": comparison, "later": self.later._figures()}
+        return figures | {"comparison": comparison, "later": self.later.figures()}
 
     def _view(self, command: str) -> DiagnosisView:
         shown = self._changed or self._law_map or self._diagnosis

@@ -97,7 +97,8 @@ class SystemResult(Diagnosed):
         of = f" {named}" if named else ""
         return one_line(f"SystemResult {self.verdict}{of}: {self._diagnosis.system}")
 
-    def _figures(self) -> dict[str, Any]:
+    def figures(self) -> dict[str, Any]:
+        """Return the figures alone, ready for JSON."""
         return summary(self._diagnosis)
 
     def _view(self, command: str) -> SystemView:
