@@ -11,11 +11,13 @@ from typing import Any, NamedTuple, cast
 from fmus.kit import UserError, registry
 from fmus.kit.build import available_platforms
 from orchestration.api import (
+    Diagnoses,
     DiagnosisResult,
     SystemResult,
     diagnose,
     fmu_paths,
     held_out,
+    jobs_of,
     laws,
     refuse_without_laws,
 )
@@ -32,13 +34,16 @@ from orchestration.cli.commands.options import (
     ReportOption,
     SystemOption,
 )
+from orchestration.cli.ending import end_interrupted
 from orchestration.cli.models import build_model, model_file, note_neutral
 from orchestration.cli.options import IsolateOption, JsonOption, platform_list
 from orchestration.cli.outputs import JSON, PAGE, Outputs, same_file, write_json
 from orchestration.fmu import Model
 from orchestration.fmu.model import declared_model
 from orchestration.records import Record
+from orchestration.reporting import flag, write_page
 from orchestration.reporting.console import note, out, progress, tell_repairs, wrote
+from orchestration.reporting.saving import kept
 from orchestration.system.ssp import ENDINGS
 
 _ENDINGS = {
@@ -51,6 +56,8 @@ _ENDINGS = {
 _SYSTEM_OPTIONS = options_of(
     MappingOption, SettingsOption, JsonOption, ReportOption, SystemOption, IsolateOption
 )
+# options that are of one diagnosis
+_OF_ONE = ("system", "compare", "each", "explain", "fmu", "experiment", "ssp")
 _OF_SYSTEMS = {"records", "time", "hold", *_SYSTEM_OPTIONS}
 Writer = Callable[[Path, Callable[[str], None]], list[Path]]
 
@@ -105,6 +112,44 @@ def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
         ]
     )
     return result
+
+
+def run_each(options: DiagnoseCommand, workers: int, command: str) -> Diagnoses:
+    """Run ``ppy diagnose --workers``; the page repeats the command.
+
+    Raises
+    ------
+    UserError
+        If the model cannot be used, no record can, or an option is given that is of one record.
+    SystemExit
+        After the results, if some records could not be diagnosed or Ctrl-C was pressed.
+    """
+    values = cast("Mapping[str, object]", options)
+    known = options_of(DiagnoseCommand)
+    unfit = [name for name in _OF_ONE if not known[name].is_default(values[name])]
+    if unfit:
+        raise UserError(f"{flag(unfit[0])} is of one diagnosis; --workers makes several")
+    jobs = jobs_of(options["records"])
+    read = {f"the record {job.name}": Path(job.name) for job in jobs}
+    written = {"--json": options["json"], "--report": options["report"]}
+    Outputs(read, written, _ENDINGS).check()
+    name = options["model"] or registry.default_model()
+    declared = declared_model(name, options["laid_over"])
+    note_neutral(declared, options["settings"] or {})
+    chosen = only(DiagnoseKeywords, options)
+    with progress() as tell:
+        chosen["progress"] = tell
+        found = diagnose(options["records"], build_model(declared), workers=workers, **chosen)
+    out.print(*found.overview(), sep="\n")
+    write_json(options["json"], kept(found))
+    page = options["report"]
+    if page is not None:
+        wrote(write_page(found, page, command))
+    if found.missing:
+        end_interrupted(f"{len(found.missing)} of {len(jobs)} records were not diagnosed")
+    if found.failures:
+        raise SystemExit(2)
+    return found
 
 
 def _check_explained(options: DiagnoseCommand) -> None:

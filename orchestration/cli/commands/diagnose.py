@@ -23,19 +23,25 @@ def diagnose(options: DiagnoseCommand) -> None:
         from orchestration.cli import diagnose as work
 
         with standard_output_for(options["json"]):
-            if options["system"] is not None:
+            if options["workers"] is not None:
+                found = work.run_each(options, options["workers"], typed_command())
+                _require(options["require"], *(one.verdict for one in found.values()))
+            elif options["system"] is not None:
                 work.run_system(options, options["system"], typed_command())
             else:
                 result = work.run_diagnosis(options, typed_command())
                 _require(options["require"], result.verdict)
 
 
-def _require(verdicts: Sequence[str], verdict: str) -> None:
+def _require(verdicts: Sequence[str], *reached: str) -> None:
     """Exit with status 1 if a diagnosis does not reach one of the required verdicts."""
     from orchestration.reporting.console import warn
 
-    if verdicts and verdict not in verdicts:
-        warn(f"--require {','.join(verdicts)}: the verdict is {verdict}")
+    others = [verdict for verdict in reached if verdict not in verdicts]
+    if verdicts and others:
+        warn(
+            f"--require {','.join(verdicts)}: the verdict is {' and '.join(dict.fromkeys(others))}"
+        )
         raise typer.Exit(1)
 
 

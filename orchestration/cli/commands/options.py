@@ -13,6 +13,7 @@ from orchestration.api.forms import NAMES, PERCENT, SIZE, TEXTS, TIME, names_amo
 from orchestration.api.options import (
     BandOptions,
     DiagnoseOptions,
+    EachOption,
     FittedOption,
     GridOptions,
     InputsOption,
@@ -717,6 +718,7 @@ class ExplainOption(TypedDict, total=False):
 
 class DiagnoseCommand(
     JudgedOptions,
+    EachOption,
     LaidOverOption,
     DiagnoseOptions,
     RequiredVerdictOption,
