@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, as_completed
 from contextlib import nullcontext
+from functools import partial
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -212,7 +213,9 @@ def diagnose_each(
     try:
         if workers == 1 or len(jobs) == 1:
             for job in jobs:
-                note(job.name, lambda record=job.record: diagnose(record))  # type: ignore[misc]
+                note(job.name, partial(diagnose, job.record))
+                if job.name in results and results[job.name].is_interrupted:
+                    break
         else:
             for name, future in _by_processes(jobs, diagnose, workers):
                 note(name, future.result)

@@ -84,6 +84,11 @@ def matching_runs(records: Records, model: Model, options: Mapping[str, Any]) ->
     for record in listed(records):
         if isinstance(record, Record):
             runs.append(record)
+        elif isinstance(record, str | Path) and Path(record).is_dir():
+            raise UserError(
+                f"{record}: this is a folder; {option('workers')} of diagnose takes each record in"
+                " it by itself"
+            )
         else:
             found = source_of(record, options)
             runs += read_runs_for(model, found, options.get("mapping"), options.get("runs"))

@@ -372,6 +372,11 @@ class DiagnosisResult(Diagnosed):
         self.later = None if changed is None else DiagnosisResult(changed.later)
 
     @property
+    def is_interrupted(self) -> bool:
+        """Whether Ctrl-C ended the search, so that it is the best answer so far."""
+        return self._diagnosis.is_interrupted
+
+    @property
     def details(self) -> Diagnosis:
         """The complete diagnosis, with all fits."""
         return self._diagnosis

@@ -58,6 +58,7 @@ _SYSTEM_OPTIONS = options_of(
 )
 # options that are of one diagnosis
 _OF_ONE = ("system", "compare", "each", "explain", "fmu", "experiment", "ssp")
+_SO_FAR = "this was the best answer so far"
 _OF_SYSTEMS = {"records", "time", "hold", *_SYSTEM_OPTIONS}
 Writer = Callable[[Path, Callable[[str], None]], list[Path]]
 
@@ -111,6 +112,8 @@ def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
             (lambda path, tell: [result.system(path)], options["ssp"]),
         ]
     )
+    if result.is_interrupted:
+        end_interrupted(_SO_FAR)
     return result
 
 
@@ -200,6 +203,8 @@ def run_laws(options: LawsCommand, command: str) -> DiagnosisResult:
             (fmu, options["fmu"]),
         ]
     )
+    if result.is_interrupted:
+        end_interrupted(_SO_FAR)
     return result
 
 

@@ -114,6 +114,11 @@ class Diagnosis:
         """The observer by whose predictions models are judged; None if free runs judge them."""
         return self.found.subject.observer
 
+    @property
+    def is_interrupted(self) -> bool:
+        """Whether Ctrl-C ended the search."""
+        return _INTERRUPTED in self.notes
+
     @cached_property
     def verdict(self) -> Verdict:
         """The verdict, by the conclusion and by what is left."""
@@ -277,7 +282,9 @@ def diagnose(
     notes += [*others, *more, *_remarks(found, data)]
     if conclusion.verdict == "consistent":
         notes += _short(model, found.subject)
-    if not deadline.was_met:
+    if deadline.interrupted:
+        notes.append(_INTERRUPTED)
+    elif not deadline.was_met:
         notes.append(_time_note(options))
     design = _designed(found, conclusion, records, options)
     return Diagnosis(
@@ -409,7 +416,8 @@ def _answer(
             found = None if base is None else Found(one, base)
         else:
             ways = progress, deadline.is_over, options.is_candidate
-            found = search(one, *ways, thorough=options.thorough)
+            with deadline.ended_by_ctrl_c():
+                found = search(one, *ways, thorough=options.thorough)
         return None if found is None else (found, _concluded(found))
 
     begun = subject.judge(subject.base)
@@ -575,6 +583,9 @@ def _unrelated(found: Found) -> Iterator[Note]:
         " outputs are of one run, and of this plant"
     )
     yield "unrelated", names, text
+
+
+_INTERRUPTED: Note = ("interrupted", "", "Ctrl-C was pressed: this is the best answer so far")
 
 
 def _time_note(options: Options) -> Note:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from time import process_time
 
 from fmus.kit import Component, Effect, UserError
 from fmus.kit.errors import suggestion
+from fmus.kit.interrupt import Interrupt, deferred
 from fmus.kit.registry import Excitation
 from orchestration.diagnosis.catalogue import usable_effects, usable_of
 from orchestration.diagnosis.law_model import LawModel
@@ -153,7 +155,7 @@ class Options:
 
 
 class Deadline:
-    """The end of some processor time of this process, all its threads together.
+    """The end of some processor time of this process, all its threads together, or Ctrl-C.
 
     Parameters
     ----------
@@ -169,9 +171,24 @@ class Deadline:
     def __init__(self, seconds: float | None):
         self._end = float("inf") if seconds is None else process_time() + seconds
         self.was_met = True
+        self._interrupt = Interrupt()
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether Ctrl-C was pressed where it is taken for the end."""
+        return self._interrupt.pressed
+
+    @contextmanager
+    def ended_by_ctrl_c(self) -> Iterator[None]:
+        """Take the first Ctrl-C in this context for the end; the second one interrupts."""
+        if self.interrupted:
+            yield
+            return
+        with deferred() as self._interrupt:
+            yield
 
     def is_over(self) -> bool:
         """Return whether the time is over; work that is still to be done is then left out."""
-        over = process_time() > self._end
+        over = self.interrupted or process_time() > self._end
         self.was_met &= not over
         return over

@@ -496,7 +496,8 @@ class _Rounds:
             alone = self._tried_alone(fitted) if count == 1 else ()
             asked = list(_by_quota(screen, quotas[count], room, fitted.terms, alone))
             along = "the record" if count == 1 else f"{count} pieces of the record"
-            self._progress(f"{len(screen.candidates)} terms along {along}, {len(asked)} sets")
+            asking = f"{len(screen.candidates)} terms along {along}, {len(asked)} sets"
+            self._progress(f"{asking}{self._so_far()}")
             for _, same in itertools.groupby(sorted(asked, key=len), key=len):
                 self._fit_all([_starts_of(screen, chosen, fitted) for chosen in same])
 
@@ -510,6 +511,11 @@ class _Rounds:
         if not self._thorough:
             return ()
         return (SensorTerm, NamedTerm) if _is_far(fitted) else (SensorTerm,)
+
+    def _so_far(self) -> str:
+        """Return the terms of the best fit so far, for a report of progress; empty without any."""
+        names = " and ".join(t.name for one in self.found.best(1)[:1] for t in one.terms)
+        return f"; best so far: {names}" if names else ""
 
     def leave_more(self) -> bool:
         """Return whether the best so far leaves more than noise."""
