@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache, wraps
 from inspect import Parameter, cleandoc, signature
 from numbers import Integral, Real
@@ -256,8 +257,8 @@ def takes(*declared: type) -> Callable[[Function], Function]:
                 name: options[name].given(value) if name in options else value
                 for name, value in given.items()
             }
-            with optional():
-                return function(*arguments, **defaults | used)
+            with optional(), _shown_progress(options, used, function.__name__) as shown:
+                return function(*arguments, **defaults | shown | used)
 
         made = cast(Any, call if added else function)
         if added:
@@ -267,6 +268,25 @@ def takes(*declared: type) -> Callable[[Function], Function]:
         return cast(Function, made)
 
     return decorate
+
+
+@contextmanager
+def _shown_progress(
+    options: Mapping[str, Option], given: Mapping[str, Any], function: str
+) -> Iterator[dict[str, Any]]:
+    """Yield a bar as the argument `progress` of a function that takes one and was given none."""
+    declared = options.get("progress")
+    if declared is None or "progress" in given:
+        yield {}
+        return
+    from orchestration.reporting.console import bar
+
+    takes_text = len(get_args(declared.type)[0]) == 1
+    with bar("" if takes_text else function) as tell:
+        if tell is None:
+            yield {}
+        else:
+            yield {"progress": tell if takes_text else tell.done}
 
 
 def _check_names(function: str, given: Iterable[str], allowed: Sequence[str]) -> None:

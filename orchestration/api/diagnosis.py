@@ -119,7 +119,7 @@ def diagnose(
     require("threadpoolctl")
     if workers is not None:
         _refuse_of_all(system, options)
-        alone = {name: value for name, value in options.items() if name != "progress"}
+        alone = {**options, "progress": _silent}
         one = partial(_diagnose_alone, model, alone)
         return diagnose_each(jobs_of(listed(record)), one, workers, options["progress"])
     if system is not None:
@@ -153,6 +153,10 @@ def diagnose(
         return DiagnosisResult(diagnosis, command, around=around)
     changed = find_changes(diagnosis, later, chosen, options["progress"])
     return DiagnosisResult(diagnosis, command, changed)
+
+
+def _silent(text: str) -> None:
+    """Report no progress of one record among several."""
 
 
 def _diagnose_alone(

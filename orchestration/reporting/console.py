@@ -32,6 +32,7 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from fmus.kit import quoting
+from orchestration.reporting.notebook_bar import NotebookBar, in_kernel
 
 
 class _Screen(Console):
@@ -294,3 +295,26 @@ def progress() -> Iterator[Tell]:
         tell = Tell(bar)
         yield tell
         tell.finish()
+
+
+@contextmanager
+def bar(step: str = "") -> Iterator[Tell | NotebookBar | None]:
+    """Show progress in a notebook or on a terminal; yield None where nobody looks.
+
+    Parameters
+    ----------
+    step : str
+        The first step; empty if it is told.
+    """
+    if in_kernel():
+        below = NotebookBar(step)
+        try:
+            yield below
+        finally:
+            below.finish()
+    elif err.is_terminal and not err.quiet:
+        with progress() as tell:
+            tell(step)
+            yield tell
+    else:
+        yield None

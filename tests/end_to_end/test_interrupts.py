@@ -4,6 +4,10 @@ laws; a package of Modelica is there whole or not at all.
 
 from __future__ import annotations
 
+import contextlib
+import json
+import os
+import pty
 import random
 import signal
 import subprocess
@@ -18,6 +22,7 @@ import psutil
 import pytest
 
 from demonstrations.emulator.emulator import EmulatedRig
+from demonstrations.records import draw, write
 from tests.support.command import measure, posix, works
 
 TRIES = 15
@@ -144,3 +149,64 @@ def test_no_operator_is_called_where_it_would_lose_ctrl_c(arguments, operators, 
 def test_where_an_operator_would_lose_it_is_seen(operators):
     assert str(ca.SX.sym("x") * 2.0) == "(2.*x)"
     assert __file__ in operators[True][0][-2]
+
+
+@posix
+@pytest.mark.slow
+def test_ctrl_c_in_a_search_leaves_the_best_answer_so_far(tmp_path):
+    write(draw("strain_saturation", 1, duration=120.0), tmp_path / "record.csv")
+    arguments = ["diagnose", "record.csv", "--json", "so_far.json", "--report", "page.html"]
+    process = started(arguments, tmp_path)
+    assert any("terms along" in line for line in process.stderr)
+    process.send_signal(signal.SIGINT)
+    shown, told = process.communicate(timeout=100)
+    assert process.returncode == 130
+    assert told.splitlines()[-1] == "interrupted: this was the best answer so far"
+    assert "Ctrl-C was pressed: this is the best answer so far" in shown
+    kept = json.loads((tmp_path / "so_far.json").read_text("utf-8"))
+    assert kept["verdict"] in ("recalibrate", "cause", "ambiguous", "unexplained")
+    assert (tmp_path / "page.html").exists()
+
+
+@posix
+@pytest.mark.slow
+def test_ctrl_c_among_several_records_leaves_those_that_are_done(tmp_path):
+    for name, duration in (("a", 30.0), ("b", 600.0), ("c", 600.0)):
+        write(draw("strain_saturation", 1, duration=duration), tmp_path / f"{name}.csv")
+    names = [f"{name}.csv" for name in "abc"]
+    arguments = ["diagnose", *names, "--workers", "2", "--json", "done.json"]
+    process = started(arguments, tmp_path)
+    assert any("1 of 3 records" in line for line in process.stderr)
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=100)
+    assert process.returncode == 130
+    assert told.splitlines()[-1] == "interrupted: 2 of 3 records were not diagnosed"
+    kept = json.loads((tmp_path / "done.json").read_text("utf-8"))["figures"]
+    assert ([*kept["records"]], kept["missing"]) == (["a.csv"], ["b.csv", "c.csv"])
+
+
+SWEPT = """
+import ppy_rig as ppy
+over = {"R1": "0.3..0.7:400"}
+ppy.sweep("ppy_actuator", over, {"current": 0.5}, stop=100.0, step=0.1, engine="fmu")
+"""
+
+
+@posix
+@pytest.mark.slow
+@pytest.mark.parametrize("is_terminal", [True, False])
+def test_python_shows_a_bar_on_a_terminal_and_nothing_elsewhere(is_terminal, tmp_path):
+    own, others = pty.openpty() if is_terminal else os.pipe()
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120"}
+    with subprocess.Popen(
+        [sys.executable, "-c", SWEPT], cwd=tmp_path, stderr=others, env=environment
+    ) as process:
+        os.close(others)
+        told = b""
+        with contextlib.suppress(OSError):  # Linux's way to say that a terminal is closed
+            while part := os.read(own, 4096):
+                told += part
+    os.close(own)
+    assert process.returncode == 0, told
+    assert (b"sweep" in told) is (b"of 400" in told) is is_terminal
+    assert is_terminal or not told

@@ -175,3 +175,16 @@ def test_a_table_is_a_text_too(monkeypatch):
         "[bold]x[/]      1",
         "y              22",
     ]
+
+
+def test_a_bar_is_where_somebody_looks(monkeypatch):
+    for is_terminal in (False, True):
+        stream = io.StringIO()
+        screen = console.Console(file=stream, force_terminal=is_terminal, width=80)
+        monkeypatch.setattr(console, "err", screen)
+        with console.bar("sweep") as tell:
+            if tell is not None:
+                tell.done(7, 28)
+                time.sleep(0.3)
+        assert ("sweep" in stream.getvalue(), "7 of 28" in stream.getvalue()) == (is_terminal,) * 2
+        assert (tell is not None) is is_terminal
