@@ -7,7 +7,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import pty
 import random
 import signal
 import subprocess
@@ -196,7 +195,7 @@ ppy.sweep("ppy_actuator", over, {"current": 0.5}, stop=100.0, step=0.1, engine="
 @pytest.mark.slow
 @pytest.mark.parametrize("is_terminal", [True, False])
 def test_python_shows_a_bar_on_a_terminal_and_nothing_elsewhere(is_terminal, tmp_path):
-    own, others = pty.openpty() if is_terminal else os.pipe()
+    own, others = os.openpty() if is_terminal else os.pipe()
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120"}
     with subprocess.Popen(
         [sys.executable, "-c", SWEPT], cwd=tmp_path, stderr=others, env=environment

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from time import process_time
 
 import pytest
@@ -114,6 +115,18 @@ def test_a_deadline_is_of_processor_time():
     assert not short.was_met
     unasked = Deadline(0.0)
     assert unasked.was_met
+
+
+def test_ctrl_c_is_the_end_of_a_search_and_the_second_one_interrupts():
+    deadline = Deadline(None)
+    with deadline.ended_by_ctrl_c():
+        signal.raise_signal(signal.SIGINT)
+        assert deadline.is_over()
+    with deadline.ended_by_ctrl_c(), pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+    assert (deadline.is_over(), deadline.interrupted, deadline.was_met) == (True, True, False)
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
 
 
 def test_what_is_declared_as_not_fitted_is_held_unless_its_fit_is_asked_for():
