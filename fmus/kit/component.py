@@ -58,7 +58,7 @@ def enable_pickling(metaclass: type[ComponentType]) -> None:
     Not in a Python FMU: its modules are dropped with it, and `copyreg` would keep them.
     """
     if __name__ == "fmus.kit.component":
-        copyreg.pickle(metaclass, _reduce)  # type: ignore[arg-type]
+        copyreg.pickle(metaclass, _reduce)
 
 
 enable_pickling(ComponentType)

@@ -1,8 +1,6 @@
 from . import declaration as declaration
 from . import forms as forms
 from . import options as options
-from .batch import Diagnoses as Diagnoses
-from .batch import jobs_of as jobs_of
 from .builds import fmu_paths as fmu_paths
 from .diagnosis import diagnose as diagnose
 from .diagnosis import laws as laws

@@ -14,7 +14,7 @@ from fmus.kit import UserError
 from orchestration.api.records import Data
 from orchestration.api.results import DiagnosisResult
 from orchestration.fmu.isolation import Ended, Limits, Pool, keep
-from orchestration.records import Record
+from orchestration.records import Record, files_of
 from orchestration.reporting import (
     Displayable,
     flag,
@@ -158,11 +158,8 @@ def jobs_of(records: Sequence[Data]) -> list[Job]:
     """
     jobs: list[Job] = []
     for record in records:
-        if isinstance(record, str | Path) and Path(record).is_dir():
-            files = sorted(path for path in Path(record).iterdir() if path.is_file())
-            jobs += [Job(str(path), path) for path in files if not path.name.startswith(".")]
-        elif isinstance(record, str | Path):
-            jobs.append(Job(str(record), record))
+        if isinstance(record, str | Path):
+            jobs += [Job(str(path), path) for path in files_of(Path(record))]
         else:
             own = record.source.name if isinstance(record, Record) else ""
             jobs.append(Job(own or f"record {len(jobs) + 1}", record))

@@ -163,7 +163,8 @@ def _diagnose_alone(
     model: Model | str | Path | None, options: Mapping[str, Any], record: Data
 ) -> DiagnosisResult:
     """Diagnose one record; a function of a module, as another process calls it."""
-    return diagnose(record, model, **options)
+    result: DiagnosisResult = diagnose(record, model, **options)
+    return result
 
 
 def _refuse_of_all(system: System | str | Path | None, options: DiagnoseKeywords) -> None:

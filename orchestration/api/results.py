@@ -45,10 +45,10 @@ from orchestration.reporting import (
     option,
     pictures,
     plain_table,
+    saving,
     write_page,
 )
 from orchestration.reporting.html import Page
-from orchestration.reporting.saving import stamped
 from orchestration.system.ssp import write as write_ssp
 
 if TYPE_CHECKING:
@@ -264,7 +264,7 @@ class Diagnosed(Displayable):
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON, in the form of ``ppy diagnose --json``."""
         with in_shell():
-            return stamped(self.figures(), self._view(self._command))
+            return saving.stamped(self.figures(), self._view(self._command))
 
     def figures(self) -> dict[str, Any]:
         """Return the figures alone, ready for JSON."""

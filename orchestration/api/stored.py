@@ -14,16 +14,15 @@ from fmus.kit import UserError
 from orchestration.diagnosis import DiagnosisView
 from orchestration.diagnosis.report import terminal
 from orchestration.diagnosis.systems import SystemView, overview
-from orchestration.reporting import Displayable, in_shell, one_line, write_page
-from orchestration.reporting.saving import FORMAT, STAMP, Shown
+from orchestration.reporting import Displayable, in_shell, one_line, saving, write_page
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
 
-def view_overview(shown: DiagnosisView | SystemView | Shown) -> list[RenderableType]:
+def view_overview(shown: DiagnosisView | SystemView | saving.Shown) -> list[RenderableType]:
     """Return the renderables that the command prints."""
-    if isinstance(shown, Shown):
+    if isinstance(shown, saving.Shown):
         return [shown.text]
     if isinstance(shown, SystemView):
         return [overview(shown)]
@@ -40,7 +39,7 @@ class StoredResult(Displayable):
 
     Parameters
     ----------
-    shown : DiagnosisView, SystemView or Shown
+    shown : DiagnosisView, SystemView or saving.Shown
     figures : Mapping of str to object
         All of the file.
     source : Path
@@ -53,7 +52,7 @@ class StoredResult(Displayable):
 
     def __init__(
         self,
-        shown: DiagnosisView | SystemView | Shown,
+        shown: DiagnosisView | SystemView | saving.Shown,
         figures: Mapping[str, Any],
         source: Path,
     ) -> None:
@@ -70,7 +69,7 @@ class StoredResult(Displayable):
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as they were."""
         figures: Mapping[str, Any] = self._figures
-        if isinstance(self._shown, Shown):
+        if isinstance(self._shown, saving.Shown):
             figures = figures["figures"]
         return dict(figures)
 
@@ -94,7 +93,7 @@ class StoredResult(Displayable):
             return write_page(self._shown, path)
 
     def __repr__(self) -> str:
-        if isinstance(self._shown, Shown):
+        if isinstance(self._shown, saving.Shown):
             return self._shown.line
         return one_line(f"StoredResult {self.verdict}: {self._source}")
 
@@ -133,15 +132,16 @@ def load(path: str | Path) -> StoredResult:
         raise UserError(f"{source}: {error.strerror}") from error
     except ValueError as error:
         raise UserError(f"{source}: this is no JSON: {error}") from error
-    if not isinstance(figures, dict) or STAMP not in figures:
+    if not isinstance(figures, dict) or saving.STAMP not in figures:
         raise UserError(
             f"{source}: it has no format: it is no result, or one of before results were stamped;"
             " save it again"
         )
-    if figures[STAMP] != FORMAT:
+    form = figures[saving.STAMP]
+    if form != saving.FORMAT:
         raise UserError(
-            f"{source}: format {figures[STAMP]!r} of {figures.get('product', 'another product')}"
-            f" is not known; ppy-rig {version('ppy-rig')} reads format {FORMAT}"
+            f"{source}: format {form!r} of {figures.get('product', 'another product')}"
+            f" is not known; ppy-rig {version('ppy-rig')} reads format {saving.FORMAT}"
         )
     try:
         return StoredResult(_kind(figures).model_validate(figures.get("shown")), figures, source)
@@ -151,8 +151,8 @@ def load(path: str | Path) -> StoredResult:
         raise UserError(f"{source}: {place}: {first['msg'].lower()}") from error
 
 
-def _kind(figures: Mapping[str, Any]) -> type[DiagnosisView | SystemView | Shown]:
+def _kind(figures: Mapping[str, Any]) -> type[DiagnosisView | SystemView | saving.Shown]:
     """Return the form of what is shown of the result in a file."""
     if isinstance(figures.get("figures"), dict):
-        return Shown
+        return saving.Shown
     return SystemView if "system" in figures else DiagnosisView

@@ -11,13 +11,11 @@ from typing import Any, NamedTuple, cast
 from fmus.kit import UserError, registry
 from fmus.kit.build import available_platforms
 from orchestration.api import (
-    Diagnoses,
     DiagnosisResult,
     SystemResult,
     diagnose,
     fmu_paths,
     held_out,
-    jobs_of,
     laws,
     refuse_without_laws,
 )
@@ -40,10 +38,9 @@ from orchestration.cli.options import IsolateOption, JsonOption, platform_list
 from orchestration.cli.outputs import JSON, PAGE, Outputs, same_file, write_json
 from orchestration.fmu import Model
 from orchestration.fmu.model import declared_model
-from orchestration.records import Record
-from orchestration.reporting import flag, write_page
+from orchestration.records import Record, files_of
+from orchestration.reporting import flag, saving, write_page
 from orchestration.reporting.console import note, out, progress, tell_repairs, wrote
-from orchestration.reporting.saving import kept
 from orchestration.system.ssp import ENDINGS
 
 _ENDINGS = {
@@ -117,8 +114,8 @@ def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
     return result
 
 
-def run_each(options: DiagnoseCommand, workers: int, command: str) -> Diagnoses:
-    """Run ``ppy diagnose --workers``; the page repeats the command.
+def run_each(options: DiagnoseCommand, workers: int, command: str) -> list[str]:
+    """Run ``ppy diagnose --workers``; the page repeats the command. Return all verdicts.
 
     Raises
     ------
@@ -132,8 +129,8 @@ def run_each(options: DiagnoseCommand, workers: int, command: str) -> Diagnoses:
     unfit = [name for name in _OF_ONE if not known[name].is_default(values[name])]
     if unfit:
         raise UserError(f"{flag(unfit[0])} is of one diagnosis; --workers makes several")
-    jobs = jobs_of(options["records"])
-    read = {f"the record {job.name}": Path(job.name) for job in jobs}
+    files = [file for path in options["records"] for file in files_of(path)]
+    read: dict[str, Path | None] = {f"the record {file}": file for file in files}
     written = {"--json": options["json"], "--report": options["report"]}
     Outputs(read, written, _ENDINGS).check()
     name = options["model"] or registry.default_model()
@@ -142,17 +139,17 @@ def run_each(options: DiagnoseCommand, workers: int, command: str) -> Diagnoses:
     chosen = only(DiagnoseKeywords, options)
     with progress() as tell:
         chosen["progress"] = tell
-        found = diagnose(options["records"], build_model(declared), workers=workers, **chosen)
+        found = diagnose(files, build_model(declared), workers=workers, **chosen)
     out.print(*found.overview(), sep="\n")
-    write_json(options["json"], kept(found))
+    write_json(options["json"], saving.kept(found))
     page = options["report"]
     if page is not None:
         wrote(write_page(found, page, command))
     if found.missing:
-        end_interrupted(f"{len(found.missing)} of {len(jobs)} records were not diagnosed")
+        end_interrupted(f"{len(found.missing)} of {len(files)} records were not diagnosed")
     if found.failures:
         raise SystemExit(2)
-    return found
+    return [one.verdict for one in found.values()]
 
 
 def _check_explained(options: DiagnoseCommand) -> None:

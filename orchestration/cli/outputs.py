@@ -152,9 +152,9 @@ def write_json(path: Path | None, data: Any) -> None:
     """
     if path is None:
         return
-    from orchestration.reporting.saving import json_text
+    from orchestration.reporting import saving
 
-    text = json_text(data)
+    text = saving.json_text(data)
     if path == STANDARD_OUTPUT:
         sys.stdout.write(text)
         return

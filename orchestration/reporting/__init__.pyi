@@ -1,5 +1,6 @@
 from . import console as console
 from . import pictures as pictures
+from . import saving as saving
 from .background import BackgroundWriter as BackgroundWriter
 from .console import plain_table as plain_table
 from .datasets import ResultDataset as ResultDataset

@@ -24,8 +24,8 @@ def diagnose(options: DiagnoseCommand) -> None:
 
         with standard_output_for(options["json"]):
             if options["workers"] is not None:
-                found = work.run_each(options, options["workers"], typed_command())
-                _require(options["require"], *(one.verdict for one in found.values()))
+                verdicts = work.run_each(options, options["workers"], typed_command())
+                _require(options["require"], *verdicts)
             elif options["system"] is not None:
                 work.run_system(options, options["system"], typed_command())
             else:
