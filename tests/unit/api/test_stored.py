@@ -6,7 +6,6 @@ import json
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import ppy_rig as ppy
@@ -81,17 +80,6 @@ def test_a_result_without_page_or_figures_prints(tmp_path):
     assert str(stored) == str(findings)
     with pytest.raises(UserError, match="Findings: this has no page"):
         stored.report(tmp_path / "a.html")
-
-
-def test_numbers_that_json_does_not_have_are_null(tmp_path):
-    run = ppy.simulate(Oscillator, {"force": 0.0}, stop=0.2, step=0.1)
-    run.outputs["position"][:] = [np.nan, np.inf, 1.0]
-    assert load(run.save(tmp_path / "run.json")).to_dict()["position"] == [None, None, 1.0]
-
-
-def test_a_name_that_is_no_json_is_refused(compared, tmp_path):
-    with pytest.raises(UserError, match=r"fit.txt: the name of a result's file ends in .json"):
-        compared.save(tmp_path / "fit.txt")
 
 
 @pytest.mark.parametrize("name", ["diagnosis", "comparison"])
