@@ -23,6 +23,7 @@ from orchestration.diagnosis import (
 )
 from orchestration.diagnosis import Record as KernelRecord
 from orchestration.diagnosis.conclude import Conclusion
+from orchestration.diagnosis.options import Deadline
 from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.fmu.model import declared_model_of
 from orchestration.records import Record
@@ -326,7 +327,7 @@ def test_silent_predictions_end_a_search_unless_a_free_run_follows_in_another_re
     }.items():
         monkeypatch.setattr(engine, name, stub)
     options = SimpleNamespace(recalibrates=False, is_candidate=None, thorough=True)
-    answer = engine._answer(runs, options, print, SimpleNamespace(is_over=None))
+    answer = engine._answer(runs, options, print, Deadline(None))
     assert answer[0].subject is (runs if follows else predicts)
 
 
