@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, as_completed
 from contextlib import nullcontext
 from functools import partial
-from math import inf
+from math import inf, isnan, nan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError
 from orchestration.api.records import Data
@@ -40,8 +41,6 @@ class Diagnoses(Displayable, Mapping[str, DiagnosisResult]):
     Parameters
     ----------
     results : Mapping of str to DiagnosisResult
-    failures, missing
-        See the attributes.
 
     Attributes
     ----------
@@ -54,12 +53,12 @@ class Diagnoses(Displayable, Mapping[str, DiagnosisResult]):
     def __init__(
         self,
         results: Mapping[str, DiagnosisResult],
-        failures: Mapping[str, str],
-        missing: Sequence[str] = (),
+        failures: dict[str, str],
+        missing: list[str],
     ):
-        self._results = dict(results)
-        self.failures = dict(failures)
-        self.missing = list(missing)
+        self._results = results
+        self.failures = failures
+        self.missing = missing
 
     def __getitem__(self, name: str) -> DiagnosisResult:
         return self._results[name]
@@ -76,28 +75,34 @@ class Diagnoses(Displayable, Mapping[str, DiagnosisResult]):
     @property
     def summary(self) -> str:
         """Numbers of records by verdict, and of those without."""
-        verdicts = [one.verdict for one in self.values()]
-        counts = {verdict: verdicts.count(verdict) for verdict in verdicts}
-        counts |= {"could not be diagnosed": len(self.failures), "not begun": len(self.missing)}
+        counts = Counter(one.verdict for one in self.values())
+        counts["could not be diagnosed"] = len(self.failures)
+        counts["not diagnosed after Ctrl-C"] = len(self.missing)
         return ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
 
     def overview(self) -> Iterator[RenderableType]:
         """Yield a table of the records, and why some could not be diagnosed."""
         yield self.summary
         table = plain_table(None, *_HEAD, right=_HEAD[3:])
-        for row in self.rows():
+        for row in self.table():
             table.add_row(*row)
         yield table
         for name, reason in self.failures.items():
             yield f"{name}: {reason}"
 
-    def rows(self) -> Iterator[list[str]]:
-        """Yield the texts of a row for each record."""
+    def table(self) -> Iterator[list[str]]:
+        """Yield the texts of each row of the table."""
+        for *texts, probability, before, after in self._rows():
+            likely = "" if isnan(probability) else format_percent(probability)
+            yield [*texts, likely, format_percent(before), format_percent(after)]
+
+    def _rows(self) -> Iterator[list[Any]]:
+        """Yield the figures of each row; errors are the largest of any output."""
         for name, one in self.items():
             causes = [*one.causes, *one.alternatives]
-            likely = format_percent(one.probabilities[causes[0]]) if causes else ""
-            errors = [format_percent(max(part.values(), default=inf)) for part in one.gain]
-            yield [name, one.verdict, " or ".join(causes), likely, *errors]
+            probability = one.probabilities[causes[0]] if causes else nan
+            errors = [max(errors.values(), default=inf) for errors in one.gain]
+            yield [name, one.verdict, " or ".join(causes), probability, *errors]
 
     def to_frame(self) -> pandas.DataFrame:
         """Return a table with a row for each record, and the largest errors of its outputs.
@@ -109,12 +114,7 @@ class Diagnoses(Displayable, Mapping[str, DiagnosisResult]):
         """
         import pandas
 
-        rows = []
-        for name, one in self.items():
-            cause = one.causes[0] if one.causes else ""
-            errors = [max(part.values(), default=inf) for part in one.gain]
-            rows.append((name, one.verdict, cause, one.probabilities.get(cause), *errors))
-        return pandas.DataFrame(rows, columns=[*_HEAD]).set_index("record")
+        return pandas.DataFrame(self._rows(), columns=[*_HEAD]).set_index("record")
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures of every record, ready for JSON."""
@@ -126,7 +126,7 @@ class Diagnoses(Displayable, Mapping[str, DiagnosisResult]):
 def diagnoses_page(found: Diagnoses, command: str = "") -> Page:
     """Make the page of several diagnoses: their table, and the page of each."""
     page = Page(f"{len(found)} records, each diagnosed by itself", found.summary)
-    page.table(_HEAD, [*found.rows()])
+    page.table(_HEAD, [*found.table()])
     for name, reason in found.failures.items():
         page.text(f"{name}: {reason}")
     for name, one in found.items():
@@ -135,45 +135,32 @@ def diagnoses_page(found: Diagnoses, command: str = "") -> Page:
     return page
 
 
-class Job(NamedTuple):
-    """A record to diagnose.
-
-    Attributes
-    ----------
-    name : str
-    record : Record, str, Path, DataFrame or Mapping of str to array_like
-    """
-
-    name: str
-    record: Data
-
-
-def jobs_of(records: Sequence[Data]) -> list[Job]:
-    """Return the records to diagnose with their names; a folder is all files in it.
+def named_records(records: Sequence[Data]) -> dict[str, Data]:
+    """Return records by name, with all files of a folder.
 
     Raises
     ------
     UserError
         If there are none, or two have one name.
     """
-    jobs: list[Job] = []
+    pairs: list[tuple[str, Data]] = []
     for record in records:
         if isinstance(record, str | Path):
-            jobs += [Job(str(path), path) for path in files_of(Path(record))]
+            pairs += [(str(path), path) for path in files_of(Path(record))]
+        elif isinstance(record, Record):
+            pairs.append((record.source.name, record))
         else:
-            own = record.source.name if isinstance(record, Record) else ""
-            jobs.append(Job(own or f"record {len(jobs) + 1}", record))
-    if not jobs:
+            pairs.append((f"record {len(pairs) + 1}", record))
+    if not pairs:
         raise UserError("there is no record to diagnose, in no folder either")
-    names = [job.name for job in jobs]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise UserError(f"{twice}: there are two records of this name")
-    return jobs
+    (name, count), *_ = Counter(name for name, _ in pairs).most_common()
+    if count > 1:
+        raise UserError(f"{name}: there are {count} records of this name")
+    return dict(pairs)
 
 
 def diagnose_each(
-    jobs: Sequence[Job],
+    records: Mapping[str, Data],
     diagnose: Callable[[Data], DiagnosisResult],
     workers: int,
     progress: Callable[[str], None],
@@ -182,7 +169,8 @@ def diagnose_each(
 
     Parameters
     ----------
-    jobs : sequence of Job
+    records : Mapping of str to record
+        By name.
     diagnose : callable
         Can be pickled.
     workers : int
@@ -192,47 +180,52 @@ def diagnose_each(
     Returns
     -------
     Diagnoses
-        In the order of the jobs. After Ctrl-C those that were done.
+        In the order of the records. After Ctrl-C those that were done.
     """
     results: dict[str, DiagnosisResult] = {}
     failures: dict[str, str] = {}
-
-    def note(name: str, outcome: Callable[[], DiagnosisResult]) -> None:
-        try:
-            results[name] = outcome()
-        except UserError as error:
-            failures[name] = str(error).removeprefix(f"{name}: ")
-        except Ended as end:
-            failures[name] = end.reason
-        told = results[name].verdict if name in results else failures[name]
-        progress(f"{len(results) + len(failures)} of {len(jobs)} records: {name}: {told}")
-
+    run = _by_processes if min(workers, len(records)) > 1 else _here
     try:
-        if workers == 1 or len(jobs) == 1:
-            for job in jobs:
-                note(job.name, partial(diagnose, job.record))
-                if job.name in results and results[job.name].is_interrupted:
-                    break
-        else:
-            for name, future in _by_processes(jobs, diagnose, workers):
-                note(name, future.result)
+        for name, outcome in run(records, diagnose, workers):
+            try:
+                results[name] = outcome()
+            except UserError as error:
+                failures[name] = str(error).removeprefix(f"{name}: ")
+            except Ended as end:
+                failures[name] = end.reason
+            told = failures.get(name) or results[name].verdict
+            progress(f"{len(results) + len(failures)} of {len(records)} records: {name}: {told}")
+            if name in results and results[name].is_interrupted:
+                break
     except KeyboardInterrupt:
         if not results:
             raise
-    done = {job.name: results[job.name] for job in jobs if job.name in results}
-    missing = [job.name for job in jobs if job.name not in {*results, *failures}]
-    return Diagnoses(done, failures, missing)
+    done = {name: results[name] for name in records if name in results}
+    return Diagnoses(done, failures, [name for name in records if name not in results | failures])
+
+
+_Outcome = Callable[[], DiagnosisResult]
+
+
+def _here(
+    records: Mapping[str, Data], diagnose: Callable[[Data], DiagnosisResult], workers: int
+) -> Iterator[tuple[str, _Outcome]]:
+    """Yield each record with the call that diagnoses it."""
+    for name, record in records.items():
+        yield name, partial(diagnose, record)
 
 
 def _by_processes(
-    jobs: Sequence[Job], diagnose: Callable[[Data], DiagnosisResult], workers: int
-) -> Iterator[tuple[str, Future[DiagnosisResult]]]:
-    """Yield the name and the outcome of each record when it is done."""
+    records: Mapping[str, Data], diagnose: Callable[[Data], DiagnosisResult], workers: int
+) -> Iterator[tuple[str, _Outcome]]:
+    """Yield each record when it is done, with the call that returns its diagnosis."""
     in_words_of_shell = option("time").startswith(flag("time"))
-    with Pool(Limits(inf, inf), min(workers, len(jobs)), _begin, in_words_of_shell) as pool:
-        names = {pool.submit(diagnose, job.record): job.name for job in jobs}
+    with Pool(Limits(inf, inf), workers, _begin, in_words_of_shell) as pool:
+        names: dict[Future[DiagnosisResult], str] = {
+            pool.submit(diagnose, record): name for name, record in records.items()
+        }
         for future in as_completed(names):
-            yield names[future], future
+            yield names[future], future.result
 
 
 def _begin(in_words_of_shell: bool) -> None:

@@ -9,7 +9,7 @@ from typing import Any, Unpack, cast, overload
 
 from fmus.kit import UserError, registry
 from fmus.kit.extras import require
-from orchestration.api.batch import Diagnoses, diagnose_each, jobs_of
+from orchestration.api.batch import Diagnoses, diagnose_each, named_records
 from orchestration.api.command import equivalent_command
 from orchestration.api.declaration import options_of, stated_of, takes, words_of
 from orchestration.api.forms import optional_seconds
@@ -121,7 +121,7 @@ def diagnose(
         _refuse_of_all(system, options)
         alone = {**options, "progress": _silent}
         one = partial(_diagnose_alone, model, alone)
-        return diagnose_each(jobs_of(listed(record)), one, workers, options["progress"])
+        return diagnose_each(named_records(listed(record)), one, workers, options["progress"])
     if system is not None:
         return _of_system(record, model, system, options)
     subject = as_declared(model).with_units(options["units"] or {})

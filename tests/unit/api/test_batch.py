@@ -12,7 +12,7 @@ import ppy_rig as ppy
 from demonstrations.records import draw, write
 from fmus.kit import UserError
 from orchestration.api import DiagnosisResult
-from orchestration.api.batch import Diagnoses, Job, diagnose_each, jobs_of
+from orchestration.api.batch import Diagnoses, diagnose_each, named_records
 from orchestration.reporting import in_shell, make_page
 from tests.support.oscillator import CUBE, DRY, diagnosis_with, oscillator_record
 
@@ -22,8 +22,8 @@ def dry():
     return DiagnosisResult(diagnosis_with(oscillator_record(1, dry=1.5), (DRY,), (CUBE,)))
 
 
-def jobs(*names):
-    return [Job(name, name) for name in names]
+def by_name(*names):
+    return dict(zip(names, names, strict=True))
 
 
 @pytest.fixture
@@ -34,7 +34,7 @@ def found(dry):
         return dry
 
     told = []
-    found = diagnose_each(jobs("a.csv", "b.csv", "c.csv"), diagnose, 1, told.append)
+    found = diagnose_each(by_name("a.csv", "b.csv", "c.csv"), diagnose, 1, told.append)
     assert told[1:] == [
         "2 of 3 records: b.csv: row 3: 'x' is not a number",
         "3 of 3 records: c.csv: cause",
@@ -76,10 +76,10 @@ def test_ctrl_c_leaves_what_is_done(dry):
             os.kill(os.getpid(), signal.SIGINT)
         return dry
 
-    found = diagnose_each(jobs("a.csv", "b.csv", "c.csv"), diagnose, 1, lambda text: None)
+    found = diagnose_each(by_name("a.csv", "b.csv", "c.csv"), diagnose, 1, lambda text: None)
     assert ([*found], found.missing) == (["a.csv"], ["b.csv", "c.csv"])
     with pytest.raises(KeyboardInterrupt):
-        diagnose_each(jobs("b.csv", "c.csv"), diagnose, 1, lambda text: None)
+        diagnose_each(by_name("b.csv", "c.csv"), diagnose, 1, lambda text: None)
 
 
 def test_a_folder_is_its_files(tmp_path):
@@ -87,12 +87,12 @@ def test_a_folder_is_its_files(tmp_path):
         (tmp_path / name).write_text("", encoding="utf-8")
     (tmp_path / "folder").mkdir()
     files = [str(tmp_path / name) for name in ("a.txt", "b.csv")]
-    assert [job.name for job in jobs_of([tmp_path])] == files
-    assert [job.name for job in jobs_of([{}, "x.csv", {}])] == ["record 1", "x.csv", "record 3"]
+    assert [*named_records([tmp_path])] == files
+    assert [*named_records([{}, "x.csv", {}])] == ["record 1", "x.csv", "record 3"]
     with pytest.raises(UserError, match="no record"):
-        jobs_of([tmp_path / "folder"])
-    with pytest.raises(UserError, match=r"x.csv: there are two records of this name"):
-        jobs_of(["x.csv", "x.csv"])
+        named_records([tmp_path / "folder"])
+    with pytest.raises(UserError, match=r"x.csv: there are 2 records of this name"):
+        named_records(["x.csv", "x.csv"])
     with pytest.raises(UserError, match="this is a folder; workers= of diagnose takes each"):
         ppy.diagnose(tmp_path)
 
