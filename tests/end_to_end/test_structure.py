@@ -29,6 +29,7 @@ WIDER = {
     "orchestration.api": 30,
     "orchestration.diagnosis": 20,
     "orchestration.identify.black_box": 18,
+    "orchestration.records": 18,
     "orchestration.rig": 25,
     "studies.plants": 20,
 }
