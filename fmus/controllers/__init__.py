@@ -39,6 +39,10 @@ PACKAGE = ComponentPackage(
     },
     declared_systems=(WORK_LOOP,),
     examples=EXAMPLES,
+    designs={
+        "pid": "fmus.controllers.tuning:tuned_pid",
+        "pi": "fmus.controllers.tuning:tuned_pi",
+    },
     experiment_folder=Path(__file__).with_name("experiments"),
 )
 __getattr__ = PACKAGE.offered

@@ -27,7 +27,7 @@ class Pid(Component):
         0.01, "s", min=1e-4, max=10.0, nominal=0.01, doc="sample period of the controller (h)"
     )
     proportional_gain = Parameter(
-        0.3, "V/N", min=-1e6, max=1e6, source=_FORM, tunable=True, doc="proportional gain (K)"
+        0.3, "V/N", min=-1e12, max=1e12, source=_FORM, tunable=True, doc="proportional gain (K)"
     )
     integral_time = Parameter(
         0.5,
@@ -67,8 +67,8 @@ class Pid(Component):
     command_min = Parameter(-10.0, "V", min=-1e6, max=0, tunable=True, doc="lowest command")
     command_max = Parameter(10.0, "V", min=0, max=1e6, tunable=True, doc="highest command")
 
-    reference = Input("N", doc="wanted force")
-    measured = Input("N", doc="measured force")
+    reference = Input("N", doc="wanted value")
+    measured = Input("N", doc="measured value")
     manual = Input("1", start=False, type="boolean", doc="whether the command is manual_command")
     manual_command = Input("V", doc="command by hand")
     tracking = Input(
@@ -87,18 +87,18 @@ class Pid(Component):
         "N", update="error", period="sample_period", doc="error at the latest sample"
     )
     previous_measured = Discrete(
-        "N", update="next_measured", period="sample_period", doc="force at the latest sample"
+        "N", update="next_measured", period="sample_period", doc="measured value at the latest sample"
     )
     derivative = Discrete(
         "V", update="next_derivative", period="sample_period", doc="derivative part"
     )
 
     def error(self) -> Any:
-        """Reference less measured force, e."""
+        """Reference less measured value, e."""
         return self.reference - self.measured
 
     def next_measured(self) -> Any:
-        """Sample of the measured force."""
+        """Sample of the measured value."""
         return self.measured
 
     def error_gain(self) -> Any:
@@ -112,7 +112,7 @@ class Pid(Component):
         return -self.proportional_gain
 
     def next_derivative(self) -> Any:
-        """Derivative of the measured force behind its filter, -K T_d s / (T_f s + 1) by the
+        """Derivative of the measured value behind its filter, -K T_d s / (T_f s + 1) by the
         backward difference.
         """
         change = self.measured - self.previous_measured

@@ -168,6 +168,66 @@ class RigDeclaration:
 
 
 @dataclass(frozen=True)
+class DesignRequest:
+    """A linear plant and what its control loop should do, as a design rule takes them.
+
+    Attributes
+    ----------
+    plant : control.StateSpace
+        Sampled, from the command that is held to the measured value at the samples, with all
+        delays; a command acts on later samples only.
+    measured_unit, command_unit : str
+    measured, command : float
+        Both signals at the operating point, SI.
+    limits : tuple of float
+        Lowest and highest command, SI.
+    phase_margin : float
+        Degrees.
+    crossover : float or None
+        Frequency of gain one of the loop, Hz; None if the rule chooses it.
+    """
+
+    plant: Any
+    measured_unit: str
+    command_unit: str
+    measured: float
+    command: float
+    limits: tuple[float, float]
+    phase_margin: float
+    crossover: float | None
+
+
+@dataclass(frozen=True)
+class DesignedController:
+    """A controller as the call that makes its class.
+
+    Attributes
+    ----------
+    place : str
+        ``module:function`` of a function that returns the class of a component with the inputs
+        ``reference`` and ``measured`` and the output ``command``.
+    arguments : Mapping of str to object
+        Its keyword arguments: texts, numbers and lists of numbers.
+    """
+
+    place: str
+    arguments: Mapping[str, Any]
+
+    @property
+    def component(self) -> type[Component]:
+        """The class of the controller."""
+        made: type[Component] = load(self.place)(**self.arguments)
+        return made
+
+    @property
+    def source(self) -> str:
+        """Source text of a module with the class ``Controller``."""
+        module, _, name = self.place.partition(":")
+        values = "".join(f"    {key}={value!r},\n" for key, value in self.arguments.items())
+        return f"from {module} import {name}\n\nController = {name}(\n{values})\n"
+
+
+@dataclass(frozen=True)
 class ComponentPackage:
     """A package of components with their systems, stimuli, experiments and calibrations.
 
@@ -186,6 +246,9 @@ class ComponentPackage:
         Kinds of stimuli by name.
     rigs : Mapping of str to RigDeclaration
         Signals of rigs by name, for ``--option signals=NAME``.
+    designs : Mapping of str to str
+        Design rules by the kind of controller: ``module:function`` of a function that maps a
+        `DesignRequest` to a `DesignedController`.
     experiment_folder, preset_folder : Path or None
         Folders of experiments, and of calibrations of rigs: ``.toml`` files.
     """
@@ -198,6 +261,7 @@ class ComponentPackage:
     examples: tuple[Example, ...] = ()
     stimuli: Mapping[str, StimulusDeclaration] = field(default_factory=dict)
     rigs: Mapping[str, RigDeclaration] = field(default_factory=dict)
+    designs: Mapping[str, str] = field(default_factory=dict)
     experiment_folder: Path | None = None
     preset_folder: Path | None = None
 
@@ -242,6 +306,7 @@ _KINDS = {
     "systems": "system",
     "stimuli": "kind of stimulus",
     "rigs": "rig",
+    "designs": "kind of controller",
     "experiments": "experiment",
     "presets": "calibration",
 }
@@ -359,6 +424,11 @@ def stimuli() -> dict[str, StimulusDeclaration]:
 def rigs() -> dict[str, RigDeclaration]:
     """Return the signals of every rig by the name of the rig."""
     return _merged("rigs")
+
+
+def designs() -> dict[str, str]:
+    """Return ``module:function`` of every design rule by the kind of controller."""
+    return _merged("designs")
 
 
 def experiments() -> dict[str, Path]:

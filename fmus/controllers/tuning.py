@@ -1,0 +1,299 @@
+"""Tuning of a PID controller of any signals by the phase margin of its sampled loop.
+
+Not part of the FMU; the libraries that it needs are imported where they are used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmus.kit import Component, UserError
+from fmus.kit.effects import stack
+from fmus.kit.extras import optional
+from fmus.kit.registry import DesignedController, DesignRequest
+
+from .pid import Pid
+
+if TYPE_CHECKING:
+    from fmus.kit.arrays import Array
+
+_DERIVATIVE_SHARE = 0.25  # T_d / T_i, the largest for which the zeros of the controller are real
+_FILTER_RATIO = 10.0  # T_d / T_f; Astrom, Hagglund: Advanced PID Control, section 3.3, have 2 to 20
+_LARGEST_PEAK = 2.0  # of the sensitivity; same, section 4.6, with 1.2 to 2
+_PEAK_RATIO = 1.25  # of the largest sensitivity to the least one that a phase margin allows
+_FASTEST = 0.1  # crossover over sampling rate; Astrom, Wittenmark: Computer-Controlled Systems, 5.5
+_SLOWEST = 1e-6  # the same
+_CANDIDATES = 150  # crossovers that are tried where none is asked for
+_POINTS = 3000  # of a frequency response
+_LAGS = np.geomspace(1e-3, 1e4, 600)  # omega T_i, in which the controller's phase is solved
+_EXACT = 1e-12  # of omega T_i
+_TOLERANCE = 0.5  # degrees of the phase margin; more is a loop with another crossover
+
+
+def pid(name: str, measured: str, command: str, **values: float) -> type[Component]:
+    """Make a PID controller of other signals than force and voltage.
+
+    Parameters
+    ----------
+    name : str
+        Name of the FMU.
+    measured, command : str
+        SI units of the measured value and of the command.
+    **values : float
+        Values of parameters and start values, SI.
+
+    Returns
+    -------
+    type[Component]
+        :class:`.Pid` with these units and defaults.
+
+    Raises
+    ------
+    UserError
+        If there is no such parameter, or a value is out of range.
+    """
+    units = {"N": measured, "V": command, "V/N": _ratio(command, measured)}
+    redeclared = {
+        key: replace(variable, unit=units.get(variable.unit, variable.unit))
+        for key, variable in Pid.declared.items()
+    }
+    about = {
+        "name": name,
+        "__doc__": f"PID controller of a value in {measured} by a command in {command}.",
+        "__module__": Pid.__module__,
+        "presets": {},
+    }
+    made: type[Component] = type("Controller", (Pid,), about | redeclared)
+    return stack(made, name=name, defaults=values)
+
+
+def _ratio(command: str, measured: str) -> str:
+    """Return the unit of a command per measured value."""
+    if measured == "1":
+        return command
+    if command == measured:
+        return "1"
+    return f"{command}/{measured}" if measured.isalpha() else f"{command}/({measured})"
+
+
+@dataclass(frozen=True)
+class _Form:
+    """Shape of a PID controller with gain one.
+
+    Attributes
+    ----------
+    integral_time : float or ndarray
+        Seconds.
+    share : float
+        T_d / T_i; 0 without derivative.
+    period : float
+        Sample period, s.
+    """
+
+    integral_time: Any
+    share: float
+    period: float
+
+    @property
+    def derivative_time(self) -> Any:
+        return self.share * self.integral_time
+
+    @property
+    def filter_time(self) -> Any:
+        return self.derivative_time / _FILTER_RATIO
+
+    def response(self, z: Any) -> Any:
+        """Return the response from error to command, by the backward differences of `Pid`."""
+        difference = 1.0 - 1.0 / z
+        integral = self.period / (self.integral_time * difference)
+        filtered = self.filter_time * difference + self.period
+        return 1.0 + integral + self.derivative_time * difference / filtered
+
+    def transfer_function(self, gain: float) -> Any:
+        """Return the controller with a gain as a system of python-control."""
+        import control
+
+        h = self.period
+        law = 1.0 + control.tf([h / self.integral_time, 0.0], [1.0, -1.0], h)
+        if self.share:
+            numerator = self.derivative_time * np.array([1.0, -1.0])
+            law += control.tf(numerator, [self.filter_time + h, -self.filter_time], h)
+        return gain * law
+
+
+@dataclass(frozen=True)
+class _Tuning:
+    """Tuning of a form of controller for a plant and a phase margin.
+
+    Attributes
+    ----------
+    request : DesignRequest
+    share : float
+        T_d / T_i.
+    z, plant : ndarray of complex, shape (n,)
+        Points on the unit circle, and the response of the plant there.
+    """
+
+    request: DesignRequest
+    share: float
+    z: Array
+    plant: Array
+
+    @classmethod
+    def of(cls, request: DesignRequest, share: float) -> _Tuning:
+        """Return the tuning with the response of the plant up to half the sampling rate."""
+        z = np.exp(1j * np.pi * np.geomspace(_SLOWEST, 1.0, _POINTS))
+        return cls(request, share, z, np.asarray(request.plant(z)))
+
+    @property
+    def period(self) -> float:
+        return float(self.request.plant.dt)
+
+    def at(self, crossover: float) -> tuple[float, _Form] | None:
+        """Return gain and form of gain one and the phase margin at a crossover, Hz.
+
+        Of two integral times the shorter is taken, which acts against loads sooner. None if the
+        phase that is needed is beyond the controller.
+        """
+        from scipy.optimize import brentq
+
+        omega = 2.0 * np.pi * crossover
+        z = np.exp(1j * omega * self.period)
+        target = np.exp(1j * np.radians(self.request.phase_margin - 180.0)) / self.request.plant(z)
+        # a plant that answers with the other sign needs a negative gain
+        wanted = target if np.real(target) > 0.0 else -target
+
+        def excess(lag: Any) -> Any:
+            response = _Form(lag / omega, self.share, self.period).response(z)
+            return np.angle(response) - np.angle(wanted)
+
+        above = np.flatnonzero(excess(_LAGS) >= 0.0)
+        if not above.size or above[0] == 0:
+            return None
+        bracket = _LAGS[above[0] - 1 : above[0] + 1]
+        form = _Form(brentq(excess, *bracket, xtol=_EXACT) / omega, self.share, self.period)
+        return float(np.real(target / form.response(z))), form
+
+    def is_sound(self, gain: float, form: _Form) -> bool:
+        """Return whether a loop is stable and has the phase margin at all crossovers."""
+        import control
+
+        size, margin = self._size_and_margin(gain * form.response(self.z) * self.plant)
+        crossings = np.flatnonzero(np.diff(np.sign(size)))
+        share = size[crossings] / (size[crossings] - size[crossings + 1])
+        there = margin[crossings] + share * (margin[crossings + 1] - margin[crossings])
+        if np.any(np.abs(there) < self.request.phase_margin - _TOLERANCE):
+            return False
+        loop = form.transfer_function(gain) * self.request.plant
+        return bool(np.abs(control.feedback(loop, 1).poles()).max() < 1.0)
+
+    def _size_and_margin(self, loop: Array) -> tuple[Array, Array]:
+        """Return the logarithm of the gain, and the phase above -180 degrees, of a loop."""
+        return np.log(np.abs(loop)), np.degrees(np.unwrap(np.angle(-loop)))
+
+    def peak(self, gain: float, form: _Form) -> float:
+        """Return the largest sensitivity, |1 / (1 + L)|."""
+        loop = gain * form.response(self.z) * self.plant
+        return float(np.max(1.0 / np.abs(1.0 + loop)))
+
+    def best(self) -> tuple[float, _Form]:
+        """Return the sound tuning with the largest integral gain, and a bounded sensitivity.
+
+        The integral of the error after a step of the load is T_i / K (Astrom, Hagglund: Advanced
+        PID Control, 2006, section 4.3).
+
+        Raises
+        ------
+        UserError
+            If there is none.
+        """
+        rate = 1.0 / self.period
+        crossovers = np.geomspace(_SLOWEST * rate, _FASTEST * rate, _CANDIDATES)
+        tuned = [found for found in map(self.at, crossovers) if found is not None]
+        least = 0.5 / np.sin(np.radians(0.5 * self.request.phase_margin))
+        largest = max(_LARGEST_PEAK, _PEAK_RATIO * least)
+        for gain, form in sorted(tuned, key=lambda one: one[1].integral_time / abs(one[0])):
+            if self.peak(gain, form) <= largest and self.is_sound(gain, form):
+                return gain, form
+        raise UserError(
+            f"no crossover up to {_FASTEST * rate:.4g} Hz gives a stable loop with a phase margin"
+            f" of {self.request.phase_margin:g} degrees and a sensitivity of at most {largest:.3g}:"
+            " ask for another phase margin, or for a shorter sample period"
+        )
+
+    def asked(self, crossover: float) -> tuple[float, _Form]:
+        """Return the tuning for a crossover that is asked for, Hz.
+
+        Raises
+        ------
+        UserError
+            If it is out of range, or no controller makes a sound loop there.
+        """
+        nyquist = 0.5 / self.period
+        if not 0.0 < crossover < nyquist:
+            raise UserError(
+                f"crossover {crossover:g} Hz: above 0 and below half the sampling rate,"
+                f" {nyquist:g} Hz"
+            )
+        wish = f"a phase margin of {self.request.phase_margin:g} degrees at {crossover:g} Hz"
+        tuned = self.at(crossover)
+        if tuned is None:
+            z = np.exp(2j * np.pi * crossover * self.period)
+            turn = np.degrees(np.angle(-self.request.plant(z)))
+            raise UserError(
+                f"{wish} is beyond the controller, as the plant alone has {turn:.4g} degrees there;"
+                " ask for a smaller margin or for another crossover"
+            )
+        if not self.is_sound(*tuned):
+            raise UserError(
+                f"{wish} would be of a loop that is unstable or has a smaller margin at another"
+                " crossover; ask for another crossover"
+            )
+        return tuned
+
+
+def _tune(request: DesignRequest, share: float) -> DesignedController:
+    """Return a PID controller with the phase margin that is asked for.
+
+    Parameters
+    ----------
+    request : DesignRequest
+    share : float
+        T_d / T_i.
+
+    Raises
+    ------
+    UserError
+        If no such controller makes a stable loop with this margin.
+    """
+    with optional():
+        import control  # noqa: F401
+
+    tuning = _Tuning.of(request, share)
+    crossover = request.crossover
+    gain, form = tuning.best() if crossover is None else tuning.asked(crossover)
+    low, high = request.limits
+    arguments = {
+        "name": "controller",
+        "measured": request.measured_unit,
+        "command": request.command_unit,
+        "sample_period": float(form.period),
+        "proportional_gain": gain,
+        "integral_time": float(form.integral_time),
+        "derivative_time": float(form.derivative_time),
+        "filter_time": float(form.filter_time),
+        "tracking_time": float(form.integral_time),
+        "command_min": low,
+        "command_max": high,
+        "unlimited_command_start": request.command,
+        "previous_measured_start": request.measured,
+    }
+    return DesignedController("fmus.controllers.tuning:pid", arguments)
+
+
+tuned_pid = partial(_tune, share=_DERIVATIVE_SHARE)
+tuned_pi = partial(_tune, share=0.0)
