@@ -1,5 +1,7 @@
 from .equilibrium import TrimRequest as TrimRequest
 from .equilibrium import trim as trim
+from .feedback import ControllerDesign as ControllerDesign
+from .feedback import sampled_plant as sampled_plant
 from .fmu_derivatives import FmuRequest as FmuRequest
 from .fmu_derivatives import linearise_fmu as linearise_fmu
 from .model import LinearModel as LinearModel

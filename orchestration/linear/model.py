@@ -241,9 +241,9 @@ class LinearModel(Displayable):
         time = f"sampled every {self.period:g} s" if self.period else "continuous"
         yield f"{self.name} {self.point.words}, {time}, by {self.method}"
         if self.loop:
-            yield f"loop transfer function, cut at {self.loop}: {_margin_words(self.margins())}"
+            yield f"loop transfer function, cut at {self.loop}: {margin_words(self.margins())}"
         for one in self.further:
-            margins = f": {_margin_words(one.margins())}" if one.loop else ""
+            margins = f": {margin_words(one.margins())}" if one.loop else ""
             yield f"also {one.point.words}{margins}"
         table = plain_table(
             None, "signal", "is", "operating point", "unit", right=["operating point"]
@@ -382,7 +382,7 @@ def _with_units(names: Sequence[str], units: Mapping[str, str]) -> list[dict[str
     return [{"name": name, "unit": units.get(name, "")} for name in names]
 
 
-def _margin_words(margins: LoopMargins) -> str:
+def margin_words(margins: LoopMargins) -> str:
     """Return phase and gain margin in words."""
     phase = (
         f"phase margin {margins.phase:.1f}° at {margins.crossover:.4g} Hz"

@@ -1,4 +1,7 @@
-"""Picture of a linear model: Bode diagram, step response, poles and zeros.
+"""Pictures of a linear model and of a designed controller.
+
+A model has Bode diagram, step response, poles and zeros; a controller its loop, sensitivities, and
+responses to steps of reference and load.
 
 Operating points are lines of different shades; variations of parameters make a band.
 """
@@ -11,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmus.kit.arrays import Array
-from orchestration.linear.model import FAR, LinearModel
+from orchestration.linear.feedback import ControllerDesign, StepResponse
+from orchestration.linear.model import FAR, LinearModel, margin_words
 from orchestration.reporting import draw, pictures
 
 if TYPE_CHECKING:
@@ -76,18 +80,20 @@ def _draw_band(model: LinearModel, frequencies: Array, gain: Axes, phase: Axes, 
     if not model.variations:
         return
 
-    def fill(axis: Axes, x: Array, curves: Sequence[Array], **style: Any) -> None:
-        low = np.min(curves, axis=0)
-        high = np.max(curves, axis=0)
-        axis.fill_between(x, low, high, color=pictures.FITTED, alpha=0.2, linewidth=0.0, **style)
-
     label = f"{len(model.variations)} values of parameters"
     gains, phases = zip(*(_bode(one, frequencies) for one in model.variations), strict=True)
-    fill(gain, frequencies, gains, label=label)
-    fill(phase, frequencies, phases, label=label)
+    _fill(gain, frequencies, gains, label=label)
+    _fill(phase, frequencies, phases, label=label)
     time = _step_times(model)
     steps = [_step_response(one, time)[1] for one in model.variations]
-    fill(step, time, steps, step="post" if model.period else None)
+    _fill(step, time, steps, step="post" if model.period else None)
+
+
+def _fill(axis: Axes, x: Array, curves: Sequence[Array], **style: Any) -> None:
+    """Shade the band of curves, each of shape (n,)."""
+    low = np.min(curves, axis=0)
+    high = np.max(curves, axis=0)
+    axis.fill_between(x, low, high, color=pictures.FITTED, alpha=0.2, linewidth=0.0, **style)
 
 
 def _label(model: LinearModel, gain: Axes, phase: Axes, step: Axes, plane: Axes) -> None:
@@ -159,3 +165,89 @@ def _finite_roots(model: LinearModel, roots: Sequence[complex] | Array) -> Array
         return finite
     z = finite[finite != -1.0]  # which the w-plane has at infinity
     return 2.0 / model.period * (z - 1.0) / (z + 1.0)
+
+
+# --- controllers ---------------------------------------------------------------------------------
+
+
+@draw.register(ControllerDesign)
+def draw_controller_design(design: ControllerDesign) -> Figure:
+    """Draw loop, sensitivities, and steps of reference and load, with the band of each."""
+    rows = [["gain", "step"], ["phase", "command"], ["sensitivity", "load"]]
+    title = f"{design.plant.name}: {margin_words(design.margins())}"
+    figure, axes = pictures.mosaic(rows, title)
+    _draw_loop(design, axes["gain"], axes["phase"])
+    _draw_sensitivities(design, axes["sensitivity"])
+    _draw_steps(design, axes)
+    return figure
+
+
+def _draw_loop(design: ControllerDesign, gain: Axes, phase: Axes) -> None:
+    """Draw the Bode diagram of the loop with its margins."""
+    loop = design.loop
+    frequencies = loop.frequencies(_POINTS)
+    if loop.variations:
+        gains, phases = zip(*(_bode(one, frequencies) for one in loop.variations), strict=True)
+        _fill(gain, frequencies, gains)
+        _fill(phase, frequencies, phases)
+    decibel, degrees = _bode(loop, frequencies)
+    gain.semilogx(frequencies, decibel, color=pictures.MODEL)
+    phase.semilogx(frequencies, degrees, color=pictures.MODEL)
+    margins = loop.margins()
+    for place in (margins.crossover, margins.phase_crossover):
+        if np.isfinite(place):
+            gain.plot(place, np.interp(place, frequencies, decibel), "o", color=pictures.MODEL)
+            phase.plot(place, np.interp(place, frequencies, degrees), "o", color=pictures.MODEL)
+    gain.axhline(0.0, color=pictures.MEASURED, linewidth=0.8)
+    phase.axhline(-180.0, color=pictures.MEASURED, linewidth=0.8)
+    pictures.label(gain, "gain of the loop", "dB")
+    pictures.label(phase, "phase of the loop", "deg")
+
+
+def _draw_sensitivities(design: ControllerDesign, axis: Axes) -> None:
+    """Draw sensitivity and complementary sensitivity with their largest values."""
+    frequencies = design.loop.frequencies(_POINTS)
+    sizes = np.abs(design.sensitivities(frequencies))
+    varied = [np.abs(design.sensitivities(frequencies, one)) for one in design.loop.variations]
+    names = ("sensitivity", "complementary")
+    for k, (name, peak) in enumerate(zip(names, design.peaks(), strict=True)):
+        if varied:
+            _fill(axis, frequencies, [one[k] for one in varied])
+        style = "-" if k == 0 else "--"
+        axis.loglog(
+            frequencies, sizes[k], style, color=pictures.MODEL, label=f"{name}, at most {peak:.3g}"
+        )
+    axis.legend(fontsize=8)
+    axis.set_xlabel("frequency [Hz]")
+    pictures.label(axis, "sensitivities", "1")
+
+
+def _draw_steps(design: ControllerDesign, axes: dict[str, Axes]) -> None:
+    """Draw the measured value after both steps, and the command after that of the reference."""
+    time = design.time
+    plants = design.plant.variations
+
+    def add(axis: Axes, response: StepResponse, varied: list[StepResponse], signal: str) -> None:
+        if varied:
+            _fill(axis, time, [getattr(one, signal) for one in varied], step="post")
+        axis.step(time, getattr(response, signal), where="post", color=pictures.MODEL)
+
+    stepped = design.step(design.step_size)
+    varied = [design.step(design.step_size, plant=one) for one in plants]
+    add(axes["step"], stepped, varied, "measured")
+    add(axes["command"], stepped, varied, "command")
+    loaded = [design.step(load=design.load_size, plant=one) for one in plants]
+    add(axes["load"], design.step(load=design.load_size), loaded, "measured")
+    axes["step"].axhline(
+        stepped.measured[0] + design.step_size, color=pictures.MEASURED, linewidth=0.8
+    )
+    for limit in filter(np.isfinite, design.limits):
+        axes["command"].axhline(limit, color=pictures.FITTED, linewidth=0.8, linestyle="--")
+    command, measured = design.plant.inputs[0], design.plant.outputs[0]
+    units = design.plant.units
+    unit = units.get(measured, "1")
+    pictures.label(axes["step"], f"{measured} after a step of its reference", unit)
+    pictures.label(axes["command"], f"{command} after that step", units.get(command, "1"))
+    load = f"{design.load_size:.3g} {units.get(command, '')}".removesuffix(" 1")
+    pictures.label(axes["load"], f"{measured} after a load of {load}", unit)
+    axes["load"].set_xlabel("time [s]")

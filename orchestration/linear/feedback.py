@@ -1,0 +1,392 @@
+"""A sampled controller around a linear plant: its loop, sensitivities and responses to steps.
+
+The plant is sampled with all delays; the controller is a component, whose own laws, limits
+included, are simulated. The command of a sample is held from that sample on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+
+from fmus.kit import Component, UserError
+from fmus.kit.arrays import Array
+from fmus.kit.interrupt import uninterrupted
+from fmus.kit.symbolic import trace
+from orchestration.linear.discretisation import Matrices
+from orchestration.linear.model import LinearModel, LoopMargins, margin_words
+from orchestration.linear.operating_point import OperatingPoint, start_point
+from orchestration.linear.subject import subject_of
+from orchestration.reporting import Displayable, one_line, plain_table
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+_SAME = 1e-9  # largest relative difference of two times due to rounding
+_FEWEST = 200  # samples of a step response
+_MOST = 20_000
+_CYCLES = 8.0  # duration of a step response, in periods of the crossover frequency
+_SETTLED = 6.0  # the same, in time constants of the slowest pole of the closed loop
+_PEAK_POINTS = 2000  # frequencies among which the largest sensitivity is taken
+
+
+def sampled_plant(plant: LinearModel, period: float, delay: float) -> LinearModel:
+    """Return a plant as a controller sees it: command held over a period, all delays in it.
+
+    Parameters
+    ----------
+    plant : LinearModel
+        With one input and one output, continuous or sampled.
+    period : float
+        Sample period of the controller, s; of a sampled plant a multiple of its own.
+    delay : float
+        Time from a command to its effect, or from a value to its measurement, s.
+
+    Returns
+    -------
+    LinearModel
+        The states are those of the plant, and the latest commands if they act later or at once.
+
+    Raises
+    ------
+    UserError
+        If a sampled plant cannot be sampled so.
+    """
+    m = plant.matrices
+    n = len(m.states)
+    whole = int(np.floor(delay / period + _SAME))
+    rest = max(delay - whole * period, 0.0)
+    if rest <= _SAME * period:
+        rest = 0.0
+    late = _flow(m, rest)
+    early = _flow(m, period - rest)
+    through = float(m.D[0, 0])
+    # commands of earlier samples, the latest first, on which the state or the output depends
+    count = whole + int(rest > 0.0 or through != 0.0)
+    A = np.zeros((n + count, n + count))
+    B = np.zeros((n + count, 1))
+    C = np.zeros((1, n + count))
+    A[:n, :n] = early[:n, :n] @ late[:n, :n]
+    C[:, :n] = m.C
+    if count:
+        B[n] = 1.0
+        A[n + 1 :, n:-1] = np.eye(count - 1)
+    if rest:
+        A[:n, n + whole] = early[:n, :n] @ late[:n, n]
+    if through:
+        C[0, n + whole] = through
+    if whole:
+        A[:n, n + whole - 1] += early[:n, n]
+    else:
+        B[:n, 0] += early[:n, n]
+    names = (*m.states, *(f"{plant.inputs[0]} {k} samples ago" for k in range(1, count + 1)))
+    matrices = Matrices(A, B, C, np.zeros((1, 1)), period, names)
+    varied = tuple(sampled_plant(one, period, delay) for one in plant.variations)
+    return replace(plant, matrices=matrices, variations=varied, further=())
+
+
+def _flow(matrices: Matrices, duration: float) -> Array:
+    """Return the transition matrix of states and input, which is constant, over a duration, s."""
+    from scipy.linalg import expm
+
+    n = len(matrices.states)
+    joined = np.zeros((n + 1, n + 1))
+    joined[:n, :n] = matrices.A
+    joined[:n, n:] = matrices.B
+    if not matrices.period:
+        return np.asarray(expm(joined * duration))
+    steps = round(duration / matrices.period)
+    if abs(steps * matrices.period - duration) > _SAME * matrices.period:
+        raise UserError(
+            f"the plant is sampled every {matrices.period:g} s: the sample period and the delay of"
+            f" the controller are multiples of that, and {duration:g} s is not"
+        )
+    joined[n, n] = 1.0
+    return np.linalg.matrix_power(joined, steps)
+
+
+def controller_law(controller: type[Component], point: OperatingPoint) -> LinearModel:
+    """Return the linear law of a controller, from the measured value to the command it makes of it.
+
+    Its own output is that before a sample; this one is that from the sample on.
+
+    Raises
+    ------
+    UserError
+        If the command does not wait for a sample.
+    """
+    law = subject_of(controller).linearise(point, ["measured"], ["command"])
+    m = law.matrices
+    if not m.period or m.D.any():
+        raise UserError(f"{controller.name}: its command does not wait for a sample")
+    return replace(law, matrices=replace(m, C=m.C @ m.A, D=m.C @ m.B))
+
+
+def _loop(plant: LinearModel, law: LinearModel) -> LinearModel:
+    """Return the loop transfer function of a plant and the law of its controller."""
+    p = plant.matrices
+    c = law.matrices
+    n = len(p.states)
+    size = n + len(c.states)
+    A = np.zeros((size, size))
+    A[:n, :n] = p.A
+    A[n:, n:] = c.A
+    A[:n, n:] = p.B @ c.C
+    B = np.vstack([p.B @ c.D, c.B])
+    C = np.hstack([-p.C, np.zeros((1, size - n))])
+    matrices = Matrices(A, B, C, np.zeros((1, 1)), p.period, (*p.states, *c.states))
+    cut = plant.outputs[0]
+    return replace(
+        plant,
+        matrices=matrices,
+        inputs=(f"cut({cut})",),
+        units=plant.units | {f"cut({cut})": plant.units.get(cut, "")},
+        loop=cut,
+        variations=tuple(_loop(one, law) for one in plant.variations),
+    )
+
+
+@dataclass(frozen=True)
+class StepResponse:
+    """Response of a closed loop to a step, in SI units.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Seconds.
+    measured, command : ndarray, shape (n,)
+        Measured value, and the command from each sample on, within its limits.
+    """
+
+    time: Array
+    measured: Array
+    command: Array
+
+
+@dataclass(frozen=True)
+class ControllerDesign(Displayable):
+    """A controller around a plant.
+
+    Attributes
+    ----------
+    controller : type[Component]
+        With the inputs ``reference`` and ``measured`` and the output ``command``.
+    source : str
+        Text of a module with this class as ``Controller``.
+    plant : LinearModel
+        Sampled, with its delays; its variations make the band.
+    limits : tuple of float
+        Lowest and highest command.
+    """
+
+    controller: type[Component]
+    source: str
+    plant: LinearModel
+    limits: tuple[float, float]
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Parameters of the controller, SI."""
+        return {p.name: float(p.start) for p in self.controller.layout.parameters if not p.starts}
+
+    @cached_property
+    def point(self) -> OperatingPoint:
+        """Operating point of the controller."""
+        measured = self.plant.point.values.get(self.plant.outputs[0], 0.0)
+        inputs = {"reference": measured, "measured": measured}
+        return start_point(trace(self.controller), inputs)
+
+    @cached_property
+    def law(self) -> LinearModel:
+        """Linear law of the controller, from the measured value to the command."""
+        return controller_law(self.controller, self.point)
+
+    @cached_property
+    def loop(self) -> LinearModel:
+        """Loop transfer function, with those of the band."""
+        return _loop(self.plant, self.law)
+
+    def margins(self) -> LoopMargins:
+        """Return the stability margins."""
+        return self.loop.margins()
+
+    def sensitivities(self, frequencies: Array, loop: LinearModel | None = None) -> Array:
+        """Return sensitivity and complementary sensitivity.
+
+        Parameters
+        ----------
+        frequencies : ndarray, shape (n,)
+            Hz.
+        loop : LinearModel, optional
+            One of the variations of `loop`.
+
+        Returns
+        -------
+        ndarray of complex, shape (2, n)
+            ``1 / (1 + L)`` and ``L / (1 + L)``.
+        """
+        response = (loop or self.loop).response(frequencies)
+        return np.array([1.0 / (1.0 + response), response / (1.0 + response)])
+
+    def peaks(self, loop: LinearModel | None = None) -> tuple[float, float]:
+        """Return the largest sensitivity and complementary sensitivity, as `sensitivities`."""
+        chosen = loop or self.loop
+        sizes = np.abs(self.sensitivities(chosen.frequencies(_PEAK_POINTS), chosen))
+        largest = sizes.max(axis=1)
+        return float(largest[0]), float(largest[1])
+
+    def is_stable(self, loop: LinearModel | None = None) -> bool:
+        """Return whether the closed loop is stable within the limits."""
+        return bool(np.abs(_closed_poles(loop or self.loop)).max() < 1.0)
+
+    # --- responses
+
+    @property
+    def headroom(self) -> float:
+        """Distance of the command to its nearer limit at the operating point; 1 without limits."""
+        at_rest = self.plant.point.values.get(self.plant.inputs[0], 0.0)
+        nearer = min(self.limits[1] - at_rest, at_rest - self.limits[0])
+        return nearer if np.isfinite(nearer) else 1.0
+
+    @property
+    def step_size(self) -> float:
+        """Step of the reference of the picture, which takes about the headroom."""
+        crossover = self.margins().crossover
+        if not np.isfinite(crossover):
+            return 1.0
+        return float(np.abs(self.plant.response(np.array([crossover])))[0]) * self.headroom
+
+    @property
+    def load_size(self) -> float:
+        """Step of the load of the picture, half the headroom, added to the command."""
+        return 0.5 * self.headroom
+
+    def step(
+        self, reference: float = 0.0, load: float = 0.0, plant: LinearModel | None = None
+    ) -> StepResponse:
+        """Simulate the loop after steps from the operating point, with the limits.
+
+        Parameters
+        ----------
+        reference : float
+            Step of the reference.
+        load : float
+            Step that is added to the command behind the controller.
+        plant : LinearModel, optional
+            One of the variations of `plant`.
+
+        Returns
+        -------
+        StepResponse
+        """
+        chosen = (plant or self.plant).matrices
+        simulate = self._simulation
+        A, B, C = chosen.A, chosen.B, chosen.C
+        n = len(self.plant.matrices.states)
+        start = np.concatenate([np.zeros(n), [*self.point.discretes.values()]])
+        _, outputs = simulate(start, A, B, C, reference, load)
+        measured, command = outputs.full()
+        return StepResponse(self.time, measured, command)
+
+    @cached_property
+    def time(self) -> Array:
+        """Instants of the step responses, s: until the loop has settled."""
+        period = self.plant.period
+        crossover = self.margins().crossover
+        cycles = _CYCLES / (crossover * period) if np.isfinite(crossover) else 0.0
+        slowest = np.abs(_closed_poles(self.loop)).max()
+        settled = _SETTLED / -np.log(slowest) if 0.0 < slowest < 1.0 else 0.0
+        count = np.clip(max(cycles, min(settled, 10.0 * cycles)), _FEWEST, _MOST)
+        return period * np.arange(int(count) + 1)
+
+    @cached_property
+    @uninterrupted()
+    def _simulation(self) -> ca.Function:
+        """Function of start state, plant, and steps of reference and load; see `step`."""
+        graph = trace(self.controller)
+        n = len(self.plant.matrices.states)
+        x = ca.MX.sym("x", n + len(graph.layout.discretes))
+        A, B, C = ca.MX.sym("A", n, n), ca.MX.sym("B", n, 1), ca.MX.sym("C", 1, n)
+        reference, load = ca.MX.sym("reference"), ca.MX.sym("load")
+        values = self.point.values
+        rest = values["measured"]
+        measured = rest + C @ x[:n]
+        now = values | {"reference": rest + reference, "measured": measured}
+        inputs = ca.vertcat(*(now[v.name] for v in graph.layout.inputs))
+        known = [0.0, self.point.arguments(graph)[1], inputs, []]
+        update = ca.Function("update", graph.arguments, [graph.updates[0]])
+        output = ca.Function("output", graph.arguments, [graph.outputs])
+        after = update(*known, x[n:])
+        place = [v.name for v in graph.layout.outputs].index("command")
+        command = output(*known, after)[place]
+        at_rest = self.plant.point.values.get(self.plant.inputs[0], 0.0)
+        states = ca.vertcat(A @ x[:n] + B * (command - at_rest + load), after)
+        parts = [x, A, B, C, reference, load]
+        sample = ca.Function("sample", parts, [states, ca.vertcat(measured, command)])
+        return sample.mapaccum("loop", len(self.time))
+
+    # --- forms
+
+    def overview(self) -> Iterator[RenderableType]:
+        """Yield margins, sensitivity peaks, their band, and the parameters."""
+        path = f"{self.plant.inputs[0]} to {self.plant.outputs[0]}"
+        yield f"{self.controller.name} around {self.plant.name}, {path}, {self.plant.point.words}"
+        largest = self.peaks()
+        yield f"{margin_words(self.margins())}; sensitivity at most {largest[0]:.3g}"
+        if self.loop.variations:
+            yield self._band_words()
+        if np.isfinite(self.limits).any():
+            low, high = self.limits
+            unit = self.plant.units.get(self.plant.inputs[0], "")
+            yield f"command within {low:g} to {high:g} {unit}".rstrip()
+        table = plain_table(None, "parameter", "value", "unit", right=["value"])
+        units = {p.name: p.unit for p in self.controller.layout.parameters}
+        for name, value in self.parameters.items():
+            table.add_row(name, f"{value:.6g}", units[name])
+        yield table
+        yield from self.plant.notes
+
+    def _band_words(self) -> str:
+        """Return margins over the band in words, and how many of its loops are unstable."""
+        phases = [one.margins().phase for one in self.loop.variations]
+        unstable = sum(not self.is_stable(one) for one in self.loop.variations)
+        peak = max(self.peaks(one)[0] for one in self.loop.variations)
+        words = (
+            f"over {len(phases)} values of parameters: phase margin {min(phases):.1f} to"
+            f" {max(phases):.1f}°, sensitivity at most {peak:.3g}"
+        )
+        return f"{words}; {unstable} of these loops are unstable" if unstable else words
+
+    def __repr__(self) -> str:
+        return one_line(f"ControllerDesign of {self.plant.name}: {margin_words(self.margins())}")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return a dictionary for JSON."""
+        sensitivity, complementary = self.peaks()
+        return {
+            "controller": self.controller.name,
+            "source": self.source,
+            "parameters": self.parameters,
+            "limits": [one if np.isfinite(one) else None for one in self.limits],
+            "peaks": {"sensitivity": sensitivity, "complementary": complementary},
+            "band": [
+                {
+                    "margins": one.margins()._asdict(),
+                    "sensitivity": self.peaks(one)[0],
+                    "stable": self.is_stable(one),
+                }
+                for one in self.loop.variations
+            ],
+            "loop": replace(self.loop, variations=()).to_dict(),
+        }
+
+
+def _closed_poles(loop: LinearModel) -> Array:
+    """Return the poles of the closed loop in the z-plane, shape (n,)."""
+    m = loop.matrices
+    return np.asarray(np.linalg.eigvals(m.A - m.B @ m.C))
