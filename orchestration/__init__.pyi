@@ -4,6 +4,7 @@ from .api import black_box as black_box
 from .api import build as build
 from .api import check as check
 from .api import compare as compare
+from .api import design as design
 from .api import diagnose as diagnose
 from .api import fit as fit
 from .api import frequency_response as frequency_response

@@ -2,6 +2,7 @@ from . import declaration as declaration
 from . import forms as forms
 from . import options as options
 from .builds import fmu_paths as fmu_paths
+from .designing import design as design
 from .diagnosis import diagnose as diagnose
 from .diagnosis import laws as laws
 from .diagnosis import refuse_without_laws as refuse_without_laws

@@ -870,6 +870,95 @@ class LineariseKeywords(LineariseOptions, BandOptions, PointsOption, total=False
     ]
 
 
+class ControlledSignalsOptions(TypedDict, total=False):
+    """Signals of a plant between which a controller acts."""
+
+    command: Annotated[
+        str | None,
+        Option(
+            "Input of the model that the controller commands; default its only one.",
+            metavar="INPUT",
+        ),
+    ]
+    measured: Annotated[
+        str | None,
+        Option(
+            "Output of the model that follows the reference; default its only one.",
+            metavar="OUTPUT",
+        ),
+    ]
+
+
+class ControllerOptions(ControlledSignalsOptions, total=False):
+    """What a designed control loop should do."""
+
+    controller: Annotated[
+        str,
+        Option(
+            "Kind of controller: pid, pi, or one of an installed package.",
+            default="pid",
+            metavar="KIND",
+        ),
+    ]
+    sample_period: Annotated[
+        float | str | None,
+        Option(
+            "Sample period of the controller; default that of a sampled model.",
+            kind='float in s or str such as "10ms", optional',
+            metavar="TIME",
+            form=TIME,
+        ),
+    ]
+    phase_margin: Annotated[
+        float,
+        Option("Phase margin of the loop, degrees.", default=60.0, metavar="DEGREES"),
+    ]
+    crossover: Annotated[
+        float | None,
+        Option(
+            "Frequency of gain one, Hz, about the bandwidth; default the one that suppresses loads"
+            " best.",
+            metavar="HZ",
+        ),
+    ]
+    delay: Annotated[
+        float | str,
+        Option(
+            "Dead time of the loop that the model does not have.",
+            kind='float in s or str such as "20ms"',
+            default=0.0,
+            metavar="TIME",
+            form=TIME,
+        ),
+    ]
+    limits: Annotated[
+        "tuple[float, float] | str | None",
+        Option(
+            "Lowest and highest command, e.g. -1.3A..1.3A; default none.",
+            "Lowest and highest command.",
+            kind='tuple of float in the unit of the command or str such as "0..10V", optional',
+            metavar="FROM..TO",
+            form=Form(typed=str | None),
+        ),
+    ]
+
+
+class DesignOptions(ControllerOptions, SettingsOption, LinearisePointOptions, total=False):
+    """Options of ``design`` besides the model."""
+
+
+class DesignKeywords(DesignOptions, BandOptions, total=False):
+    """Keyword arguments of ``design``."""
+
+    over: Annotated[
+        "Mapping[str, str | Sequence[float]] | None",
+        Option(
+            doc='Band of parameters, as of `linearise`: ``{"k1": "4e3..8e3"}``.',
+            kind="Mapping of str to str or sequence of float, optional",
+        ),
+    ]
+
+
 # --- sweeps --------------------------------------------------------------------------------------
 
 

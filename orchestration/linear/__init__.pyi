@@ -6,6 +6,7 @@ from .fmu_derivatives import FmuRequest as FmuRequest
 from .fmu_derivatives import linearise_fmu as linearise_fmu
 from .model import LinearModel as LinearModel
 from .model import LoopMargins as LoopMargins
+from .model import linear_model_of as linear_model_of
 from .model import w_plane as w_plane
 from .operating_point import OperatingPoint as OperatingPoint
 from .operating_point import point_at as point_at

@@ -6,9 +6,10 @@ included, are simulated. The command of a sample is held from that sample on.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -17,12 +18,15 @@ import numpy as np
 from fmus.kit import Component, UserError
 from fmus.kit.arrays import Array
 from fmus.kit.interrupt import uninterrupted
+from fmus.kit.registry import DesignedController
 from fmus.kit.symbolic import trace
+from orchestration.fmu import Model, Value
 from orchestration.linear.discretisation import Matrices
 from orchestration.linear.model import LinearModel, LoopMargins, margin_words
 from orchestration.linear.operating_point import OperatingPoint, start_point
 from orchestration.linear.subject import subject_of
 from orchestration.reporting import Displayable, one_line, plain_table
+from orchestration.system import System
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -174,20 +178,49 @@ class ControllerDesign(Displayable):
 
     Attributes
     ----------
-    controller : type[Component]
-        With the inputs ``reference`` and ``measured`` and the output ``command``.
-    source : str
-        Text of a module with this class as ``Controller``.
+    designed : DesignedController
     plant : LinearModel
         Sampled, with its delays; its variations make the band.
     limits : tuple of float
         Lowest and highest command.
+    model : Model, System, str or None
+        The plant as it runs, or the name or file of its system; None for a linear model alone.
+    settings : Mapping of str to float or str
+        Values of parameters of a plant without equations, by ``member.parameter``.
     """
 
-    controller: type[Component]
-    source: str
+    designed: DesignedController
     plant: LinearModel
     limits: tuple[float, float]
+    model: Model | System | str | None = None
+    settings: Mapping[str, Value] = field(default_factory=dict)
+
+    @cached_property
+    def controller(self) -> type[Component]:
+        """Class with the inputs ``reference`` and ``measured`` and the output ``command``."""
+        return self.designed.component
+
+    @property
+    def source(self) -> str:
+        """Text of a module with the class of the controller as ``Controller``."""
+        return self.designed.source
+
+    @cached_property
+    def system(self) -> System:
+        """The loop as a system that runs, from the operating point on; see `closed_system`."""
+        from orchestration.linear.closed_system import closed_system
+
+        return closed_system(self)
+
+    def write(self, folder: str | Path) -> list[Path]:
+        """Write controller and loop into a folder; see `write_files`."""
+        from orchestration.linear.closed_system import write_files
+
+        return write_files(self, Path(folder))
+
+    def __getstate__(self) -> dict[str, Any]:
+        # what is derived, such as a class, is derived again
+        return {one.name: getattr(self, one.name) for one in fields(self)}
 
     @property
     def parameters(self) -> dict[str, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf, pi
 from pathlib import Path
@@ -135,6 +135,33 @@ class LinearModel(Displayable):
         j = _index(input, self.inputs, "input")
         i = _index(output, self.outputs, "output")
         return self.state_space[i, j]
+
+    def between(self, input: str = "", output: str = "") -> LinearModel:
+        """Return the model of one input and one output.
+
+        Parameters
+        ----------
+        input, output : str
+            All of them if empty.
+
+        Raises
+        ------
+        UserError
+            If there is no such input or output.
+        """
+        m = self.matrices
+        columns = [_index(input, self.inputs, "input")] if input else range(len(self.inputs))
+        rows = [_index(output, self.outputs, "output")] if output else range(len(self.outputs))
+        return replace(
+            self,
+            matrices=replace(
+                m, B=m.B[:, columns], C=m.C[rows], D=m.D[np.ix_(list(rows), list(columns))]
+            ),
+            inputs=tuple(self.inputs[k] for k in columns),
+            outputs=tuple(self.outputs[k] for k in rows),
+            further=tuple(one.between(input, output) for one in self.further),
+            variations=tuple(one.between(input, output) for one in self.variations),
+        )
 
     def response(self, frequencies: Array, input: str = "", output: str = "") -> Array:
         """Return the frequency response from one input to one output.
@@ -334,6 +361,38 @@ class LinearModel(Displayable):
         )
         files.write(Path(path), content.getvalue())
         return Path(path)
+
+
+def linear_model_of(system: Any) -> LinearModel:
+    """Return a system of python-control as a linear model, in deviations.
+
+    Parameters
+    ----------
+    system : control.StateSpace, control.TransferFunction
+
+    Raises
+    ------
+    UserError
+        If its sample period is not known.
+    """
+    with optional():
+        import control
+
+    if system.dt is True:
+        raise UserError("a sampled system without a sample period: give it a dt in s")
+    states = control.ss(system)
+    matrices = Matrices(
+        states.A,
+        states.B,
+        states.C,
+        states.D,
+        float(states.dt or 0.0),
+        tuple(map(str, states.state_labels)),
+    )
+    point = OperatingPoint(0.0, {}, {}, {}, {})
+    inputs = tuple(map(str, states.input_labels))
+    outputs = tuple(map(str, states.output_labels))
+    return LinearModel("plant", matrices, inputs, outputs, {}, point, "python-control")
 
 
 def w_plane(sampled: control.StateSpace) -> control.StateSpace:
