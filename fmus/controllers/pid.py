@@ -64,8 +64,8 @@ class Pid(Component):
         tunable=True,
         doc="time in which a command that was not carried out is forgotten (T_t)",
     )
-    command_min = Parameter(-10.0, "V", min=-1e6, max=0, tunable=True, doc="lowest command")
-    command_max = Parameter(10.0, "V", min=0, max=1e6, tunable=True, doc="highest command")
+    command_min = Parameter(-10.0, "V", min=-1e12, max=1e12, tunable=True, doc="lowest command")
+    command_max = Parameter(10.0, "V", min=-1e12, max=1e12, tunable=True, doc="highest command")
 
     reference = Input("N", doc="wanted value")
     measured = Input("N", doc="measured value")

@@ -31,6 +31,7 @@ _CANDIDATES = 150  # crossovers that are tried where none is asked for
 _POINTS = 3000  # of a frequency response
 _LAGS = np.geomspace(1e-3, 1e4, 600)  # omega T_i, in which the controller's phase is solved
 _EXACT = 1e-12  # of omega T_i
+_UNLIMITED = 1e12  # largest limit of a command
 _TOLERANCE = 0.5  # degrees of the phase margin; more is a loop with another crossover
 
 
@@ -276,7 +277,7 @@ def _tune(request: DesignRequest, share: float) -> DesignedController:
     tuning = _Tuning.of(request, share)
     crossover = request.crossover
     gain, form = tuning.best() if crossover is None else tuning.asked(crossover)
-    low, high = request.limits
+    low, high = np.clip(request.limits, -_UNLIMITED, _UNLIMITED)
     arguments = {
         "name": "controller",
         "measured": request.measured_unit,
@@ -287,10 +288,10 @@ def _tune(request: DesignRequest, share: float) -> DesignedController:
         "derivative_time": float(form.derivative_time),
         "filter_time": float(form.filter_time),
         "tracking_time": float(form.integral_time),
-        "command_min": low,
-        "command_max": high,
-        "unlimited_command_start": request.command,
-        "previous_measured_start": request.measured,
+        "command_min": float(low),
+        "command_max": float(high),
+        "unlimited_command_start": float(request.command),
+        "previous_measured_start": float(request.measured),
     }
     return DesignedController("fmus.controllers.tuning:pid", arguments)
 

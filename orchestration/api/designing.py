@@ -12,7 +12,7 @@ from fmus.kit import Component, UserError, registry
 from fmus.kit.errors import find
 from fmus.kit.extras import require
 from orchestration.api.declaration import only, takes
-from orchestration.api.forms import seconds
+from orchestration.api.forms import rows_per_second, seconds
 from orchestration.api.linearisation import linearise
 from orchestration.api.options import DesignKeywords, LineariseKeywords
 from orchestration.api.results import DiagnosisResult
@@ -78,6 +78,7 @@ def design(
     _check_single(linear.inputs, "command", "input")
     _check_single(linear.outputs, "measured", "output")
     plant = sampled_plant(linear, _period(linear, options), _delay(options))
+    crossover = options["crossover"]
     command, measured = plant.inputs[0], plant.outputs[0]
     at_rest = {name: plant.point.values.get(name, 0.0) for name in (command, measured)}
     limits = _limits(options["limits"], plant.units.get(command, "1"), at_rest[command])
@@ -89,7 +90,7 @@ def design(
         at_rest[command],
         limits,
         options["phase_margin"],
-        options["crossover"],
+        None if crossover is None else rows_per_second(crossover),
     )
     return ControllerDesign(rule(request), plant, limits, runs, _foreign_settings(runs, options))
 
@@ -115,6 +116,9 @@ def _linear_plant(
         runs = model if isinstance(model, System) else str(model)
         return linearise(runs, **chosen), runs
     declared = as_declared(model)
+    for key, known in (("command", declared.inputs), ("measured", declared.outputs)):
+        if options[key] is not None:
+            find(options[key], known, f"{option(key, options[key])}: {declared.name} has no signal")
     return linearise(declared, **chosen), declared
 
 

@@ -914,11 +914,13 @@ class ControllerOptions(ControlledSignalsOptions, total=False):
         Option("Phase margin of the loop, degrees.", default=60.0, metavar="DEGREES"),
     ]
     crossover: Annotated[
-        float | None,
+        float | str | None,
         Option(
-            "Frequency of gain one, Hz, about the bandwidth; default the one that suppresses loads"
+            "Frequency of gain one, about the bandwidth; default the one that suppresses loads"
             " best.",
-            metavar="HZ",
+            kind='float in Hz or str such as "2Hz", optional',
+            metavar="FREQUENCY",
+            form=RATE,
         ),
     ]
     delay: Annotated[

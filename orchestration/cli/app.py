@@ -70,6 +70,10 @@ _GROUPS: _Groups = {
             "State space, Bode, margins, poles of a component, FMU, system.",
             ".linearise:linearise",
         ),
+        "design": (
+            "Tune a loop: a controller with its margins, as FMU and system.",
+            ".design:design",
+        ),
         "simulate": ("Simulate a component, any FMU, or a system (.ssp).", ".simulate:simulate"),
         "run": ("Run an experiment, a system, or a result again, bit for bit.", ".run:run"),
         "system": ("Show, draw and check systems of FMUs; export them as SSP.", ".system:systems"),

@@ -61,6 +61,12 @@ EXAMPLES = {
         "ppy linearise ppy_actuator --trim --fix displacement=0.1mm --free current",
         "ppy linearise dma_bench --set force_reference=1 --at 1s --plot bode.png",
     ),
+    "design": (
+        "ppy design ppy_actuator --command current --measured displacement"
+        " --sample-period 20ms --crossover 0.5 --limits -1.3..1.3 --out loop",
+        "ppy design better.fmu --command current --measured displacement"
+        " --sample-period 20ms --over R1=0.3..0.6 --plot margins.png",
+    ),
     "run": (
         "ppy run fig_3_4 --set duration=5s --out fig_3_4.nc --plot fig_3_4.html",
         "ppy run fig_3_4.nc --tolerance voltage=1mV,0.1% --report differences.html",

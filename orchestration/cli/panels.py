@@ -39,6 +39,16 @@ _PANELS = {
         "band",
     ),
     "Operating point": ("at", "trim", "fix", "free", "drift"),
+    "Controller": (
+        "command",
+        "measured",
+        "controller",
+        "sample_period",
+        "phase_margin",
+        "crossover",
+        "delay",
+        "limits",
+    ),
     "Time": (
         "state_in",
         "stop",

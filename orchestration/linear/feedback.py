@@ -61,6 +61,8 @@ def sampled_plant(plant: LinearModel, period: float, delay: float) -> LinearMode
     UserError
         If a sampled plant cannot be sampled so.
     """
+    if plant.period:
+        _check_multiples(plant, {"sample period": period, "delay": delay})
     m = plant.matrices
     n = len(m.states)
     whole = int(np.floor(delay / period + _SAME))
@@ -104,14 +106,19 @@ def _flow(matrices: Matrices, duration: float) -> Array:
     joined[:n, n:] = matrices.B
     if not matrices.period:
         return np.asarray(expm(joined * duration))
-    steps = round(duration / matrices.period)
-    if abs(steps * matrices.period - duration) > _SAME * matrices.period:
-        raise UserError(
-            f"the plant is sampled every {matrices.period:g} s: the sample period and the delay of"
-            f" the controller are multiples of that, and {duration:g} s is not"
-        )
     joined[n, n] = 1.0
-    return np.linalg.matrix_power(joined, steps)
+    return np.linalg.matrix_power(joined, round(duration / matrices.period))
+
+
+def _check_multiples(plant: LinearModel, times: Mapping[str, float]) -> None:
+    """Raise UserError if a time of the controller is not a multiple of the plant's period."""
+    for name, time in times.items():
+        whole = round(time / plant.period) * plant.period
+        if abs(whole - time) > _SAME * plant.period:
+            raise UserError(
+                f"{plant.name} is sampled every {plant.period:.9g} s: the {name} of the controller"
+                f" must be a multiple of that, and {time:.9g} s is not"
+            )
 
 
 def controller_law(controller: type[Component], point: OperatingPoint) -> LinearModel:
@@ -281,23 +288,25 @@ class ControllerDesign(Displayable):
 
     @property
     def headroom(self) -> float:
-        """Distance of the command to its nearer limit at the operating point; 1 without limits."""
+        """Command from the operating point to the farther limit, with its sign; 1 without one."""
         at_rest = self.plant.point.values.get(self.plant.inputs[0], 0.0)
-        nearer = min(self.limits[1] - at_rest, at_rest - self.limits[0])
-        return nearer if np.isfinite(nearer) else 1.0
+        low, high = (limit - at_rest for limit in self.limits)
+        farther = high if high >= -low else low
+        return farther if np.isfinite(farther) else 1.0
 
     @property
     def step_size(self) -> float:
-        """Step of the reference of the picture, which takes about the headroom."""
+        """Step of the reference of the picture, whose command takes about the headroom."""
         crossover = self.margins().crossover
         if not np.isfinite(crossover):
             return 1.0
-        return float(np.abs(self.plant.response(np.array([crossover])))[0]) * self.headroom
+        gain = float(np.abs(self.plant.response(np.array([crossover])))[0])
+        return -gain * self.headroom * float(np.sign(self.law.matrices.D[0, 0]))
 
     @property
     def load_size(self) -> float:
-        """Step of the load of the picture, half the headroom, added to the command."""
-        return 0.5 * self.headroom
+        """Step of the load of the picture, added to the command, which half the headroom meets."""
+        return -0.5 * self.headroom
 
     def step(
         self, reference: float = 0.0, load: float = 0.0, plant: LinearModel | None = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_
 from orchestration.reporting import flag
 
 if TYPE_CHECKING:
+    from orchestration.fmu import Model
     from orchestration.linear import LinearModel
 
 _MAT = (".mat",)
@@ -30,7 +32,7 @@ def linearise(options: LineariseCommand) -> None:
     name = options["model"]
     Outputs(
         {
-            "the model": _file(name),
+            "the model": file_of(name),
             "the record": options["input_file"],
             "the fit": options["fitted"],
         },
@@ -52,7 +54,7 @@ def linearise(options: LineariseCommand) -> None:
         _show(linear, options)
 
 
-def _file(name: str) -> Path | None:
+def file_of(name: str) -> Path | None:
     """Return the file that is read; None for a component or a system that ships."""
     from orchestration.cli.models import model_file
     from orchestration.system import NAMES
@@ -60,23 +62,38 @@ def _file(name: str) -> Path | None:
     return None if name in NAMES else model_file(name)
 
 
-def _model_and_stimulus(name: str, options: LineariseCommand) -> tuple[Any, dict[str, Any] | None]:
-    """Return the model, with effects laid over it, and the record that drives it, if one does."""
+def model_or_system(name: str, laid_over: Sequence[str]) -> Model | str:
+    """Return a model with effects laid over it, or the name or file of a system.
+
+    Raises
+    ------
+    UserError
+        If there is no such model or effect, or effects are for a system.
+    """
     from orchestration.fmu.model import declared_model
-    from orchestration.records import read_record
-    from orchestration.reporting.console import tell_repairs
     from orchestration.system import NAMES
     from orchestration.system.ssp import ENDINGS
 
-    is_system = name in NAMES or Path(name).suffix.lower() in ENDINGS
-    laid_over = options["laid_over"]
-    if is_system and (laid_over or options["input_file"] is not None):
-        given = "--with" if laid_over else "--input"
-        raise UserError(f"{given} is of one model; {name} is a system")
-    model = name if is_system else declared_model(name, laid_over)
+    if name in NAMES or Path(name).suffix.lower() in ENDINGS:
+        if laid_over:
+            raise UserError(f"--with is of one model; {name} is a system")
+        return name
+    return declared_model(name, laid_over)
+
+
+def _model_and_stimulus(
+    name: str, options: LineariseCommand
+) -> tuple[Model | str, dict[str, Any] | None]:
+    """Return the model or system, and the record that drives a model, if one does."""
+    from orchestration.records import read_record
+    from orchestration.reporting.console import tell_repairs
+
+    model = model_or_system(name, options["laid_over"])
     file = options["input_file"]
-    if isinstance(model, str) or file is None:
+    if file is None:
         return model, None
+    if isinstance(model, str):
+        raise UserError(f"--input is of one model; {name} is a system")
     units = {signal.name: signal.unit for signal in model.inputs.values()}
     record = read_record(
         source_of(file, options), units, mapping=options["mapping"], inputs=list(units)

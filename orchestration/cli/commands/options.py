@@ -12,6 +12,7 @@ from orchestration.api.declaration import REQUIRED, Option
 from orchestration.api.forms import NAMES, PERCENT, SIZE, TEXTS, TIME, names_among, some_of
 from orchestration.api.options import (
     BandOptions,
+    DesignOptions,
     DiagnoseOptions,
     EachOption,
     FittedOption,
@@ -409,6 +410,32 @@ class LineariseCommand(
     total=False,
 ):
     """Options of ``ppy linearise``."""
+
+
+class DesignFolderOption(TypedDict, total=False):
+    """The folder of a designed controller."""
+
+    out: Annotated[
+        Path | None,
+        Option(
+            "Folder for controller.py, controller.fmu, loop.ssp and step.toml, which runs it.",
+            metavar="FOLDER",
+        ),
+    ]
+
+
+class DesignCommand(
+    RunnableArgument,
+    LaidOverOption,
+    DesignOptions,
+    RangesOption,
+    BandOptions,
+    DesignFolderOption,
+    JsonOption,
+    PlotOption,
+    total=False,
+):
+    """Options of ``ppy design``."""
 
 
 # --- optimisation --------------------------------------------------------------------------------

@@ -1,0 +1,48 @@
+"""``ppy design``: a controller for a component, an FMU or a system."""
+
+from __future__ import annotations
+
+from orchestration.api.declaration import only
+from orchestration.api.options import DesignKeywords
+from orchestration.cli.command import command
+from orchestration.cli.commands.linearise import file_of, model_or_system
+from orchestration.cli.commands.options import DesignCommand
+from orchestration.cli.commands.sweep import ranges_of
+from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
+
+
+@command(DesignCommand)
+def design(options: DesignCommand) -> None:
+    """Design a controller for a component, an FMU or a system, from its linear model.
+
+    The phase margin is that of the loop with hold, delay and filter. --over and --fitted make a
+    band of margins and responses.
+    """
+    from orchestration.api import design as work
+    from orchestration.reporting import pictures
+    from orchestration.reporting.console import out, progress, wrote
+
+    name = options["model"]
+    plot = options["plot"]
+    folder = options["out"]
+    Outputs(
+        {"the model": file_of(name), "the fit": options["fitted"]},
+        {"--json": options["json"], "--plot": plot},
+        {"--json": JSON, "--plot": pictures.FORMATS},
+        {"--out": folder} if folder else {},
+    ).check()
+    chosen = only(DesignKeywords, options)
+    chosen["over"] = ranges_of(options["over"]) or None
+    with progress() as tell:
+        tell(f"designing a controller for {name}")
+        found = work(model_or_system(name, options["laid_over"]), **chosen)
+    with standard_output_for(options["json"]):
+        for part in found.overview():
+            out.print(part, highlight=False, markup=False)
+        write_json(options["json"], found.to_dict())
+        if plot is not None:
+            found.plot(plot)
+            wrote(plot)
+        if folder is not None:
+            for path in found.write(folder):
+                wrote(path)
