@@ -13,7 +13,6 @@ import numpy as np
 
 from fmus.kit import Component, UserError
 from fmus.kit.effects import stack
-from fmus.kit.extras import optional
 from fmus.kit.registry import DesignedController, DesignRequest
 
 from .pid import Pid
@@ -74,6 +73,7 @@ def pid(name: str, measured: str, command: str, **values: float) -> type[Compone
 
 def _ratio(command: str, measured: str) -> str:
     """Return the unit of a command per measured value."""
+    command, measured = (unit.replace("degC", "K") for unit in (command, measured))
     if measured == "1":
         return command
     if command == measured:
@@ -114,16 +114,13 @@ class _Form:
         filtered = self.filter_time * difference + self.period
         return 1.0 + integral + self.derivative_time * difference / filtered
 
-    def transfer_function(self, gain: float) -> Any:
-        """Return the controller with a gain as a system of python-control."""
-        import control
-
-        h = self.period
-        law = 1.0 + control.tf([h / self.integral_time, 0.0], [1.0, -1.0], h)
-        if self.share:
-            numerator = self.derivative_time * np.array([1.0, -1.0])
-            law += control.tf(numerator, [self.filter_time + h, -self.filter_time], h)
-        return gain * law
+    def matrices(self) -> tuple[Array, Array, Array, float]:
+        """Return A, B, C and D of the controller: an integral, and the filter of the derivative."""
+        decay = self.filter_time / (self.filter_time + self.period)
+        rate = self.derivative_time / (self.filter_time + self.period)
+        step = self.period / self.integral_time
+        C = np.array([[step, rate * (decay - 1.0)]])
+        return np.diag([1.0, decay]), np.ones((2, 1)), C, 1.0 + step + rate
 
 
 @dataclass(frozen=True)
@@ -163,34 +160,60 @@ class _Tuning:
         from scipy.optimize import brentq
 
         omega = 2.0 * np.pi * crossover
-        z = np.exp(1j * omega * self.period)
-        target = np.exp(1j * np.radians(self.request.phase_margin - 180.0)) / self.request.plant(z)
-        # a plant that answers with the other sign needs a negative gain
-        wanted = target if np.real(target) > 0.0 else -target
+        target, wanted = self.needed(crossover)
 
         def excess(lag: Any) -> Any:
-            response = _Form(lag / omega, self.share, self.period).response(z)
-            return np.angle(response) - np.angle(wanted)
+            return self.turn(lag / omega, crossover) - wanted
 
         above = np.flatnonzero(excess(_LAGS) >= 0.0)
         if not above.size or above[0] == 0:
             return None
         bracket = _LAGS[above[0] - 1 : above[0] + 1]
         form = _Form(brentq(excess, *bracket, xtol=_EXACT) / omega, self.share, self.period)
-        return float(np.real(target / form.response(z))), form
+        return float(np.real(target / form.response(self.point(crossover)))), form
+
+    def point(self, frequency: float) -> complex:
+        """Return the point on the unit circle of a frequency, Hz."""
+        return complex(np.exp(2j * np.pi * frequency * self.period))
+
+    def needed(self, crossover: float) -> tuple[complex, float]:
+        """Return the response that the controller needs at a crossover, and its phase, radians.
+
+        The phase is from -90 to 90 degrees: a plant that answers with the other sign needs a
+        negative gain.
+        """
+        margin = np.exp(1j * np.radians(self.request.phase_margin - 180.0))
+        target = margin / self.request.plant(self.point(crossover))
+        return target, float(np.angle(target if np.real(target) > 0.0 else -target))
+
+    def turn(self, integral_time: Any, crossover: float) -> Any:
+        """Return the phase of the controller of gain one for integral times, radians."""
+        form = _Form(integral_time, self.share, self.period)
+        return np.angle(form.response(self.point(crossover)))
 
     def is_sound(self, gain: float, form: _Form) -> bool:
         """Return whether a loop is stable and has the phase margin at all crossovers."""
-        import control
-
         size, margin = self._size_and_margin(gain * form.response(self.z) * self.plant)
         crossings = np.flatnonzero(np.diff(np.sign(size)))
         share = size[crossings] / (size[crossings] - size[crossings + 1])
         there = margin[crossings] + share * (margin[crossings + 1] - margin[crossings])
         if np.any(np.abs(there) < self.request.phase_margin - _TOLERANCE):
             return False
-        loop = form.transfer_function(gain) * self.request.plant
-        return bool(np.abs(control.feedback(loop, 1).poles()).max() < 1.0)
+        return bool(np.abs(self.closed_poles(gain, form)).max() < 1.0)
+
+    def closed_poles(self, gain: float, form: _Form) -> Array:
+        """Return the poles of the closed loop in the z-plane, shape (n,)."""
+        plant = self.request.plant
+        A, B, C, D = form.matrices()
+        n = plant.nstates
+        joined = np.zeros((n + len(A), n + len(A)))
+        joined[:n, :n] = plant.A
+        joined[:n, n:] = gain * plant.B @ C
+        joined[n:, n:] = A
+        driven = np.vstack([gain * D * plant.B, B])
+        read = np.hstack([plant.C, gain * plant.D @ C])
+        through = 1.0 + gain * D * float(plant.D[0, 0])
+        return np.asarray(np.linalg.eigvals(joined - driven @ read / through))
 
     def _size_and_margin(self, loop: Array) -> tuple[Array, Array]:
         """Return the logarithm of the gain, and the phase above -180 degrees, of a loop."""
@@ -243,11 +266,11 @@ class _Tuning:
         wish = f"a phase margin of {self.request.phase_margin:g} degrees at {crossover:g} Hz"
         tuned = self.at(crossover)
         if tuned is None:
-            z = np.exp(2j * np.pi * crossover * self.period)
-            turn = np.degrees(np.angle(-self.request.plant(z)))
+            turns = np.degrees(self.turn(_LAGS / (2.0 * np.pi * crossover), crossover))
             raise UserError(
-                f"{wish} is beyond the controller, as the plant alone has {turn:.4g} degrees there;"
-                " ask for a smaller margin or for another crossover"
+                f"{wish}: the controller would have to turn the phase by"
+                f" {np.degrees(self.needed(crossover)[1]):.3g} degrees, and can by"
+                f" {turns.min():.3g} to {turns.max():.3g}; ask for another margin or crossover"
             )
         if not self.is_sound(*tuned):
             raise UserError(
@@ -271,9 +294,6 @@ def _tune(request: DesignRequest, share: float) -> DesignedController:
     UserError
         If no such controller makes a stable loop with this margin.
     """
-    with optional():
-        import control  # noqa: F401
-
     tuning = _Tuning.of(request, share)
     crossover = request.crossover
     gain, form = tuning.best() if crossover is None else tuning.asked(crossover)

@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from fmus.kit import Component, UserError, files
 from orchestration.experiment.subjects import with_classes
 from orchestration.experiment.system_model import find_system, is_system
@@ -54,6 +56,8 @@ def closed_system(design: ControllerDesign) -> System:
     }
     free = {name: ports for name, ports in others.items() if not point.inputs.get(name)}
     output = Port(controller.name, "command")
+    # no longer than the plant's own, and a whole number of them in a sample
+    steps = max(np.ceil(design.plant.period / plant.step), 1.0)
     joined = System(
         name="loop",
         members=(controller, *members),
@@ -65,7 +69,7 @@ def closed_system(design: ControllerDesign) -> System:
         inputs={"reference": (Port(controller.name, "reference"),), **free},
         outputs={"command": output, **plant.outputs, "measured": source},
         doc=f"{plant.name} with a controller of {measured} by {command}",
-        step=design.plant.period,
+        step=design.plant.period / steps,
         stop=float(design.time[-1]),
     )
     return joined.given(constant | dict(design.settings))
@@ -84,6 +88,7 @@ def _plant_system(model: Model | System | str) -> System:
         connections=(),
         inputs={name: (Port(_PLANT, name),) for name in with_fmu.inputs},
         outputs={name: Port(_PLANT, name) for name in with_fmu.outputs},
+        step=np.inf,
     )
 
 
@@ -155,7 +160,7 @@ def write_files(design: ControllerDesign, folder: Path) -> list[Path]:
         files.write(folder / name, content)
         written.append(folder / name)
     if design.model is not None:
-        ssp.write(closed_system(design), folder / "loop.ssp")
+        ssp.write(design.system, folder / "loop.ssp")
         files.write(folder / "step.toml", _experiment(design).encode())
         written += [folder / "loop.ssp", folder / "step.toml"]
     return written
@@ -164,12 +169,11 @@ def write_files(design: ControllerDesign, folder: Path) -> list[Path]:
 def _experiment(design: ControllerDesign) -> str:
     """Return the experiment of a step of the reference from the operating point, as TOML."""
     rest = design.point.inputs["reference"]
-    period = design.plant.period
     return (
         f'title = "{design.plant.outputs[0]} after a step of its reference"\n'
         'system = "loop.ssp"\n'
-        f'duration = "{design.time[-1]:.9g} s"\n'
-        f'step = "{period:.9g} s"\n\n'
+        f"duration = {float(design.time[-1])!r}\n"
+        f"step = {float(design.system.step)!r}\n\n"
         "[inputs.reference]\n"
         'kind = "steps"\n'
         "times = [0.0]\n"
