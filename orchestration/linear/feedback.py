@@ -255,6 +255,11 @@ class ControllerDesign(Displayable):
         """Return the stability margins."""
         return self.loop.margins()
 
+    def frequencies(self, count: int) -> Array:
+        """Return frequencies of the loop up to half the sampling rate, shape (count,), Hz."""
+        nyquist = 0.5 / self.plant.period
+        return np.geomspace(self.loop.frequencies()[0], 0.999 * nyquist, count)
+
     def sensitivities(self, frequencies: Array, loop: LinearModel | None = None) -> Array:
         """Return sensitivity and complementary sensitivity.
 
@@ -275,8 +280,7 @@ class ControllerDesign(Displayable):
 
     def peaks(self, loop: LinearModel | None = None) -> tuple[float, float]:
         """Return the largest sensitivity and complementary sensitivity, as `sensitivities`."""
-        chosen = loop or self.loop
-        sizes = np.abs(self.sensitivities(chosen.frequencies(_PEAK_POINTS), chosen))
+        sizes = np.abs(self.sensitivities(self.frequencies(_PEAK_POINTS), loop))
         largest = sizes.max(axis=1)
         return float(largest[0]), float(largest[1])
 

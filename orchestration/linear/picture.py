@@ -185,7 +185,7 @@ def draw_controller_design(design: ControllerDesign) -> Figure:
 def _draw_loop(design: ControllerDesign, gain: Axes, phase: Axes) -> None:
     """Draw the Bode diagram of the loop with its margins."""
     loop = design.loop
-    frequencies = loop.frequencies(_POINTS)
+    frequencies = design.frequencies(_POINTS)
     if loop.variations:
         gains, phases = zip(*(_bode(one, frequencies) for one in loop.variations), strict=True)
         _fill(gain, frequencies, gains)
@@ -206,7 +206,7 @@ def _draw_loop(design: ControllerDesign, gain: Axes, phase: Axes) -> None:
 
 def _draw_sensitivities(design: ControllerDesign, axis: Axes) -> None:
     """Draw sensitivity and complementary sensitivity with their largest values."""
-    frequencies = design.loop.frequencies(_POINTS)
+    frequencies = design.frequencies(_POINTS)
     sizes = np.abs(design.sensitivities(frequencies))
     varied = [np.abs(design.sensitivities(frequencies, one)) for one in design.loop.variations]
     names = ("sensitivity", "complementary")

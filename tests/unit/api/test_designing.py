@@ -1,0 +1,121 @@
+"""Design from Python: what it takes, the loop that runs, and what is refused."""
+
+from types import SimpleNamespace
+
+import control
+import numpy as np
+import pytest
+
+import ppy_rig as ppy
+from orchestration.api import designing
+from orchestration.api.results import DiagnosisResult
+
+SIGNALS = {"command": "current", "measured": "displacement"}
+AT = {"sample_period": "20ms", "crossover": "0.5Hz"}
+HELD = {"trim": True, "fix": {"displacement": "0.05mm"}, "free": ["current"]}
+
+
+def test_a_system_of_python_control_goes_in_and_comes_out():
+    """P = 2 / (s + 1) held over 0.1 s: K (1 + h / (T_i (1 - 1/z))) 2 (1 - a) / (z - a)."""
+    found = ppy.design(control.tf([2.0], [1.0, 1.0]), sample_period=0.1, crossover=0.3)
+    z, decay = np.exp(2j * np.pi * 0.03), np.exp(-0.1)
+    plant = 2.0 * (1.0 - decay) / (z - decay)
+    assert found.plant.state_space(z) == pytest.approx(plant, rel=1e-9)
+    loop = -found.law.state_space(z) * plant
+    assert abs(loop) == pytest.approx(1.0, rel=1e-6)
+    assert np.degrees(np.angle(-loop)) == pytest.approx(60.0, abs=1e-4)
+    closed = control.feedback(found.loop.state_space, 1)
+    assert np.abs(closed.poles()).max() < 1.0
+    with pytest.raises(ppy.UserError, match="without an FMU: there is no system to join"):
+        _ = found.system
+
+
+def test_the_loop_that_runs_is_the_loop_of_the_design():
+    """From the equilibrium on, within the limits, with the FMUs of both."""
+    found = ppy.design("ppy_actuator", **SIGNALS, **AT, **HELD, limits="-0.2A..0.3A")
+    size = 2.0 * found.step_size
+    step = found.step(size)
+    inputs = {"reference": np.full(found.time.size, 5e-5 + size)}
+    run = ppy.run(found.system, found.time, inputs)
+    np.testing.assert_allclose(run.signals["plant.displacement"], step.measured, rtol=1e-9)
+    assert step.measured[0] == pytest.approx(5e-5, rel=1e-9)
+    assert step.command.min() == -0.2, "the limit acts"
+    assert step.command.max() <= 0.3
+
+
+def test_a_system_that_is_sampled_gives_its_period_and_its_step():
+    pulled = {"settings": {"force_reference": 1.0}, "at": ["1s"]}
+    asked = {"phase_margin": 80.0, "controller": "pi", "limits": (0.0, 3.0)}
+    found = ppy.design(
+        "dma_bench", command="force_reference", measured="actuator.tension", **pulled, **asked
+    )
+    assert found.plant.period == pytest.approx(1.0 / 30.0)
+    assert found.margins().phase == pytest.approx(80.0, abs=0.1)
+    assert found.system.step == pytest.approx(1e-4, rel=0.01)
+    time = found.system.step * np.arange(334 * 60)
+    wanted = np.full(time.size, 1.0 + found.step_size)
+    run = ppy.run(found.system, time, {"reference": wanted})
+    tension = run.signals["actuator.tension"]
+    assert tension[0] == pytest.approx(1.0, rel=1e-3)
+    assert tension[-1] == pytest.approx(wanted[-1], rel=1e-3)
+
+
+def test_the_files_are_component_fmu_system_and_experiment(tmp_path):
+    found = ppy.design("ppy_actuator", **SIGNALS, **AT, limits=(-1.3, 1.3))
+    written = [path.name for path in found.write(tmp_path / "loop")]
+    assert written == ["controller.py", "controller.fmu", "loop.ssp", "step.toml"]
+    run = ppy.run(tmp_path / "loop" / "step.toml")
+    expected = found.step(found.step_size).measured
+    measured = np.asarray(run["plant.displacement"])
+    np.testing.assert_allclose(measured, expected[: measured.size], rtol=0, atol=1e-14)
+    own = ppy.simulate(f"{tmp_path}/loop/controller.py:Controller", {"reference": 1e-6}, stop=0.1)
+    assert own["command"][-1] > 0.0
+
+
+def test_intervals_of_a_diagnosis_are_its_band(monkeypatch):
+    from fmus import component
+
+    result = object.__new__(DiagnosisResult)
+    result.model = component("ppy_actuator")
+    result.parameters = {
+        "R1": SimpleNamespace(interval=(0.40, 0.46)),
+        "C": SimpleNamespace(interval=(-1.0, 3.0)),
+        "alpha": SimpleNamespace(interval=(np.nan, np.nan)),
+        "of_another": SimpleNamespace(interval=(1.0, 2.0)),
+    }
+    assert designing._intervals(result) == {"R1": "0.4..0.46", "C": "1e-09..3.0"}
+    del result.parameters["C"]
+    found = ppy.design(result, **SIGNALS, **AT, samples=3)
+    drawn = [one.point.parameters["R1"] for one in found.plant.variations]
+    assert len(drawn) == 3
+    assert all(0.40 <= value <= 0.46 for value in drawn)
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"command": "curent"}, "no signal named 'curent' .did you mean current"),
+        ({"measured": "x"}, "ppy_actuator has no signal named 'x'"),
+        ({"command": None}, "command= names the input.*current, force"),
+        ({"sample_period": None}, "ppy_actuator is continuous; give a time, such as 10ms"),
+        ({"sample_period": 0.0}, "a time above 0 s"),
+        ({"delay": -1.0}, "a time from 0 s on"),
+        ({"limits": "1"}, "write two commands"),
+        ({"limits": "1..0"}, "first command must be below the second"),
+        ({"limits": "0.1..1"}, "operating point, 0, is not within"),
+        ({"limits": "0V..1V"}, "limits"),
+        ({"phase_margin": 180.0}, "above 0 and below 180 degrees"),
+        ({"controller": "pd"}, "no kind of controller named 'pd'"),
+        ({"crossover": "40Hz"}, "below half the sampling rate, 25 Hz"),
+    ],
+)
+def test_what_does_not_fit_is_refused_in_one_line(changed, words):
+    asked = {**SIGNALS, **AT, **changed}
+    with pytest.raises(ppy.UserError, match=words) as refused:
+        ppy.design("ppy_actuator", **asked)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_sampled_system_of_python_control_needs_its_period():
+    with pytest.raises(ppy.UserError, match="without a sample period"):
+        ppy.design(control.tf([1.0], [1.0, -0.5], True), sample_period=0.1)
