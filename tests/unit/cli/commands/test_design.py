@@ -12,6 +12,7 @@ CALL = ["design", "ppy_actuator", "--command", "current", "--measured", "displac
 SAMPLED = ["--sample-period", "20ms", "--crossover", "500mHz"]
 
 
+@pytest.mark.slow  # builds a native controller
 def test_everything_is_written_and_runs(tmp_path):
     files = ["--json", "d.json", "--plot", "d.svg", "--out", "loop"]
     band = ["--over", "R1=0.3..0.6:3", "--limits", "-1.3..1.3"]
@@ -23,7 +24,7 @@ def test_everything_is_written_and_runs(tmp_path):
     assert told["limits"] == [-1.3, 1.3]
     assert len(told["band"]) == 3
     assert (tmp_path / "d.svg").stat().st_size > 10_000
-    assert "plant.displacement" in works("run", "loop/step.toml", cwd=tmp_path)
+    assert "plant.displacement" in works("run", "loop/step.toml")
 
 
 @pytest.mark.parametrize(
@@ -36,9 +37,9 @@ def test_everything_is_written_and_runs(tmp_path):
     ],
 )
 def test_what_does_not_fit_is_refused(options, words, tmp_path):
-    assert words in refused(*CALL, *SAMPLED, *options, cwd=tmp_path)
+    assert words in refused(tmp_path, *CALL, *SAMPLED, *options)
 
 
 def test_effects_are_of_a_model(tmp_path):
-    said = refused("design", "dma_bench", "--with", "strain_lag", cwd=tmp_path)
+    said = refused(tmp_path, "design", "dma_bench", "--with", "strain_lag")
     assert "--with is of one model; dma_bench is a system" in said
