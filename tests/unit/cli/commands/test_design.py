@@ -24,7 +24,7 @@ def test_everything_is_written_and_runs(tmp_path):
     assert told["limits"] == [-1.3, 1.3]
     assert len(told["band"]) == 3
     assert (tmp_path / "d.svg").stat().st_size > 10_000
-    assert "plant.displacement" in works("run", "loop/step.toml")
+    assert "plant.displacement" in works("run", "loop/step.toml", cwd=tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -33,7 +33,7 @@ def test_everything_is_written_and_runs(tmp_path):
         (["--delay", "x"], "--delay"),
         (["--crossover", "0"], "--crossover"),
         (["--limits", "2A..1A"], "--limits 2A..1A: the first command must be below the second one"),
-        (["--controller", "pdi"], "did you mean pid"),
+        (["--controller", "pdi"], "no kind of controller named 'pdi'"),
     ],
 )
 def test_what_does_not_fit_is_refused(options, words, tmp_path):
