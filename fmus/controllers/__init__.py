@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..kit.registry import ComponentPackage
-from .systems import EXAMPLES, WORK_LOOP
+from .systems import EXAMPLES, SYSTEMS
 
 if TYPE_CHECKING:
     from .adaptive_controller import AdaptiveController
@@ -37,7 +37,7 @@ PACKAGE = ComponentPackage(
             "state_feedback": "StateFeedback",
         }.items()
     },
-    declared_systems=(WORK_LOOP,),
+    declared_systems=SYSTEMS,
     examples=EXAMPLES,
     designs={
         "pid": "fmus.controllers.tuning:tuned_pid",
