@@ -19,6 +19,7 @@ from tests.support.sine_sweep import SineSweep, sine_sweep
 BENCH = ("actuator.tension", "bench.position", "bench.force_measured")
 FILMS = ("actuator.voltage", "actuator.displacement")
 POTENTIOSTAT = ("galvanostat.current", "actuator.displacement")
+TENSION = ("actuator.tension",)
 FOOT = ("foot.ankle_angle", "foot.toe_x", "foot.toe_y")
 
 
@@ -42,6 +43,7 @@ class Case(NamedTuple):
 
 PULLED = {"force_reference": 1.0}
 LOADED = {"mass": 0.1}
+STRETCHED = {"length_change": 2.5e-4, "reference": 1.5}
 UNTAUGHT = {"learning.learning": 0.0}
 CASES = [
     Case("dma_bench", "force_reference", BENCH, 0.1, (0.3, 3.0), 1e-4, False, 2.0, PULLED),
@@ -64,6 +66,11 @@ CASES = [
     Case("isotonic_stand", "mass", FILMS[1:], 0.01, (0.1, 1.0, 10.0), 0.01, True, 5.0, LOADED),
     Case("work_loop", "reference", FILMS[1:], 1e-6, (0.05, 0.5, 5.0), 0.01, True, 0.0, UNTAUGHT),
     Case("work_loop", "force", FILMS[1:], 1e-3, (0.02, 0.2), 0.01, True, 0.0, UNTAUGHT),
+    Case("displacement_loop", "reference", FILMS[1:], 1e-6, (0.05, 0.5, 5.0), 0.01, True),
+    Case("state_feedback_loop", "reference", FILMS[1:], 1e-6, (0.05, 0.5, 5.0), 0.01, True),
+    Case("adaptive_loop", "reference", FILMS[1:], 1e-8, (0.05, 0.5, 5.0), 0.01, True),
+    Case("tension_loop", "reference", TENSION, 1e-3, (0.1, 1.0), 1e-3, True, 2.0, STRETCHED),
+    Case("impedance_bench", "current", BENCH, 0.05, (0.3, 3.0), 1e-4, False, 2.0),
     Case(
         "potentiostat_watch", "voltage_command", POTENTIOSTAT, 0.01, (1.0, 100.0), 1e-3, True, 2.0
     ),
@@ -86,8 +93,8 @@ def agree(measured, model):
 
 
 def test_every_system_with_laws_is_swept():
-    # hil_bench has a rig at the end of a cable, whose laws nobody knows
-    assert {case.system for case in CASES} == set(library.NAMES) - {"hil_bench"}
+    # those have a rig at the end of a cable, whose laws nobody knows
+    assert {case.system for case in CASES} == set(library.NAMES) - {"hil_bench", "hil_displacement_loop"}
 
 
 @pytest.mark.slow

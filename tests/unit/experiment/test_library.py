@@ -24,6 +24,12 @@ def test_every_experiment_that_ships_is_valid_and_says_what_is_assumed():
         *figures,
         "fig_3_3_stand",
         "hil_bench",
+        "displacement_loop",
+        "state_feedback_loop",
+        "adaptive_loop",
+        "tension_loop",
+        "impedance_bench",
+        "hil_displacement_loop",
         "identification",
         "work_loop",
     }

@@ -9,11 +9,17 @@ from orchestration.system import library
 from orchestration.system.checking import check, warnings
 
 
-def test_eight_ship_and_another_name_is_refused():
+def test_fourteen_ship_and_another_name_is_refused():
     assert set(library.NAMES) == {
         "dma_bench",
         "isotonic_stand",
         "work_loop",
+        "displacement_loop",
+        "state_feedback_loop",
+        "adaptive_loop",
+        "tension_loop",
+        "impedance_bench",
+        "hil_displacement_loop",
         "degradation_watch",
         "potentiostat_watch",
         "protected_bench",
