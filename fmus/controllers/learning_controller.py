@@ -66,8 +66,9 @@ class LearningController(Component):
         tunable=True,
         doc="current learnt per rate of the error, over that per error (T_l)",
     )
+    # a lead of two samples and this smoothing converge for films that lag by up to 2 s
     lead = Parameter(
-        1,
+        2,
         "1",
         type="integer",
         min=0,
@@ -75,7 +76,7 @@ class LearningController(Component):
         doc="samples by which a command is earlier than the error that it is learnt from (m)",
     )
     smoothing = Parameter(
-        0.05,
+        0.25,
         "1",
         min=0,
         max=0.5,

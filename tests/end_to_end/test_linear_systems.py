@@ -69,8 +69,8 @@ CASES = [
     Case("displacement_loop", "reference", FILMS[1:], 1e-6, (0.05, 0.5, 5.0), 0.01, True),
     Case("state_feedback_loop", "reference", FILMS[1:], 1e-6, (0.05, 0.5, 5.0), 0.01, True),
     Case("adaptive_loop", "reference", FILMS[1:], 1e-8, (0.05, 0.5, 5.0), 0.01, True),
-    Case("tension_loop", "reference", TENSION, 1e-3, (0.1, 1.0), 1e-3, True, 2.0, STRETCHED),
-    Case("impedance_bench", "current", BENCH, 0.05, (0.3, 3.0), 1e-4, False, 2.0),
+    Case("tension_loop", "reference", TENSION, 1e-3, (0.5, 5.0), 1e-3, True, 2.0, STRETCHED),
+    Case("impedance_bench", "current", BENCH, 0.05, (0.1, 1.0), 1e-4, False, 2.0),
     Case(
         "potentiostat_watch", "voltage_command", POTENTIOSTAT, 0.01, (1.0, 100.0), 1e-3, True, 2.0
     ),

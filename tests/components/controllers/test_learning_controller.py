@@ -5,6 +5,7 @@ import itertools
 import control
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from fmus.controllers.learning_controller import LearningController
 from fmus.kit import stack
@@ -130,3 +131,24 @@ def test_the_feedback_beside_is_added_within_the_limit():
     assert model.command() == 0.4
     model.feedback_command = 4.0
     assert model.command() == 1.3
+
+
+@pytest.mark.parametrize("stages", [1, 2])
+@pytest.mark.parametrize("lag", [0.0, 0.1, 0.5, 1.0, 2.0])
+def test_the_defaults_converge_for_films_that_lag(stages, lag):
+    """|Q (1 - L P)| < 1, P by partial fractions of the circuit's pole and that of each stage."""
+    model = LearningController()
+    z = np.exp(1j * np.linspace(1e-4, np.pi, 300))
+    rate = 1.0 / ((R1 + R2) * C)
+    A = np.diag([-rate] + [-stages / max(lag, 1e-3)] * stages)
+    for k in range(stages):
+        A[k + 1, k] = -A[k + 1, k + 1]
+    joined = np.zeros((stages + 2, stages + 2))
+    joined[:-1, :-1], joined[0, -1] = A, ALPHA * R2 / (R1 + R2)
+    flow = expm(joined * PERIOD)
+    behind = [np.linalg.solve(one * np.eye(stages + 1) - flow[:-1, :-1], flow[:-1, -1]) for one in z]
+    plant = np.array(behind)[:, -1]
+    change = model.learning_time * (1.0 - 1.0 / z) / PERIOD
+    lesson = model.learning_gain * (1.0 + change) * z**model.lead
+    smooth = 1.0 - 2.0 * model.smoothing + model.smoothing * (z + 1.0 / z)
+    assert np.abs(smooth * (1.0 - lesson * plant)).max() < 0.985
