@@ -68,6 +68,7 @@ navigation = {
         "docs/how-to/own-components",
         "docs/how-to/sweeps",
         "docs/how-to/linearise",
+        "docs/how-to/design",
         "docs/how-to/systems",
         "docs/how-to/other-tools",
         "docs/how-to/continuous-integration",

@@ -87,7 +87,10 @@ class Pid(Component):
         "N", update="error", period="sample_period", doc="error at the latest sample"
     )
     previous_measured = Discrete(
-        "N", update="next_measured", period="sample_period", doc="measured value at the latest sample"
+        "N",
+        update="next_measured",
+        period="sample_period",
+        doc="measured value at the latest sample",
     )
     derivative = Discrete(
         "V", update="next_derivative", period="sample_period", doc="derivative part"

@@ -170,8 +170,9 @@ class _Tuning:
         above = np.flatnonzero(excess(_LAGS) >= 0.0)
         if not above.size or above[0] == 0:
             return None
-        bracket = _LAGS[above[0] - 1 : above[0] + 1]
-        form = _Form(brentq(excess, *bracket, xtol=_EXACT) / omega, self.share, self.period)
+        low, high = _LAGS[above[0] - 1 : above[0] + 1]
+        lag = brentq(excess, low, high, xtol=_EXACT)
+        form = _Form(lag / omega, self.share, self.period)
         return float(np.real(target / form.response(self.point(crossover)))), form
 
     def point(self, frequency: float) -> complex:

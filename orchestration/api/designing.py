@@ -29,6 +29,7 @@ from orchestration.linear import (
 from orchestration.reporting import option
 from orchestration.system import System
 
+_ENDS = {"command": "input", "measured": "output"}  # end of the plant at which a signal is
 _LARGEST_MARGIN = 180.0  # degrees; a larger phase margin is one of the other sign
 
 
@@ -75,8 +76,8 @@ def design(
     rules = registry.designs()
     rule = registry.load(find(options["controller"], rules, "no kind of controller"))
     linear, runs = _linear_plant(model, options)
-    _check_single(linear.inputs, "command", "input")
-    _check_single(linear.outputs, "measured", "output")
+    _check_single(linear.inputs, "command")
+    _check_single(linear.outputs, "measured")
     plant = sampled_plant(linear, _period(linear, options), _delay(options))
     crossover = options["crossover"]
     command, measured = plant.inputs[0], plant.outputs[0]
@@ -117,8 +118,8 @@ def _linear_plant(
         return linearise(runs, **chosen), runs
     declared = as_declared(model)
     for key, known in (("command", declared.inputs), ("measured", declared.outputs)):
-        if options[key] is not None:
-            find(options[key], known, f"{option(key, options[key])}: {declared.name} has no signal")
+        for name in chosen[f"{_ENDS[key]}s"]:
+            find(name, known, f"{option(key, name)}: {declared.name} has no signal")
     return linearise(declared, **chosen), declared
 
 
@@ -140,11 +141,11 @@ def _intervals(result: DiagnosisResult) -> dict[str, str]:
     return ranges
 
 
-def _check_single(names: Sequence[str], key: str, kind: str) -> None:
+def _check_single(names: Sequence[str], key: str) -> None:
     """Raise UserError unless there is one signal."""
     if len(names) != 1:
         raise UserError(
-            f"{option(key)} names the {kind} between which the controller acts: {', '.join(names)}"
+            f"{option(key)} names the {_ENDS[key]} at which the controller acts: {', '.join(names)}"
         )
 
 

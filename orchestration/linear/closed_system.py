@@ -11,7 +11,7 @@ import numpy as np
 
 from fmus.kit import Component, UserError, files
 from orchestration.experiment.subjects import with_classes
-from orchestration.experiment.system_model import find_system, is_system
+from orchestration.experiment.system_model import find_system
 from orchestration.fmu import Model, Value
 from orchestration.fmu.model import built
 from orchestration.linear.operating_point import OperatingPoint

@@ -349,33 +349,40 @@ class ControllerDesign(Displayable):
         slowest = np.abs(_closed_poles(self.loop)).max()
         settled = _SETTLED / -np.log(slowest) if 0.0 < slowest < 1.0 else 0.0
         count = np.clip(max(cycles, min(settled, 10.0 * cycles)), _FEWEST, _MOST)
-        return period * np.arange(int(count) + 1)
+        return np.asarray(period * np.arange(int(count) + 1), dtype=float)
 
     @cached_property
     @uninterrupted()
     def _simulation(self) -> ca.Function:
         """Function of start state, plant, and steps of reference and load; see `step`."""
-        graph = trace(self.controller)
         n = len(self.plant.matrices.states)
-        x = ca.MX.sym("x", n + len(graph.layout.discretes))
+        x = ca.MX.sym("x", n)
+        held = ca.MX.sym("held", len(self.point.discretes))
         A, B, C = ca.MX.sym("A", n, n), ca.MX.sym("B", n, 1), ca.MX.sym("C", 1, n)
         reference, load = ca.MX.sym("reference"), ca.MX.sym("load")
-        values = self.point.values
-        rest = values["measured"]
-        measured = rest + C @ x[:n]
-        now = values | {"reference": rest + reference, "measured": measured}
-        inputs = ca.vertcat(*(now[v.name] for v in graph.layout.inputs))
-        known = [0.0, self.point.arguments(graph)[1], inputs, []]
-        update = ca.Function("update", graph.arguments, [graph.updates[0]])
-        output = ca.Function("output", graph.arguments, [graph.outputs])
-        after = update(*known, x[n:])
-        place = [v.name for v in graph.layout.outputs].index("command")
-        command = output(*known, after)[place]
+        rest = self.point.inputs["measured"]
+        measured = rest + C @ x
+        after, command = self._sampled(held, rest + reference, measured)
         at_rest = self.plant.point.values.get(self.plant.inputs[0], 0.0)
-        states = ca.vertcat(A @ x[:n] + B * (command - at_rest + load), after)
-        parts = [x, A, B, C, reference, load]
-        sample = ca.Function("sample", parts, [states, ca.vertcat(measured, command)])
+        states = ca.vertcat(A @ x + B * (command - at_rest + load), after)
+        sample = ca.Function(
+            "sample",
+            [ca.vertcat(x, held), A, B, C, reference, load],
+            [states, ca.vertcat(measured, command)],
+        )
         return sample.mapaccum("loop", len(self.time))
+
+    def _sampled(self, held: ca.MX, reference: ca.MX, measured: ca.MX) -> tuple[ca.MX, ca.MX]:
+        """Return the discrete states of the controller after a sample, and its command."""
+        graph = trace(self.controller)
+        now = self.point.values | {"reference": reference, "measured": measured}
+        inputs = ca.vertcat(*(now[v.name] for v in graph.layout.inputs))
+        parameters = ca.DM(self.point.arguments(graph)[1])
+        known = [ca.MX(0.0), ca.MX(parameters), inputs, ca.MX(0, 1)]
+        after = ca.Function("update", graph.arguments, [graph.updates[0]])(*known, held)
+        outputs = ca.Function("output", graph.arguments, [graph.outputs])(*known, after)
+        place = [v.name for v in graph.layout.outputs].index("command")
+        return after, outputs[place]
 
     # --- forms
 

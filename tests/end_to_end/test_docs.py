@@ -33,6 +33,7 @@ from tests.support.rig.process import Server
 ROOT = source.ROOT
 HEAVY = {
     "linearise",
+    "design",
     "frequency",
     "diagnose",
     "systems",

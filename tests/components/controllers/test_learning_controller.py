@@ -146,8 +146,9 @@ def test_the_defaults_converge_for_films_that_lag(stages, lag):
     joined = np.zeros((stages + 2, stages + 2))
     joined[:-1, :-1], joined[0, -1] = A, ALPHA * R2 / (R1 + R2)
     flow = expm(joined * PERIOD)
-    behind = [np.linalg.solve(one * np.eye(stages + 1) - flow[:-1, :-1], flow[:-1, -1]) for one in z]
-    plant = np.array(behind)[:, -1]
+    state, drive = flow[:-1, :-1], flow[:-1, -1]
+    one = np.eye(stages + 1)
+    plant = np.array([np.linalg.solve(point * one - state, drive)[-1] for point in z])
     change = model.learning_time * (1.0 - 1.0 / z) / PERIOD
     lesson = model.learning_gain * (1.0 + change) * z**model.lead
     smooth = 1.0 - 2.0 * model.smoothing + model.smoothing * (z + 1.0 / z)

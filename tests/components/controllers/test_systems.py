@@ -1,4 +1,4 @@
-"""Claims: commands of a work loop are added before they are limited; each loop does what it is for."""
+"""Claims: commands of a work loop are added before they are limited; each loop does its task."""
 
 import numpy as np
 import pytest

@@ -126,9 +126,7 @@ def test_it_has_the_units_of_its_signals():
 
 
 def test_the_class_is_that_of_its_source_and_starts_where_the_loop_rests():
-    at_rest = DesignRequest(
-        sampled(1.0, 2.0, 0.3, 0), "m", "A", 0.3, 0.7, (0.5, 2.0), 60.0, 0.2
-    )
+    at_rest = DesignRequest(sampled(1.0, 2.0, 0.3, 0), "m", "A", 0.3, 0.7, (0.5, 2.0), 60.0, 0.2)
     designed = tuned_pid(at_rest)
     scope = {}
     exec(designed.source, scope)
