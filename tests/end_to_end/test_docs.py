@@ -88,6 +88,8 @@ THE_READERS = {
     "own.py",
     "models.py",
     "cell.py",
+    "controller.py",
+    "loop/controller.py",
     "leak.py",
     "oven.py",
     "room.py",

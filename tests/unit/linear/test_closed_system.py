@@ -23,6 +23,13 @@ def test_the_loop_that_runs_is_the_loop_of_the_design():
     assert step.command.max() <= 0.3
 
 
+def test_the_loop_that_is_cut_has_the_margins_of_the_design():
+    """By the Jacobians of the joined laws, of which the design knows nothing."""
+    found = ppy.design("ppy_actuator", **SIGNALS, **AT)
+    cut = ppy.linearise(found.system, cut="plant.displacement").margins()
+    np.testing.assert_allclose(cut, found.margins(), rtol=1e-9)
+
+
 def test_a_system_that_is_sampled_gives_its_period_and_its_step():
     pulled = {"settings": {"force_reference": 1.0}, "at": ["1s"]}
     asked = {"phase_margin": 80.0, "controller": "pi", "limits": (0.0, 3.0)}
