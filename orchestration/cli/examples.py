@@ -62,10 +62,8 @@ EXAMPLES = {
         "ppy linearise dma_bench --set force_reference=1 --at 1s --plot bode.png",
     ),
     "design": (
-        "ppy design ppy_actuator --command current --measured displacement"
-        " --sample-period 20ms --crossover 0.5 --limits -1.3..1.3 --out loop",
-        "ppy design better.fmu --command current --measured displacement"
-        " --sample-period 20ms --over R1=0.3..0.6 --plot margins.png",
+        "ppy design ppy_actuator --command current --measured charge --sample-period 1s",
+        "ppy design dma_bench --command current --measured voltage --sample-period 1s",
     ),
     "run": (
         "ppy run fig_3_4 --set duration=5s --out fig_3_4.nc --plot fig_3_4.html",

@@ -43,7 +43,7 @@ QUICK = (
     "identify",
     "frequency",
 )
-LONG = ("compare", "export modelica", "linearise", "optimise", "run", "simulate")
+LONG = ("compare", "design", "export modelica", "linearise", "optimise", "run", "simulate")
 SERVED = ("rig stop", "rig status")
 OF_A_RIG = tuple(command for command in EXAMPLES if command.startswith("rig "))
 # all others need what these leave

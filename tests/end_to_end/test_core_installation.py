@@ -115,6 +115,7 @@ def test_a_system_is_run(core: dict[str, str], folder: Path, stand: Path) -> Non
         (["simulate", "pid", "--stop", "1s", "--plot", "pid.png"], "pictures"),
         (["system", "draw", "isotonic_stand", "--out", "stand.svg"], "pictures"),
         (["linearise", "ppy_actuator"], "linear"),
+        (["design", "ppy_actuator"], "linear"),
         (["thesis"], "linear,pictures"),
         (["demo"], "diagnose,linear,pictures"),
         (["rig", "demo"], "diagnose,pictures,rig"),
