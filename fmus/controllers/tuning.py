@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmus.kit import Component, UserError
+from fmus.kit.declare import Declaration
 from fmus.kit.effects import stack
 from fmus.kit.registry import DesignedController, DesignRequest
 
@@ -62,6 +63,7 @@ def pid(name: str, measured: str, command: str, **values: float) -> type[Compone
     redeclared = {
         key: replace(variable, unit=units.get(variable.unit, variable.unit))
         for key, variable in Pid.declared.items()
+        if isinstance(variable, Declaration)
     }
     about = {
         "name": name,
