@@ -75,7 +75,7 @@ def test_a_comparison_has_its_page(compared, tmp_path):
 
 
 def test_a_result_without_page_or_figures_prints(tmp_path):
-    findings = Findings([Finding(2, "error", "x has no [unit]")])
+    findings = Findings([Finding("symbolic-link", "x has no [unit]")])
     stored = load(findings.save(tmp_path / "findings.json"))
     assert str(stored) == str(findings)
     with pytest.raises(UserError, match="Findings: this has no page"):
