@@ -1,14 +1,15 @@
 """A family of lithium-ion cells: open-circuit voltage, RC pairs, hysteresis and temperature.
 
 ``LithiumCell`` has the curve of the voltage at rest, a series resistance and one RC pair;
-``WarmingCell`` has a temperature too, by which its resistances fall. A second and a third pair
-and the hysteresis (Plett: Battery Management Systems, volume 1, 2015, chapter 2) are effects, which
-a diagnosis tries and any command lays over either cell::
+``WarmingCell`` has a temperature too, by which its resistances fall. A second pair and the
+hysteresis (Plett: Battery Management Systems, volume 1, 2015, chapter 2) are effects, which a
+diagnosis tries and any command lays over either cell::
 
     ppy diagnose record.csv --model examples/lithium_cell.py:WarmingCell
     ppy build examples/lithium_cell.py:WarmingCell --with second_pair,hysteresis --runtime native
 
-Another chemistry is a subclass with ``charges`` and ``voltages`` of its own.
+Another chemistry is a subclass with ``charges`` and ``voltages`` of its own, and a third pair is
+``rc_pair("third", 3, 2000.0)`` among the effects.
 """
 
 from fmus.kit import Component, Effect, Input, Output, Parameter, State, absolute, exp, smooth_table
@@ -146,7 +147,4 @@ def rc_pair(ordinal: str, number: int, time: float) -> type[Effect]:
     return describe_effect(effect, assumption, text, f"A {ordinal} RC pair")
 
 
-EFFECTS = {
-    effect.id: effect
-    for effect in (rc_pair("second", 2, 300.0), rc_pair("third", 3, 5.0), Hysteresis)
-}
+EFFECTS = {effect.id: effect for effect in (rc_pair("second", 2, 300.0), Hysteresis)}
