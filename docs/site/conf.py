@@ -51,12 +51,12 @@ navigation = {
     "docs/gallery/index": [
         "docs/gallery/battery",
         "docs/gallery/motor",
-        "docs/gallery/actuator",
         "docs/gallery/another_tool",
+        "docs/gallery/actuator",
+        "docs/gallery/own_law",
         "docs/gallery/bench",
         "docs/gallery/force_loop",
         "docs/gallery/rig",
-        "docs/gallery/own_law",
     ],
     "docs/how-to/index": [
         "docs/how-to/diagnose",
