@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.signal import butter, filtfilt, resample
 
 from fmus import COMPONENTS, component, effects
@@ -16,7 +17,7 @@ from orchestration.fmu.model import catalogue, find_model, load_class
 from orchestration.identify.grey_box import fit_grey_box
 from orchestration.identify.metrics import fit_percent
 from orchestration.records import read_record
-from tests.support.cell_record import Cell, pulses
+from tests.support.cell_record import Cell, open_circuit_voltage, pulses
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -242,6 +243,105 @@ def test_a_cell_has_the_parameters_that_it_was_made_with():
     assert found["R1"] == pytest.approx(0.015, rel=0.05)
     assert found["R1"] * found["C1"] == pytest.approx(40.0, rel=0.05)
     assert found["charge_start"] == pytest.approx(cell.charge, abs=0.01)
+
+
+def test_a_cell_with_effects_is_the_closed_form():
+    """Two pairs and hysteresis under a held current, with the curve of that cell."""
+    cell = Cell()
+    current = pulses(np.random.default_rng(3), 1200)
+    base, _ = example("lithium_cell.py:LithiumCell", "second_pair", "hysteresis")
+    charges = np.linspace(0.0, 1.0, 201)
+    curve = {"charges": tuple(charges), "voltages": tuple(open_circuit_voltage(charges))}
+    cls = type(base)("Cell", (base,), {"name": "cell_of_the_record", **curve})
+    (fast, slow) = cell.pairs
+    values = {
+        "capacity": cell.capacity,
+        "charge_start": cell.charge,
+        "R0": cell.series,
+        "R1": fast[0],
+        "C1": fast[1] / fast[0],
+        "R2": slow[0],
+        "tau2": slow[1],
+        "hysteresis_voltage": cell.hysteresis,
+        "hysteresis_rate": cell.decay,
+    }
+    time = np.arange(float(current.size))
+    run = CompiledModel(cls).run(time, {"current": current}, values)
+    assert run.signals["voltage"] == pytest.approx(cell.voltage(current), abs=2e-6)
+
+
+def test_a_cell_warms_by_its_losses():
+    """At a constant current and no pair: the balance of heat by SciPy, and a warm resistance."""
+    cls, _ = example("lithium_cell.py:WarmingCell")
+    time, current = np.linspace(0.0, 900.0, 91), 4.0
+    values = {"R0": 0.05, "R1": 1e-6, "C1": 1e3, "heat_capacity": 40.0, "thermal_resistance": 6.0}
+
+    def resistance(kelvin):
+        return (0.05 + 1e-6) * np.exp(2000.0 * (1.0 / kelvin - 1.0 / 298.15))
+
+    def rate(_, kelvin):
+        return (current**2 * resistance(kelvin) - (kelvin - 288.15) / 6.0) / 40.0
+
+    solved = solve_ivp(rate, (0.0, 900.0), [298.15], t_eval=time, rtol=1e-10, atol=1e-10).y[0]
+    inputs = {"current": np.full(time.size, current), "ambient": np.full(time.size, 288.15)}
+    run = CompiledModel(cls).run(time, inputs, values).signals
+    assert run["temperature"] == pytest.approx(solved, abs=1e-5)
+    cold, _ = example("lithium_cell.py:LithiumCell")
+    names = ("R0", "R1", "C1")
+    bare = CompiledModel(cold).run(
+        time, {"current": inputs["current"]}, {name: values[name] for name in names}
+    )
+    more = current * (resistance(solved) - resistance(298.15))
+    lower = bare.signals["voltage"] - run["voltage"]
+    assert lower[1:] == pytest.approx(more[1:], abs=1e-6)
+
+
+# --- a drive
+# ----------------------------------------------------------------------------------------
+
+
+def test_a_drive_with_every_effect_obeys_newton_and_ohm():
+    """Every effect at once, by SciPy, and the sign of each against the motion."""
+    cls, _ = example(
+        "servo_drive.py:ServoDrive", "coulomb_friction", "force_offset", "fan", "winding_heat"
+    )
+    values = {
+        "friction_coulomb": 0.01,
+        "friction_coulomb_velocity": 2.0,
+        "friction_offset": 0.004,
+        "fan_torque": 1e-6,
+        "heating": 0.05,
+        "warming_time": 3.0,
+    }
+    time = np.linspace(0.0, 5.0, 251)
+
+    def current(w, q):
+        return (8.0 - 0.05 * w) / (2.0 * (1.0 + 0.05 * q))
+
+    def rates(_, state):
+        w, q = state
+        drag = 2e-4 * w + 0.01 * np.tanh(w / 2.0) + 0.004 + 1e-6 * w * abs(w) + 0.02
+        return [(0.05 * current(w, q) - drag) / 4e-4, (current(w, q) ** 2 - q) / 3.0]
+
+    w, q = solve_ivp(rates, (0.0, 5.0), [0.0, 0.0], t_eval=time, rtol=1e-10, atol=1e-10).y
+    inputs = {"voltage": np.full(time.size, 8.0), "load_torque": np.full(time.size, 0.02)}
+    run = CompiledModel(cls).run(time, inputs, values).signals
+    assert run["speed"] == pytest.approx(w, abs=1e-4)
+    assert run["current"] == pytest.approx(current(w, q), abs=1e-5)
+
+
+def test_an_elastic_drive_rings_at_its_resonance():
+    """Both inertias, locked from outside by nothing: w = sqrt(c (1 / J_M + 1 / J_L))."""
+    cls, _ = example("servo_drive.py:ElasticDrive")
+    values = {"damping": 0.0, "shaft_damping": 0.0, "constant": 1e-9, "twist_start": 0.1}
+    time = np.linspace(0.0, 0.2, 401)
+    nothing = dict.fromkeys(("voltage", "load_torque"), np.zeros(time.size))
+    run = CompiledModel(cls).run(time, nothing, values).signals
+    rotor, load, stiffness = 4e-4, 1e-3, 5.0
+    angular = np.sqrt(stiffness * (1.0 / rotor + 1.0 / load))
+    swing = 0.1 * stiffness * np.sin(angular * time) / angular
+    assert run["speed"] == pytest.approx(-swing / rotor, abs=1e-4)
+    assert run["load_velocity"] == pytest.approx(swing / load, abs=1e-4)
 
 
 # --- models that are not ours, by file and class

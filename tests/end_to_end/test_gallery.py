@@ -1,6 +1,7 @@
-"""Claims: a notebook of the gallery runs as a reader runs it, and says what its text says.
+"""Claims: a notebook of the gallery runs as a reader runs it, and says what its text says; a tour
+ends in an FMU that another tool runs as the record has it.
 
-All of them run when the site is built (`test_site.py`); one runs here.
+All of them run when the site is built (`test_site.py`); tours and one with a loop run here.
 """
 
 from __future__ import annotations
@@ -13,6 +14,14 @@ import pytest
 from tests.support.site import ROOT
 
 GALLERY = ROOT / "docs" / "gallery"
+TOURS = ("battery", "motor", "another_tool", "actuator", "own_law")
+NOISE = {"battery": (0.5, "mV"), "motor": (0.3, "rad/s"), "own_law": (2.0, "mm")}  # of the record
+FOUND = {
+    "battery": {"R0": 0.027, "R1": 0.013, "C1": 18.0 / 0.013, "R2": 0.016, "tau2": 240.0}
+    | {"hysteresis_voltage": 0.012, "activation": 2600.0, "heat_capacity": 42.0},
+    "motor": {"resistance": 1.8, "constant": 0.047, "friction_coulomb": 0.012}
+    | {"heating": 0.06, "warming_time": 25.0},
+}
 NOTEBOOKS = sorted(path for path in GALLERY.glob("*.md") if path.stem != "index")
 
 
@@ -39,6 +48,36 @@ def test_the_loop_of_the_bench_is_closed(tmp_path: Path) -> None:
     assert left < 1e-9
     assert sum("image/png" in output.get("data", ()) for output in outputs) == 1
     assert (tmp_path / "compliant_bench.ssp").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NOISE)
+def test_the_fmu_that_a_tour_hands_over_runs_as_the_record_has_it(
+    name: str, tmp_path: Path
+) -> None:
+    """The record's own noise is all that is left, in FMPy."""
+    noise, unit = NOISE[name]
+    texts = [
+        output["data"].get("text/plain", "")
+        for output in executed(GALLERY / f"{name}.md", tmp_path)
+        if "data" in output
+    ]
+    (told,) = [text for text in texts if "FMPy and the record differ" in text]
+    assert told.endswith(f"{unit}'")
+    assert float(told.split()[-2]) == pytest.approx(noise, rel=0.1)
+    for parameter, true in FOUND.get(name, {}).items():  # as the tour's generator has it
+        lines = (line for text in texts for line in text.splitlines())
+        row = next(line for line in lines if line.startswith(f"{parameter} "))
+        assert float(row.split()[1]) == pytest.approx(true, rel=0.03), parameter
+
+
+def test_the_gallery_shows_a_tour_of_each_trade_first() -> None:
+    pages = [GALLERY / "index.md", ROOT / "docs" / "index.md"]
+    for page in pages:
+        linked = re.findall(r"^\* \[.*\]\((?:gallery/)?(\w+)\.md\)", page.read_text("utf-8"), re.M)
+        assert tuple(linked[-len(TOURS) :] if page is pages[1] else linked[: len(TOURS)]) == TOURS
+    for name in TOURS:
+        assert "\n## Handed over\n" in (GALLERY / f"{name}.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
