@@ -17,10 +17,11 @@ GALLERY = ROOT / "docs" / "gallery"
 TOURS = ("battery", "motor", "another_tool", "actuator", "own_law")
 NOISE = {"battery": (0.5, "mV"), "motor": (0.3, "rad/s"), "own_law": (2.0, "mm")}  # of the record
 FOUND = {
-    "battery": {"R0": 0.027, "R1": 0.013, "C1": 18.0 / 0.013, "R2": 0.016, "tau2": 240.0}
-    | {"hysteresis_voltage": 0.012, "activation": 2600.0, "heat_capacity": 42.0},
-    "motor": {"resistance": 1.8, "constant": 0.047, "friction_coulomb": 0.012}
-    | {"heating": 0.06, "warming_time": 25.0},
+    "battery": {"capacity": 2.45, "R0": 0.027, "R1": 0.013, "C1": 18.0 / 0.013}
+    | {"R2": 0.016, "tau2": 240.0, "hysteresis_voltage": 0.012, "hysteresis_rate": 60.0}
+    | {"activation": 2600.0, "heat_capacity": 42.0, "thermal_resistance": 7.0},
+    "motor": {"resistance": 1.8, "constant": 0.047, "inertia": 4.3e-4, "damping": 1.6e-4}
+    | {"friction_coulomb": 0.012, "heating": 0.06, "warming_time": 25.0},
 }
 NOTEBOOKS = sorted(path for path in GALLERY.glob("*.md") if path.stem != "index")
 
