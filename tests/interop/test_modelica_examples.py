@@ -33,6 +33,11 @@ RUNS = {
     "degradation_watch": (1.2, 600),
     "potentiostat_watch": (0.2, 600),
     "work_loop": (0.3, 600),
+    "displacement_loop": (0.3, 600),
+    "state_feedback_loop": (0.3, 600),
+    "adaptive_loop": (0.3, 600),
+    "tension_loop": (0.21, 840),
+    "impedance_bench": (0.2, 6000),
 }
 
 
