@@ -101,6 +101,11 @@ class LinearModel(Displayable):
         """Sample period in s; 0 of a continuous model."""
         return self.matrices.period
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the attributes that are copied and pickled."""
+        # a StateSpace of python-control cannot be pickled, and is derived again
+        return {name: value for name, value in vars(self).items() if name != "state_space"}
+
     @cached_property
     def state_space(self) -> control.StateSpace:
         """The model as a system of python-control.

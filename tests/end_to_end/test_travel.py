@@ -35,6 +35,9 @@ COLUMNS = {
 MADE = {
     "changed": lambda path: DiagnosisResult(_dry(), ["ppy"], Changed(_dry(), _dry(), ())),
     "comparison": lambda path: ppy.compare(COLUMNS, Oscillator, fit=["damping"]),
+    "design": lambda path: ppy.design(
+        Oscillator, command="force", measured="position", sample_period=0.01
+    ),
     "diagnosis": lambda path: DiagnosisResult(_dry(), ["ppy", "diagnose", "a.csv"]),
     "evidence": lambda path: DiagnosisResult(_dry(), ["ppy"]).evidence,
     "findings": lambda path: ppy.check(build_one_state_fmu(path)),
@@ -99,8 +102,9 @@ def folder(tmp_path_factory):
     for name, make in MADE.items():
         (folder / "of" / name).mkdir(parents=True)
         result = make(folder / "of" / name)
-        (folder / f"{name}.pickle").write_bytes(pickle.dumps(result))
+        # what is derived when it is shown must not be in its way
         write_shown(result, folder / "here" / name)
+        (folder / f"{name}.pickle").write_bytes(pickle.dumps(result))
         write_shown(copy.deepcopy(result), folder / "copied" / name)
     command = [sys.executable, "-W", "error", "-m", "tests.support.travel", folder]
     subprocess.run(command, cwd=ROOT, check=True)
