@@ -67,6 +67,11 @@ class Deviation(NamedTuple):
         return int(np.count_nonzero(self.excess))
 
     @property
+    def compared(self) -> int:
+        """Number of samples at which there is a tube."""
+        return int(np.count_nonzero(~np.isnan(self.lower) | (self.excess > 0.0)))
+
+    @property
     def largest(self) -> float:
         """Difference from the reference at the worst sample; infinite if there is no number."""
         if self.fault:
@@ -83,7 +88,7 @@ class Deviation(NamedTuple):
         now, lower, upper = (self.shown(one[k]) for one in (self.values, self.lower, self.upper))
         return (
             f"differs by up to {self.shown(self.largest)} at {self.time[k]:.6g} s: {now}, allowed"
-            f" {lower} to {upper}; {self.outside} of {self.time.size} samples are outside"
+            f" {lower} to {upper}; {self.outside} of {self.compared} samples are outside"
         )
 
     def shown(self, value: float) -> str:
@@ -190,10 +195,10 @@ def _deviation(name: str, result: Record, reference: Record, tolerance: Toleranc
         return Deviation(name, fault=covers)
     if tolerance == EXACT:
         return _exact_deviation(name, unit, result.time, values, reference.time, expected)
-    if np.isnan(expected).all():
-        return Deviation(name, fault="has no value in the reference")
     height = tolerance.height(unit, extent(expected), f"tolerance of {name}")
     lower, upper = tube(reference.time, expected, result.time, tolerance.time, height)
+    if np.isnan(lower).all():
+        return Deviation(name, fault="has no value in the reference at the times of the result")
     excess = np.nan_to_num(np.fmax(lower - values, values - upper), nan=0.0, posinf=np.inf)
     excess[np.isnan(values) & ~np.isnan(lower)] = np.inf
     inside = np.interp(result.time, reference.time, expected)
@@ -220,8 +225,9 @@ def _bits(values: Array) -> NDArray[np.int64]:
 
 
 def extent(values: Array) -> float:
-    """Return the range of values; of a constant, its magnitude, as csv-compare does."""
-    return float(np.nanmax(values) - np.nanmin(values) or np.nanmax(np.abs(values)))
+    """Return the range of finite values; of a constant, its magnitude, as csv-compare does."""
+    finite = values[np.isfinite(values)]
+    return float(np.ptp(finite) or np.abs(finite).max()) if finite.size else 0.0
 
 
 def tube(

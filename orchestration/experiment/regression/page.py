@@ -25,7 +25,7 @@ def _row(one: Deviation) -> tuple[str, ...]:
         one.signal,
         one.shown(one.largest),
         f"{one.time[one.worst]:.6g} s",
-        f"{one.outside} of {one.time.size}",
+        f"{one.outside} of {one.compared}",
         "differs" if one.message else "as allowed",
     )
 

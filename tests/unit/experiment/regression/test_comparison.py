@@ -52,7 +52,13 @@ def test_the_tube_is_what_rectangles_around_the_reference_cover(increments, data
 
 
 @pytest.mark.parametrize(
-    ("values", "base"), [([1.0, 4.0, 2.0], 3.0), ([-5.0, -5.0], 5.0), ([0.0, np.nan], 0.0)]
+    ("values", "base"),
+    [
+        ([1.0, 4.0, 2.0], 3.0),
+        ([-5.0, -5.0], 5.0),
+        ([0.0, np.nan], 0.0),
+        ([1.0, np.inf, 4.0], 3.0),
+    ],
 )
 def test_a_share_is_of_the_range_and_of_a_constant_of_its_magnitude(values, base):
     assert extent(np.array(values)) == base
@@ -151,7 +157,17 @@ def test_what_is_missing_is_told():
     lost[5] = np.nan
     assert "at 0.05 s: nan V" in refused(result(v=lost), "1%")["v"]
     unknown = replace(REFERENCE, signals={"v": np.full(201, np.nan)})
-    assert refused(one, "1%", unknown)["v"] == "has no value in the reference"
+    assert refused(one, "1%", unknown)["v"].startswith("has no value in the reference")
+
+
+def test_samples_at_a_gap_of_the_reference_are_not_counted_as_compared():
+    gap = REFERENCE.signals["v"].copy()
+    gap[50:60] = np.nan
+    known = replace(REFERENCE, signals={"v": gap})
+    far = refused(result(v=np.full(201, 9.0)), "1%", known)["v"]
+    assert far.endswith("191 of 191 samples are outside")
+    (same,) = compare(result(), known, read_tolerances("1%", "--tube")).deviations
+    assert (same.compared, same.message) == (191, "")
 
 
 def test_what_goes_on_longer_is_compared_as_far_as_the_reference_goes():
@@ -186,3 +202,6 @@ def test_infinite_values_are_no_warning():
     endless[3] = np.inf
     assert "at 0.03 s: inf V" in refused(result(v=endless), "1%")["v"]
     assert exact(result(v=endless), result(v=endless)) == {}
+    # one in the reference allows nothing elsewhere
+    zeros = result(v=0.0 * TIME)
+    assert "allowed inf V to inf V; 199 of 201" in refused(zeros, "1%", result(v=endless))["v"]
