@@ -130,7 +130,7 @@ def load(path: str | Path) -> StoredResult:
         figures = json.loads(source.read_text(encoding="utf-8"))
     except OSError as error:
         raise UserError(f"{source}: {error.strerror}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise UserError(f"{source}: this is no JSON: {error}") from error
     if not isinstance(figures, dict) or saving.STAMP not in figures:
         raise UserError(

@@ -80,13 +80,15 @@ def bound_queues(socket: Any) -> None:
     socket.maxmsgsize = MAX_FRAME
 
 
-def parse_address(text: str) -> tuple[str, int]:
+def parse_address(text: str, flag: str = "--endpoint") -> tuple[str, int]:
     """Split an address into host and port.
 
     Parameters
     ----------
     text : str
         Like ``tcp://127.0.0.1:5570``.
+    flag : str
+        Name of the option, for messages.
 
     Returns
     -------
@@ -100,7 +102,7 @@ def parse_address(text: str) -> tuple[str, int]:
     """
     match = _ADDRESS.fullmatch(text)
     if match is None:
-        raise UserError(f"--endpoint {text!r}: write tcp://HOST:PORT")
+        raise UserError(f"{flag} {text!r}: write tcp://HOST:PORT")
     return match["host"], int(match["port"])
 
 

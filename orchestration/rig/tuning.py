@@ -155,7 +155,7 @@ def request_tuning(address: str, kind: str, **fields: Any) -> dict[str, dict[str
     UserError
         If no run answers, or it refuses.
     """
-    parse_address(address)
+    parse_address(address, "--run")
     run = Endpoint(address, address, address)
     answer = ask(run, kind, _TIMEOUT, replies=_REPLIES, server="ppy run --tunable", **fields)
     parameters: dict[str, dict[str, Any]] = answer["parameters"]

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 def check(options: CheckCommand) -> None:
     """Check FMUs against the static part of the contract.
 
-    A file of --accept has a table [[accept]] for each finding that does not count, with its code,
-    why, and perhaps variable, fmu and until, the last day.
+    A file of --accept has a table of the list accept for each finding that does not count, with
+    its code, why, and perhaps variable, fmu and until, the last day.
     """
     from datetime import date
 

@@ -126,7 +126,12 @@ def test_another_format_is_refused_in_one_line(results, change, message, tmp_pat
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [("{", "this is no JSON"), ("[]", "it has no format"), ('{"verdict": "cause"}', "no format")],
+    [
+        ("{", "this is no JSON"),
+        ("[" * 100_000, "this is no JSON"),
+        ("[]", "it has no format"),
+        ('{"verdict": "cause"}', "no format"),
+    ],
 )
 def test_another_file_is_refused_in_one_line(text, message, tmp_path):
     path = tmp_path / "d.json"

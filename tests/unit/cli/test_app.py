@@ -35,6 +35,7 @@ def test_help_of(command, tmp_path):
     assert "Usage: " in text
     for expected in COMMANDS if not command else ("--help",):
         assert expected in text
+    assert " [] " not in text, "brackets were taken for markup"
 
 
 def test_the_help_of_all_commands_fits_a_terminal_and_says_first_what_is_wrong(tmp_path):

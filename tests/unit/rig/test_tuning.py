@@ -110,3 +110,5 @@ def test_nobody_answers():
     words = "no answer within 0.4 s from .*is `ppy run --tunable` running"
     with pytest.raises(UserError, match=words):
         request_tuning("tcp://127.0.0.1:1", "parameters")
+    with pytest.raises(UserError, match="--run 'nowhere': write tcp://HOST:PORT"):
+        request_tuning("nowhere", "parameters")
