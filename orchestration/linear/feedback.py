@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 _SAME = 1e-9  # largest relative difference of two times due to rounding
+_MOST_DELAYED = 50  # samples of dead time, beyond which longer sample periods lose nothing
 _FEWEST = 200  # samples of a step response
 _MOST = 20_000
 _CYCLES = 8.0  # duration of a step response, in periods of the crossover frequency
@@ -60,8 +61,13 @@ def sampled_plant(plant: LinearModel, period: float, delay: float) -> LinearMode
     Raises
     ------
     UserError
-        If a sampled plant cannot be sampled so.
+        If the delay is too many samples, or a sampled plant cannot be sampled so.
     """
+    if delay > _MOST_DELAYED * period:
+        raise UserError(
+            f"a delay of {delay:g} s: at most {_MOST_DELAYED} sample periods, {period:g} s each, are"
+            " allowed; take a longer sample period"
+        )
     if plant.period:
         _check_multiples(plant, {"sample period": period, "delay": delay})
     m = plant.matrices

@@ -72,6 +72,12 @@ def test_a_plant_that_is_sampled_faster_is_the_same_plant():
             sampled_plant(lag(period=0.01), period, delay)
 
 
+def test_a_delay_of_more_samples_than_can_be_computed_is_refused():
+    assert len(sampled_plant(lag(), 0.01, 0.5).matrices.states) == 51
+    with pytest.raises(UserError, match=r"a delay of 1e\+09 s: at most 50 sample periods, 0.01 s"):
+        sampled_plant(lag(), 0.01, 1e9)
+
+
 def simulated(reference, load, limits, delay, count, gain=1.5, integral=0.6):
     """The loop by scipy between samples, and the PI with back-calculation as its README has it."""
     x, command, unlimited, error_before = 0.0, 0.0, 0.0, 0.0
