@@ -65,8 +65,8 @@ def sampled_plant(plant: LinearModel, period: float, delay: float) -> LinearMode
     """
     if delay > _MOST_DELAYED * period:
         raise UserError(
-            f"a delay of {delay:g} s: at most {_MOST_DELAYED} sample periods, {period:g} s each, are"
-            " allowed; take a longer sample period"
+            f"a delay of {delay:g} s: at most {_MOST_DELAYED} sample periods, {period:g} s each,"
+            " are allowed; take a longer sample period"
         )
     if plant.period:
         _check_multiples(plant, {"sample period": period, "delay": delay})
