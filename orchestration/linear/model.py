@@ -378,14 +378,18 @@ def linear_model_of(system: Any) -> LinearModel:
     Raises
     ------
     UserError
-        If its sample period is not known.
+        If its sample period is not known, or it has no state space.
     """
     with optional():
         import control
 
     if system.dt is True:
         raise UserError("a sampled system without a sample period: give it a dt in s")
-    states = control.ss(system)
+    try:
+        states = control.ss(system)
+    except (ValueError, TypeError) as error:
+        # more zeros than poles, or a table of a frequency response
+        raise UserError(f"a system of python-control without a state space: {error}") from error
     matrices = Matrices(
         states.A,
         states.B,

@@ -76,3 +76,7 @@ def test_what_does_not_fit_is_refused_in_one_line(changed, words):
 def test_a_sampled_system_of_python_control_needs_its_period():
     with pytest.raises(ppy.UserError, match="without a sample period"):
         ppy.design(control.tf([1.0], [1.0, -0.5], True), sample_period=0.1)
+    improper = control.tf([1.0, 0.0, 0.0], [1.0, 1.0])
+    for system in (improper, control.frd([1.0, 2.0], [1.0, 2.0])):
+        with pytest.raises(ppy.UserError, match="without a state space"):
+            ppy.design(system, sample_period=0.1)
