@@ -86,7 +86,9 @@ _GROUPS: _Groups = {
     },
 }
 _OWN = {name: about for group in _GROUPS.values() for name, about in group.items()}
-_OPTIONS = "-q|-v|--version|--install-completion"
+_OPTIONS = "-q|-v|--version"
+_HINT = "examples: --help; find: --help WORDS"
+_TASK = "task"  # key of the words after --help
 
 
 class _Commands(TyperGroup):
@@ -115,14 +117,33 @@ class _Commands(TyperGroup):
             group.add_command(added, added.name)
         return group
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if args[:1] == ["--help"]:
+            ctx.meta[_TASK] = " ".join(args[1:])
+        return super().parse_args(ctx, args)
+
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the commands grouped by task, within a terminal of 24 lines."""
-        formatter.write(f"Usage: ppy [{_OPTIONS}] COMMAND ... (examples: --help)\n")
+        """Write the commands grouped by task, within a terminal of 24 lines, or those for a task."""
+        if ctx.meta.get(_TASK):
+            _write_tasks(ctx.meta[_TASK], formatter)
+            return
+        formatter.write(f"Usage: ppy [{_OPTIONS}] COMMAND ... ({_HINT})\n")
         width = max(map(len, names()))
         for title, group in _groups().items():
             formatter.write(typer.style(title, bold=True) + "\n")
             for name in filter(group.get, names()):
                 formatter.write(f"  {name:{width}}  {group[name][0]}\n")
+
+
+def _write_tasks(words: str, formatter: Any) -> None:
+    """Write the tasks that words are about, each with its command."""
+    from orchestration.cli.tasks import tasks
+
+    found = tasks(words, names())
+    if not found:
+        formatter.write(f"no task is found by {words!r}; ppy --help lists the commands\n")
+    for task, command in found:
+        formatter.write(f"{task}\n  {typer.style(command, bold=True)}\n")
 
 
 def _single_command(words: str) -> Any:

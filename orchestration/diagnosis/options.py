@@ -7,14 +7,21 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from time import process_time
 
-from fmus.kit import Component, Effect, UserError
+from fmus.kit import Component, Effect, UserError, stack
+from fmus.kit.effects import effect_name
 from fmus.kit.errors import suggestion
 from fmus.kit.interrupt import Interrupt, deferred
 from fmus.kit.registry import Excitation
+from fmus.kit.symbolic import check_component
 from orchestration.diagnosis.catalogue import usable_effects, usable_of
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.terms import NamedTerm, SensorTerm, Term
-from orchestration.fmu.model import effects_of_inputs, known_effects
+from orchestration.fmu.model import (
+    effects_of_inputs,
+    find_effects,
+    known_effects,
+    names_class,
+)
 from orchestration.reporting import option
 
 _FAMILIES = "families"  # which terms over all laws and signals are, without any name
@@ -35,7 +42,8 @@ class Options:
     given : Mapping of str to float
         Nominal values of parameters, and values of inputs that are constant, SI.
     effects : sequence of str or None
-        Names or ids of the effects of the catalogue that may be causes; by default all.
+        Names or ids of the effects that may be causes, or ``path/to/file.py:Class``; by default
+        all of the catalogue.
     catalogue : Mapping of str to type[Effect] or None
         The effects of the catalogue by name; by default those that the model's authors list.
     laws : bool
@@ -138,20 +146,36 @@ class Options:
         for wanted in self.effects:
             named = {n: e for n, e in usable.items() if wanted in (n, e.id)}
             if not named:
-                known = effects_of_inputs(cls) | known_effects(cls)
-                if wanted not in known:
-                    raise UserError(
-                        f"{option('effects', [wanted])}: no effect named"
-                        f" {wanted!r}{suggestion(wanted, sorted(known))}"
-                    )
-                named = usable_of(cls, {wanted: known[wanted]})
-                if not (named or known[wanted].output):
+                effect = _known_effect(cls, wanted)
+                named = usable_of(cls, {effect_name(effect): effect})
+                if not (named or effect.output):
                     raise UserError(
                         f"{option('effects', [wanted])}: {wanted!r} is random, has discrete states,"
                         " or is in the model already, and cannot be judged by a simulation"
                     )
             chosen |= named
         return chosen
+
+
+def _known_effect(cls: type[Component], wanted: str) -> type[Effect]:
+    """Return an effect by its name or its place ``path/to/file.py:Class``.
+
+    Raises
+    ------
+    UserError
+        If there is none, or it cannot be laid over the component.
+    """
+    if names_class(wanted):
+        (effect,) = find_effects(cls, [wanted], cls.name)
+        check_component(stack(cls, effect))
+        return effect
+    known = effects_of_inputs(cls) | known_effects(cls)
+    if wanted not in known:
+        raise UserError(
+            f"{option('effects', [wanted])}: no effect named"
+            f" {wanted!r}{suggestion(wanted, sorted(known))}"
+        )
+    return known[wanted]
 
 
 class Deadline:

@@ -114,7 +114,7 @@ def _facts_of(name: str, effects: Sequence[str]) -> _Facts:
 def _facts_of_class(name: str, cls: type[Component]) -> _Facts:
     """Return the declarations of a component's class."""
     from fmus.kit.effects import effect_name, unstack
-    from orchestration.fmu.model import known_effects
+    from orchestration.fmu.model import effects_of_inputs, known_effects
     from orchestration.fmu.signal import declared_signal
 
     layout = cls.layout
@@ -141,7 +141,7 @@ def _facts_of_class(name: str, cls: type[Component]) -> _Facts:
         laid_over=added,
         effects={
             effect: _relaxed_assumption(base, effect)
-            for effect_id, effect in known_effects(cls).items()
+            for effect_id, effect in (known_effects(cls) | effects_of_inputs(cls)).items()
             if effect_id not in added
         },
     )
@@ -243,25 +243,35 @@ def _show(known: _Facts) -> None:
 
 
 def _show_effects(effects: Mapping[type[Effect], str]) -> None:
-    """Print the effects that can be laid over a model, one of a sensor once for all outputs."""
+    """Print the effects that can be laid over a model, one of a sensor or an input once for all."""
     from fmus.kit.effects import effect_name
     from orchestration.reporting import plain_table
     from orchestration.reporting.console import out
 
     table = plain_table(
-        "effects that --with lays over it",
+        "effects that --with lays over it, and --effects names as causes",
         "effect",
         "what it is (what the model assumes; what switches it)",
     )
-    distinct = {(effect.id, effect.term.qualifier): effect for effect in effects}
-    for effect in distinct.values():
-        name = effect_name(effect)
-        switch = effect.neutral
-        if effect.output:
-            name = f"{effect.id}(OUTPUT)"
-            switch = switch.replace(effect.output, "OUTPUT")
-        table.add_row(name, f"{_first_line(effect)} ({effects[effect]}; {switch})")
+    places: dict[str, dict[str, None]] = {}  # inputs or outputs by the word that stands for them
+    shown = set()
+    for effect, relaxed in effects.items():
+        name, switch, subject = effect_name(effect), effect.neutral, _subject(effect)
+        if subject:
+            place = "OUTPUT" if effect.output else "INPUT"
+            name = f"{effect.id}({place})"
+            switch = switch.replace(subject, place)
+            relaxed = relaxed.replace(subject, place)
+            places.setdefault(place, {})[subject] = None
+        if name not in shown:
+            table.add_row(name, f"{_first_line(effect)} ({relaxed}; {switch})")
+        shown.add(name)
     out.print(table)
-    outputs = dict.fromkeys(effect.output for effect in effects if effect.output)
-    if outputs:
-        out.print(f"  OUTPUT is one of {', '.join(outputs)}", style="dim")
+    for place, subjects in places.items():
+        out.print(f"  {place} is one of {', '.join(subjects)}", style="dim")
+
+
+def _subject(effect: type[Effect]) -> str:
+    """Return the output or the input for which an effect was made; empty for one of a law."""
+    made_for_input = effect.term.qualifier == effect.term.signal and not effect.term.law
+    return effect.output or (effect.term.signal if made_for_input else "")

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from collections.abc import Mapping
+from importlib.util import find_spec
 from pathlib import Path
+from shutil import which
 from string import Template
 
 from fmus.kit import quoting
@@ -14,6 +17,7 @@ from orchestration.cli.command import command
 from orchestration.cli.commands.options import NewCommand
 from orchestration.cli.outputs import Outputs
 
+_INSTALL = ("-m", "pip", "install", "pytest")  # which only developers' installations have
 _TEMPLATES = Path(__file__).parents[1] / "templates"
 
 
@@ -42,7 +46,11 @@ def new(options: NewCommand) -> None:
     for path, part in texts.items():
         files.write(path, _fill_template(kind, part, words).encode())
         screen.print(str(path))
-    screen.print(f"try it: python -m pytest {folder / f'test_{name}.py'}")
+    on_path = Path(which("python") or "").parent == Path(sys.executable).parent
+    python = "python" if on_path else sys.executable
+    if find_spec("pytest") is None:
+        screen.print(f"its test needs pytest: {quoting.shell([python, *_INSTALL])}")
+    screen.print(f"try it: {quoting.shell([python, '-m', 'pytest', folder / f'test_{name}.py'])}")
     if kind == "backend":
         place = f"{folder / words['file']}:{words['Class']}"
         screen.print(f"serve it: {quoting.shell(['ppy', 'rig', 'serve', '--backend', place])}")
@@ -127,8 +135,6 @@ def _words_of_model(options: NewCommand, words: Mapping[str, str]) -> dict[str, 
 
 def _words_of_component(model: str, words: Mapping[str, str]) -> dict[str, str]:
     """Return these words for a component of ours, whose README numbers its assumptions."""
-    from importlib.util import find_spec
-
     from fmus.kit import registry
     from orchestration.fmu.model import find_class
 

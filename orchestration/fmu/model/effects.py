@@ -147,13 +147,12 @@ def find_effects(
     Raises
     ------
     UserError
-        For an unknown name, with the nearest known one and the command that lists all.
+        For an unknown name, with the nearest known one and the command that lists all, or a
+        user's effect that changes nothing of the component.
     """
-    from fmus.kit import Effect
-
     if not names:
         return []
-    user_effects = {name: load_subclass(name, Effect)[2] for name in names if names_class(name)}
+    user_effects = {name: _load_effect(name, cls) for name in names if names_class(name)}
     known = known_effects(cls, sampling) | user_effects
     if any(name not in known for name in names):
         known = effects_of_inputs(cls, sampling) | known
@@ -164,3 +163,24 @@ def find_effects(
                 f" {model_name} lists them"
             )
     return [known[name] for name in names]
+
+
+def _load_effect(place: str, cls: type[Component]) -> type[Effect]:
+    """Return the effect of a user's file, which overrides a law, an input or an output.
+
+    Raises
+    ------
+    UserError
+        If it cannot be loaded, or nothing of the component is called as what it defines.
+    """
+    from fmus.kit import Effect
+
+    effect: type[Effect] = load_subclass(place, Effect)[2]
+    layers = effect.__mro__[: effect.__mro__.index(Effect)]
+    defined = {name for layer in layers for name in vars(layer) if not hasattr(Effect, name)}
+    if defined.isdisjoint([*dir(cls), *cls.layout.names]):
+        laws = sorted(name for name in defined if callable(getattr(effect, name, None)))
+        raise UserError(
+            f"{place}: changes nothing of {cls.name}, which has no {' or '.join(laws) or 'such law'}"
+        )
+    return effect

@@ -49,6 +49,36 @@ def test_a_parameter_that_is_unknown_or_both_is_refused(options, message):
         options.held(NAMES)
 
 
+OWN = '''
+from fmus.kit import Effect, Parameter
+
+
+class Friction(Effect):
+    """A constant force."""
+
+    id = "push"
+    neutral = "push"
+    push = Parameter(0.0, "N", min=-10, max=10)
+
+    def {law}(self):
+        return {value}
+'''
+
+
+def test_an_effect_of_a_users_file_is_named_by_its_place(tmp_path):
+    file = tmp_path / "own.py"
+    file.write_text(OWN.format(law="friction", value="super().friction() + self.push"))
+    assert set(Options(effects=[f"{file}:Friction"]).effects_of(Oscillator)) == {"push"}
+    file.write_text(OWN.format(law="friction", value="super().friction() + self.mass"))
+    with pytest.raises(UserError, match="own.py, line 13.* kg"):
+        Options(effects=[f"{file}:Friction"]).effects_of(Oscillator)
+    file.write_text(OWN.format(law="leak", value="self.push"))
+    with pytest.raises(UserError, match="own.py:Friction.*nothing of oscillator.*leak"):
+        Options(effects=[f"{file}:Friction"]).effects_of(Oscillator)
+    with pytest.raises(UserError, match="nowhere.py: cannot be read"):
+        Options(effects=["nowhere.py:Friction"]).effects_of(Oscillator)
+
+
 def test_effects_are_those_that_are_named_by_name_or_id():
     cls = declared_model("ppy_actuator").cls
     chosen = Options(effects=["diffusion", "slack"]).effects_of(cls)

@@ -3,6 +3,7 @@
 import json
 
 from fmus import MODELS
+from orchestration.fmu.model import find_class
 from tests.support.command import answered, here, works
 
 
@@ -44,3 +45,16 @@ def test_json_of_list_and_info(tmp_path):
         "displacement",
     }
     assert about["step"] == 0.1
+
+
+def test_all_effects_that_can_be_named_are_listed_those_of_inputs_too(tmp_path):
+    about = answered("info", "ppy_actuator", cwd=tmp_path)
+    names = listed(about["effects"])
+    families = ("dead_zone", "asymmetric_dead_zone", "input_offset", "input_saturation")
+    for family in (*families, "backlash", "input_lag"):
+        assert {f"{family}(current)", f"{family}(force)"} <= names.keys()
+    for name in names:  # as `--with` takes them
+        assert find_class("ppy_actuator", [name]).name != "ppy_actuator", name
+    text = works("info", "ppy_actuator", cwd=tmp_path)
+    for row in ("backlash(INPUT)", "sensor_lag(OUTPUT)", "INPUT is one of current, force"):
+        assert text.count(row) == 1, row

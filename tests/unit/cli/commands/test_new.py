@@ -12,11 +12,12 @@ import sys
 
 import pytest
 
+from orchestration.cli.commands import new
 from orchestration.fmu.model import catalogue, find_class
 from orchestration.fmu.model.loading import remarks_on
 from orchestration.records import read_record
 from orchestration.rig.backends.registry import open_backend
-from tests.support.command import refused, works
+from tests.support.command import here, refused, works
 from tests.support.source import ROOT
 
 
@@ -55,6 +56,17 @@ def test_an_effect_beside_its_model_is_simulated(tmp_path, runtime):
     assert "tank" in printed
     last = read_record(tmp_path / "out.csv", {"measured": "1"}).signals["measured"][-1]
     assert last == pytest.approx(3.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("found", [None, "pytest"])
+def test_how_its_test_runs_is_said_where_pytest_is_not_installed_too(found, tmp_path, monkeypatch):
+    monkeypatch.setattr(new, "find_spec", lambda name: found)
+    monkeypatch.setattr(new, "which", lambda name: None)
+    lines = here("new", "component", "tank", cwd=tmp_path).stdout.splitlines()
+    run = [shlex.split(line.partition(": ")[2]) for line in lines if "pytest" in line]
+    test = [sys.executable, "-m", "pytest", "test_tank.py"]
+    install = [sys.executable, "-m", "pip", "install", "pytest"]
+    assert run == ([test] if found else [install, test])
 
 
 def test_an_effect_stands_in_another_folder_than_its_model(tmp_path):
