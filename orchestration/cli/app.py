@@ -123,7 +123,7 @@ class _Commands(TyperGroup):
         return super().parse_args(ctx, args)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the commands grouped by task, within a terminal of 24 lines, or those for a task."""
+        """Write the commands by their group within 24 lines, or those for a task."""
         if ctx.meta.get(_TASK):
             _write_tasks(ctx.meta[_TASK], formatter)
             return

@@ -180,7 +180,6 @@ def _load_effect(place: str, cls: type[Component]) -> type[Effect]:
     defined = {name for layer in layers for name in vars(layer) if not hasattr(Effect, name)}
     if defined.isdisjoint([*dir(cls), *cls.layout.names]):
         laws = sorted(name for name in defined if callable(getattr(effect, name, None)))
-        raise UserError(
-            f"{place}: changes nothing of {cls.name}, which has no {' or '.join(laws) or 'such law'}"
-        )
+        missing = " or ".join(laws) or "such law"
+        raise UserError(f"{place}: changes nothing of {cls.name}, which has no {missing}")
     return effect

@@ -70,12 +70,12 @@ def test_an_effect_of_a_users_file_is_named_by_its_place(tmp_path):
     file.write_text(OWN.format(law="friction", value="super().friction() + self.push"))
     assert set(Options(effects=[f"{file}:Friction"]).effects_of(Oscillator)) == {"push"}
     file.write_text(OWN.format(law="friction", value="super().friction() + self.mass"))
-    with pytest.raises(UserError, match="own.py, line 13.* kg"):
+    with pytest.raises(UserError, match=r"own\.py, line 13.* kg"):
         Options(effects=[f"{file}:Friction"]).effects_of(Oscillator)
     file.write_text(OWN.format(law="leak", value="self.push"))
-    with pytest.raises(UserError, match="own.py:Friction.*nothing of oscillator.*leak"):
+    with pytest.raises(UserError, match=r"own\.py:Friction.*nothing of oscillator.*leak"):
         Options(effects=[f"{file}:Friction"]).effects_of(Oscillator)
-    with pytest.raises(UserError, match="nowhere.py: cannot be read"):
+    with pytest.raises(UserError, match=r"nowhere\.py: cannot be read"):
         Options(effects=["nowhere.py:Friction"]).effects_of(Oscillator)
 
 
