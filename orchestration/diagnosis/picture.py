@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +17,6 @@ from orchestration.reporting import draw, pictures
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_WIDE = 92  # characters of a line of the title
 _MARKS = 150  # samples that are marked below a curve
 
 
@@ -34,7 +32,7 @@ def draw_diagnosis(diagnosis: Diagnosis) -> Figure:
     course = max(curves.output_courses(diagnosis), key=fall)
     unseen = course.time >= course.unseen_from
     time, measured = course.time[unseen], course.measured[unseen]
-    title = fill(capitalised(wording.headline(diagnosis)), _WIDE)
+    title = capitalised(wording.headline(diagnosis))
     figure, (above, below) = pictures.panels(2, title)
     above.plot(time, measured, color=pictures.MEASURED, lw=3, label="measured")
     for one in curves.simulations(diagnosis, course):
@@ -67,7 +65,7 @@ def draw_curve(law_map: LawMap) -> Figure:
     if curve is None:
         raise UserError("no law is found to lack anything, so there is no curve to draw")
     term = curve.term
-    title = fill(capitalised(sentence(cls, term)), _WIDE)
+    title = capitalised(sentence(cls, term))
     signal_unit = unit_of(cls, term.signal)
     below = in_words(term.signal) + ("" if signal_unit == "1" else f" [{signal_unit}]")
     figure, (axis,) = pictures.panels(1, title, below, height=3.0)

@@ -15,6 +15,7 @@ from fmus.kit.effects import made_by, made_with, unstack
 from fmus.kit.law_terms import LawTerm, law_term_effect
 from fmus.kit.symbolic import list_laws
 from fmus.kit.titles import law_title, within_sentence
+from fmus.kit.units import measure_alike
 from orchestration.diagnosis.fitting import Fit, final_curvature, prior_deviations
 from orchestration.diagnosis.terms import (
     FORMS,
@@ -259,10 +260,18 @@ def memory_text(term: Term) -> str:
     return "" if term.memory is Memory.NONE else term.memory.name.lower()
 
 
-def sentence(cls: type[Component], term: Term) -> str:
+def sentence(cls: type[Component], term: Term, value: float | None = None) -> str:
     """Return a term for people: ``friction over velocity``.
 
-    In proportion to a law it is a factor: ``friction times a function of velocity``.
+    In proportion to a law it is a factor: ``friction times a function of velocity``. Of what an FMU
+    without equations gets, it is in words of its ports: ``torque that depends on omega``.
+
+    Parameters
+    ----------
+    cls : type[Component]
+    term : Term
+    value : float, optional
+        The first of its fitted values, whose sign tells the direction of what an FMU gets.
     """
     if isinstance(term, NamedTerm):
         return within_sentence(term.title)
@@ -276,9 +285,38 @@ def sentence(cls: type[Component], term: Term) -> str:
         return f"{law} changes at {term.width * term.scale:.4g} s"
     signal = "time" if term.signal == "time" else within_sentence(law_title(cls, term.signal))
     seen = MEMORIES[term.memory].text.format(signal)
+    if term.law in fed_laws(cls):
+        return f"{law} {_of_port(cls, term, seen.replace('simulated ', ''), value)}"
     if not term.factor:
         return f"{law} over {seen}"
     if term.factor == term.law:
         return f"{law} times a function of {seen}"
     factor = within_sentence(law_title(cls, term.factor))
     return f"{law} over {factor} times a function of {seen}"
+
+
+def fed_laws(cls: type[Component]) -> frozenset[str]:
+    """Return the laws of what an FMU without equations gets of its inputs; else none."""
+    found: frozenset[str] = getattr(cls, "fed", frozenset())
+    return found
+
+
+_NATURES = {  # of what acts against or along a signal: its size, and its name where that is a speed
+    Shape.DRY: ("of one size", "dry friction"),
+    Shape.LINEAR: ("in proportion to it", "viscous friction"),
+    Shape.ODD_SQUARE: ("with its square", "drag"),
+}
+_SPEEDS = ("m/s", "rad/s")
+
+
+def _of_port(cls: type[Component], term: Term, seen: str, value: float | None) -> str:
+    """Return how what an FMU gets depends on a signal: ``that opposes omega, of one size``."""
+    known = _NATURES.get(term.shape)
+    if known is None or not value or term.middle or term.memory is not Memory.NONE or term.factor:
+        return f"that depends on {seen}"
+    size, friction = known
+    if value > 0.0:
+        return f"that goes with {seen}, {size}"
+    unit = unit_of(cls, term.signal)
+    is_speed = any(measure_alike(unit, speed) for speed in _SPEEDS)
+    return f"that opposes {seen}, {size}" + (f": {friction}" if is_speed else "")

@@ -16,7 +16,7 @@ from matplotlib.ticker import LogFormatter
 
 from fmus.kit import quoting
 
-_LONGEST, LONGEST_AT_TICK = 120, 44  # characters of a text
+_LONGEST, LONGEST_AT_TICK = 120, 44  # characters of a line
 
 
 class ShownFigure(Figure):
@@ -29,7 +29,7 @@ class ShownFigure(Figure):
         """Draw the figure; the powers of ten at an axis are its only formulas."""
         for text in self.findobj(Text):
             text.set_parse_math(False)
-            text.set_text(shown(text.get_text()))
+            text.set_text("\n".join(map(shown, text.get_text().split("\n"))))
         for axes in self.axes:
             for axis in (axes.xaxis, axes.yaxis):
                 if isinstance(axis.get_major_formatter(), LogFormatter):

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 FORMATS = (".png", ".svg", ".pdf")
 MEASURED, MODEL, FITTED = "#8a97a3", "#0b6aa2", "#d1495b"
 _LABEL_WIDTH = 26  # characters along the height of a panel
+_TITLE_LINES = 4  # more has only the name of a file
+_TITLE_DENSITY = 8.7  # characters of a title in an inch, most of them wide
 _ROUNDING = 1e-12  # relative variation below which a line is drawn as constant
 _BOOLEAN_MARGIN = 0.1  # space below false and above true
 _STYLE = {
@@ -100,7 +102,8 @@ def _new_figure(title: str, width: float, height: float) -> Iterator[ShownFigure
     with matplotlib.style.context(_STYLE):
         figure = ShownFigure(figsize=(width, height), layout="constrained")
         yield figure
-    figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
+    lines = wrap(title, int(_TITLE_DENSITY * width), max_lines=_TITLE_LINES, placeholder=" …")
+    figure.suptitle("\n".join(lines), x=0.01, ha="left", fontweight="bold")
 
 
 def name_ticks(axis: Axis, places: ArrayLike, names: Sequence[str]) -> None:

@@ -157,6 +157,7 @@ def output_correction(
             law = _sum([_named(names.simulated[output])], f"{_doc(signal)}.")
             laws[names.variables[output]] = Output(_unit(signal), title=line(output))(law)
     doc = f"What stands behind {model.path.name}."
+    body["fed"] = frozenset(names.in_fmu.values())  # see `term_names.sentence`
     return _component(model, doc, "corrected", body, laws, experiment)
 
 
@@ -253,7 +254,8 @@ def _response(
         doc = f"response of {output} to {name}"
         body[state] = State("1", rate=f"rate_of_{state}", doc=doc)
         rate = [*_products(response.a[k], states), _product(float(response.b[k]), difference)]
-        laws[f"rate_of_{state}"] = _sum(rate, "Rate of the state.")
+        named = titled(f"response of {line(output)} to {line(name)}")
+        laws[f"rate_of_{state}"] = named(_sum(rate, "Rate of the state."))
     terms = _products(response.c, states)
     return [*terms, _product(response.d, difference)] if response.d else terms
 
@@ -290,8 +292,7 @@ def _sum(terms: Sequence[_Value], doc: str) -> _Value:
 
 def _law_in_fmu(name: str, identifier: str) -> _Value:
     """Make the law of what an input is in the FMU."""
-    title = f"what the FMU gets of {line(name)}"
-    return titled(title)(_sum([attrgetter(identifier)], f"What of {name} the FMU gets."))
+    return titled(line(name))(_sum([attrgetter(identifier)], f"What of {name} the FMU gets."))
 
 
 def _component(

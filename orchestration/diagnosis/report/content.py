@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fmus.kit import Component, quoting
 from fmus.kit.arrays import Array
-from fmus.kit.titles import capitalised, in_words
+from fmus.kit.titles import capitalised, in_words, law_title
 from fmus.kit.units import format_value
 from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.engine import Diagnosis
@@ -235,7 +235,7 @@ def _places(cls: type[Component], terms: Mapping[str, Term]) -> dict[str, str]:
     """Return the value that a curve sees at each knot, by the name of its parameter."""
     seen = {
         stem: _with_unit(
-            MEMORIES[term.memory].text.format(in_words(term.signal)), seen_unit(cls, term)
+            MEMORIES[term.memory].text.format(law_title(cls, term.signal)), seen_unit(cls, term)
         )
         for stem, term in terms.items()
     }
@@ -305,12 +305,13 @@ def _curve(diagnosis: Diagnosis, curve: curves.TermCurve) -> CurveView:
     cls = diagnosis.subject.problem.model.cls
     term = curve.term
     unit = "1" if term.factor else unit_of(cls, term.law)
-    added = f"part of {in_words(term.factor)}" if term.factor else f"added to {in_words(term.law)}"
+    title = law_title(cls, term.factor or term.law)
+    added = f"part of {title}" if term.factor else f"added to {title}"
     places = np.quantile(curve.samples, np.linspace(0.0, 1.0, _MARKS))
     places = places[(places >= curve.signal[0]) & (places <= curve.signal[-1])]
     return CurveView(
         added=_with_unit(added, unit),
-        signal=_with_unit(in_words(term.signal), unit_of(cls, term.signal)),
+        signal=_with_unit(law_title(cls, term.signal), unit_of(cls, term.signal)),
         caption=(
             f"{capitalised(sentence(cls, term))}: {shape_text(term)}, where x is the signal below."
         ),

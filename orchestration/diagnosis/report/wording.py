@@ -12,7 +12,7 @@ from orchestration.diagnosis.comparison import WEIGHTS
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.remainder import Remainder
-from orchestration.diagnosis.term_names import estimates, sentence, stems
+from orchestration.diagnosis.term_names import estimates, fed_laws, sentence, stems
 from orchestration.diagnosis.terms import NamedTerm, Term
 from orchestration.identify.effect_sizes import FittedSize, fitted_sizes
 from orchestration.identify.uncertainty import Estimate
@@ -20,6 +20,8 @@ from orchestration.records.quality import FAULTS, Fault
 from orchestration.reporting import option
 from orchestration.reporting.html import format_ends
 
+_HEADLINE = 80  # characters of causes in a headline, which is of two lines with all around them
+_NAMES = 4  # of parameters in a headline
 CHANGES_MEANING = (
     "Changed is what differs significantly and noticeably, and without which the model is worse on"
     " fitted samples and on others; uncertain, what differs but is not needed there, or does as"
@@ -72,7 +74,11 @@ def error_text(share: float | None) -> str:
 
 def cause_text(diagnosis: Diagnosis, cause: Cause) -> str:
     """Return the leading part of a cause for people."""
-    return part_text(diagnosis, cause.parts[0])
+    lead = cause.parts[0]
+    cls = diagnosis.subject.problem.model.cls
+    if isinstance(lead, Term) and lead.law in fed_laws(cls):
+        return sentence(cls, lead, float(cause.judged.fit.values_of(lead)[0]))
+    return part_text(diagnosis, lead)
 
 
 def cause_with_size(diagnosis: Diagnosis, cause: Cause) -> str:
@@ -126,16 +132,33 @@ def headline(diagnosis: Diagnosis) -> str:
         return "nothing is missing that this record can show"
     if diagnosis.verdict == "recalibrate":
         starts = ["the start states"] if diagnosis.begins_elsewhere else []
-        return f"the laws hold with other values of {_listed([*starts, *diagnosis.changed])}"
+        changed = [*starts, *diagnosis.changed]
+        if len(changed) > _NAMES:
+            changed[_NAMES - 1 :] = [f"{len(changed) - _NAMES + 1} others"]
+        return f"the laws hold with other values of {_listed(changed)}"
     if not diagnosis.causes:
         return "the model misses something, and nothing that was tried explains it"
-    parts = [f"{percent(c.probability)} {cause_with_size(diagnosis, c)}" for c in diagnosis.causes]
     other = 1.0 - sum(c.probability for c in diagnosis.causes)
-    answer = "; ".join([*parts, f"{percent(other)} something else"])
+    answer = f"{_leading(diagnosis)}; {percent(other)} something else"
     if diagnosis.is_named:
         return answer
     lead = "no cause is sure" if 1.0 - other < WEIGHTS.group else "no cause explains enough"
     return f"{lead}; best guesses: {answer}"
+
+
+def _leading(diagnosis: Diagnosis) -> str:
+    """Return the causes with their probabilities, as many as two lines have room for."""
+    parts: list[str] = []
+    for k, cause in enumerate(diagnosis.causes):
+        room = _HEADLINE - len("; ".join(parts))
+        texts = (cause_with_size(diagnosis, cause), cause_text(diagnosis, cause))
+        fitting = (text for text in texts if len(text) <= room)
+        text = next(fitting, None if parts else texts[-1])
+        if text is None:
+            rest = sum(c.probability for c in diagnosis.causes[k:])
+            return "; ".join([*parts, f"{percent(rest)} {len(diagnosis.causes) - k} others"])
+        parts.append(f"{percent(cause.probability)} {text}")
+    return "; ".join(parts)
 
 
 def support(diagnosis: Diagnosis) -> str:

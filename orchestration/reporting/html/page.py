@@ -98,7 +98,13 @@ td:first-child .two { min-width: 13rem } td .two .muted { display: block; line-h
 .pair figure { margin: 0.4rem 0 } svg.interval { display: block; margin-top: 0.35rem }
 @media (max-width: 640px) {
   .bars { grid-template-columns: 1fr max-content; grid-auto-flow: dense }
-  .bars .track { grid-column: 1 / -1 } }
+  .bars .track { grid-column: 1 / -1 }
+  div.table table, div.table tbody, div.table tr, div.table td { display: block }
+  div.table th { display: none } div.table tr { border: 1px solid #c9d3dc; margin-bottom: 0.5rem }
+  div.table tr:first-child, div.table td:empty { display: none }
+  div.table td { border: 0; white-space: normal; overflow-wrap: anywhere; padding: 0.15rem 0.6rem }
+  div.table td[data-head]:not([data-head=""])::before { content: attr(data-head); color: #52616e;
+    display: block; font-size: 0.8rem } }
 """
 
 
@@ -153,9 +159,12 @@ class Page:
     def table(self, head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
         """Append a table of texts."""
         columns = "".join(f'<th scope="col">{escaped(cell)}</th>' for cell in head)
+        labels = [_plain([cell]) for cell in head]  # on a phone, where cells stand in a column
         body = ""
         for row in rows:
-            body += f"<tr>{''.join(f'<td>{escaped(cell)}</td>' for cell in row)}</tr>"
+            cells = zip(labels, row, strict=False)
+            text = "".join(f'<td data-head="{label}">{escaped(cell)}</td>' for label, cell in cells)
+            body += f"<tr>{text}</tr>"
         self.parts.append(
             f'<div class="table" tabindex="0" role="region" aria-label="{_plain(head)}">'
             f"<table><tr>{columns}</tr>{body}</table></div>"

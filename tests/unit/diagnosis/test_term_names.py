@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fmus.kit import Component, Input, Output
+from fmus.kit.titles import titled
 from fmus.kit.units import powers_of_names
 from orchestration.diagnosis.extension import extended_component
 from orchestration.diagnosis.term_names import (
@@ -65,6 +67,42 @@ def test_a_model_that_was_extended_is_extended_again():
 def test_units_are_those_of_law_and_signal(term, units):
     found = [one.unit for one in term_parameters(Oscillator, "a", term)]
     assert [*map(powers_of_names, found)] == [*map(powers_of_names, units)]
+
+
+class Shaft(Component):
+    """What an FMU of a shaft gets, and what it gives, as for an FMU without equations."""
+
+    name = "shaft"
+    fed = frozenset({"torque_in_fmu"})
+    torque = Input("N*m", title="torque")
+    omega_simulated = Input("rad/s", title="simulated omega")
+    level_simulated = Input("m", title="simulated level")
+
+    @titled("torque")
+    def torque_in_fmu(self):
+        return self.torque
+
+    @Output("rad/s", title="omega")
+    def omega(self):
+        return self.omega_simulated
+
+
+@pytest.mark.parametrize(
+    ("signal", "shape", "value", "said"),
+    [
+        ("omega", Shape.DRY, -1.0, "torque that opposes omega, of one size: dry friction"),
+        ("omega", Shape.DRY, 1.0, "torque that goes with omega, of one size"),
+        ("omega", Shape.LINEAR, -1.0, "torque that opposes omega, in proportion to it: viscous"),
+        ("level", Shape.LINEAR, -1.0, "torque that opposes level, in proportion to it"),
+        ("omega", Shape.DRY, None, "torque that depends on omega"),
+        ("omega", Shape.CURVE, -1.0, "torque that depends on omega"),
+    ],
+)
+def test_what_an_fmu_gets_is_told_in_words_of_its_ports(signal, shape, value, said):
+    term = Term("torque_in_fmu", f"{signal}_simulated", shape)
+    assert sentence(Shaft, term, value).removesuffix(" friction") == said.removesuffix(" friction")
+    late = replace(term, memory=Memory.LAG)
+    assert sentence(Shaft, late, value) == f"torque that depends on lagging {signal}"
 
 
 def test_a_logarithm_of_an_effects_parameter_is_that_of_its_value():

@@ -135,3 +135,14 @@ def test_another_ending_is_refused_and_nothing_written(drawn, tmp_path, name, sa
     with pytest.raises(UserError, match=f"must end in .png, .svg, .pdf, not {said}"):
         pictures.save(drawn[0], tmp_path / name)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("title", ["wide words, " * 20, "omega " * 40, "a" * 240])
+def test_a_title_is_not_cut_at_the_edge(title):
+    for figure in (pictures.panels(1, title)[0], pictures.mosaic([["a"]], title)[0]):
+        figure.draw_without_rendering()
+        box = figure._suptitle.get_window_extent()
+        assert 0.0 <= box.x0 < box.x1 <= figure.bbox.x1
+        assert box.y1 <= figure.bbox.y1
+        words = "".join(figure.get_suptitle().split())
+        assert words == "".join(title.split())

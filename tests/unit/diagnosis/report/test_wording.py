@@ -34,6 +34,20 @@ def test_headline_gives_each_cause_its_percent_and_the_rest(dry):
     assert "velocity and elongation do not move together" in step
 
 
+@pytest.mark.parametrize("count", [1, 2, 5, 12])
+def test_a_headline_has_two_lines_at_most(dry, count, monkeypatch):
+    """Of 62 characters each, as a page of 64 rem has; all causes are in the table below."""
+    cause = with_group(dry, "ambiguous", 0.5, 0.1).causes[0]
+    group = tuple(replace(cause, probability=0.9 / count) for _ in range(count))
+    several = replace(dry, conclusion=replace(dry.conclusion, verdict="ambiguous", causes=group))
+    monkeypatch.setattr(wording, "cause_with_size", lambda *_: "strain: " + 80 * "x")
+    monkeypatch.setattr(wording, "cause_text", lambda *_: "friction over velocity")
+    said = wording.headline(several)
+    assert len(said) <= 124
+    assert said.startswith(f"{90.0 / count:.0f} % friction over velocity")
+    assert count < 4 or "others; 10 % something else" in said
+
+
 def test_an_effect_says_how_large_it_is_and_a_law_does_not(dry, monkeypatch):
     """A strain that levels off at ``c ** -0.5``, of which 0.16 lies within 0.1 and 0.25."""
     levelling = make_effect(

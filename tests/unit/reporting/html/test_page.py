@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 
 import numpy as np
+import pytest
 
 from orchestration.reporting.html.page import SCROLLED, Markup, Page, escaped
 from orchestration.reporting.html.plots import Panel, Trace, stacked
+from tests.support.browser import chromium
 from tests.support.pages import words_of
 
 NASTY = "</style><script>hurt()</script>"
@@ -42,6 +45,27 @@ def test_what_scrolls_is_reached_by_the_keyboard():
     made.table(["a"], [["b"]])
     made.code(["c"])
     assert made.html().count('tabindex="0"') == 2
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="the browser is spoken to over pipes as POSIX has them")
+@pytest.mark.parametrize("width", [1280, 390])
+def test_no_column_of_a_table_is_beyond_the_edge(browser, tmp_path, width):
+    """All cells of a wide table are seen without scrolling, each with its heading."""
+    head = ["parameter", "value", "95 % interval", "nominal"]
+    made = Page("title", "verdict")
+    made.table(head, [["torque_in_fmu_of_omega_simulated_width", *3 * ["0.1174 rad/s"]]])
+    made.write(tmp_path / "page.html")
+    with chromium(browser, tmp_path / "profile") as tab:
+        tab.open(tmp_path / "page.html", width)
+        cells = tab.run(
+            "[...document.querySelectorAll('td')].map(e => [e.getBoundingClientRect().left,"
+            " e.getBoundingClientRect().right, getComputedStyle(e, '::before').content])"
+        )
+    assert len(cells) == 4
+    for name, (left, right, label) in zip(head, cells, strict=True):
+        assert 0 <= left < right <= width
+        assert (label == f'"{name}"') == (width == 390)
 
 
 def test_files_are_told_with_their_digests(tmp_path):
