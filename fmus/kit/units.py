@@ -60,6 +60,7 @@ _POWER = re.compile(r"(?:\^|\*\*)\(?(-?\d+)\)?")
 _INVERSE = re.compile(r"1/([A-Za-z]+)(?:\^(\d+))?")
 _MICRO = re.compile(r"(?<![A-Za-z])u(?=[A-Za-zΩ])")
 _WITH_POWER_OF_TEN = 1e6  # smallest number that is written with a power of ten
+_SINGLE_CHARACTERS = str.maketrans({"℃": "°C", "℉": "°F", "\u2126": "Ω", "\u212b": "Å"})
 _SIGNS = {"ohm": "Ω", "degC": "°C", "deg": "°", "percent": "%"}
 _LARGEST_POWER_OF_TEN = 300  # of a factor, which must be a float
 # names that may have an SI prefix
@@ -196,7 +197,8 @@ def parse(unit: str) -> pint.Unit:
     """
     if unit.strip() in ("", "1", "-", "–"):
         return registry().dimensionless
-    for spelt in (unit, from_modelica(unit[:_LONGEST])):
+    plain = unit.translate(_SINGLE_CHARACTERS)
+    for spelt in (plain, from_modelica(plain[:_LONGEST])):
         known = _parse_or_none(spelt)
         if known is not None:
             return known

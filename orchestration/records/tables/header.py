@@ -20,7 +20,7 @@ _TIME_OF_DAY = re.compile(r"d{0,2}[.\s]?h{1,2}:m(?:in|m)?(?::s{1,2}(?:[.,:](?:ms
 # units in measured files; pint would also accept dt, dV and the name a of a channel
 _FACTOR = (
     r"(?:[GMkmuµμnp]?(?:Ohm|ohm|Ω|Pa|Hz|Ah|Wh|VA|Nm|bar|eV|[sAVWJCFHNgmSTLlK])"
-    r"|cm|min|hr?|d|sec|rad|°C|°|deg[CF]?|rpm|%|mol|cd|1)(?:\^?-?[1-4]|[²³])?"
+    r"|cm|min|hr?|d|sec|rad|°[CF]|[℃℉]|°|deg[CF]?|rpm|%|mol|cd|1)(?:\^?-?[1-4]|[²³])?"
 )
 _UNIT = re.compile(rf"{_FACTOR}(?:[*·./]{_FACTOR})*")
 # unit of pint by its name in files; None for "no unit"
