@@ -256,6 +256,7 @@ def takes(*declared: type) -> Callable[[Function], Function]:
             used = {
                 name: options[name].given(value) if name in options else value
                 for name, value in given.items()
+                if value is not None or not callable(defaults.get(name))
             }
             with optional(), _shown_progress(options, used, function.__name__) as shown:
                 return function(*arguments, **defaults | shown | used)
@@ -300,7 +301,9 @@ def _check_names(function: str, given: Iterable[str], allowed: Sequence[str]) ->
 def _parameter(option: Option) -> Parameter:
     """Return the keyword argument of a function for an option."""
     kind = option.type.__forward_arg__ if isinstance(option.type, ForwardRef) else option.type
-    return Parameter(option.name, Parameter.KEYWORD_ONLY, default=option.default, annotation=kind)
+    # a function that does nothing stands for none, and a reader is shown that
+    default = None if callable(option.default) else option.default
+    return Parameter(option.name, Parameter.KEYWORD_ONLY, default=default, annotation=kind)
 
 
 def with_options(docstring: str | None, options: Iterable[Option]) -> str | None:

@@ -158,7 +158,7 @@ def _refuse_unfit(options: SweepKeywords) -> None:
 def sweep_file(
     path: str | Path,
     *,
-    note: Callable[[str], None] = lambda line: None,
+    note: Callable[[str], None] | None = None,
     **options: Unpack[SweepFileKeywords],
 ) -> SweepResult:
     """Run a sweep that a TOML file describes.
@@ -185,7 +185,7 @@ def sweep_file(
     >>> dict(found["voltage_largest"].sizes)
     {'case': 64}
     """
-    request = read_sweep(Path(path), note)
+    request = read_sweep(Path(path), note or (lambda line: None))
     table = request.table
     data = sweep(
         request.model,

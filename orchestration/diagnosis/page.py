@@ -8,6 +8,7 @@ import numpy as np
 
 from fmus.kit.arrays import Array
 from fmus.kit.titles import capitalised
+from fmus.kit.units import printed
 from orchestration.diagnosis import view
 from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.engine import Diagnosis
@@ -177,7 +178,7 @@ def _add_experiment(page: Page, shown: view.DiagnosisView) -> None:
 
 def _add_course(page: Page, course: view.CourseView) -> None:
     """Add a chart of an output above its residuals."""
-    bracket = "" if course.unit == "1" else f" [{course.unit}]"
+    bracket = "" if course.unit == "1" else f" [{printed(course.unit)}]"
     time, measured = _array(course.time), _array(course.measured)
     above = [Trace(course.measured_as, time, measured, pictures.MEASURED, 3.5)]
     below = []

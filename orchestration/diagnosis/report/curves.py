@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.kit.arrays import Array
-from fmus.kit.units import convert, unit_of_differences
+from fmus.kit.units import convert
 from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.fitting import Fit
@@ -94,7 +94,7 @@ def output_courses(diagnosis: Diagnosis) -> list[OutputCourse]:
     courses = []
     for j, output in enumerate(subject.problem.model.outputs):
         if np.isfinite(record.outputs[:, j]).any():
-            unit = unit_of_differences(output)
+            unit = output.display or output.unit
             runs = (record.outputs, before, after)
             measured, first, last = (convert(run[:, j], output.unit, unit) for run in runs)
             of = output.name, record.label, unit

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 
+from fmus.kit.titles import law_title
 from fmus.kit.units import format_value
 from orchestration.diagnosis.cause import Cause
 from orchestration.diagnosis.changes import Changed
@@ -345,7 +346,9 @@ def _experiment(diagnosis: Diagnosis, written: Mapping[str, str]) -> str:
     if any(code == "futile_experiment" for code, _, _ in diagnosis.notes):
         return "record another signal as well, on which the causes act in another way"
     terms = [t for cause in diagnosis.causes for t in cause.parts[:1] if isinstance(t, Term)]
-    signals = list(dict.fromkeys(t.signal or "the operating point" for t in terms))
+    cls = diagnosis.subject.problem.model.cls
+    titles = (law_title(cls, t.signal) if t.signal else "the operating point" for t in terms)
+    signals = list(dict.fromkeys(titles))
     if len(signals) > 1:
         change = f"{_listed(signals)} do not move together, such as slow and fast, small and large"
     else:

@@ -80,7 +80,7 @@ def format_ends(low: str, high: str) -> str:
 
 def format_quantities(text: str) -> Markup:
     """Return values with units in mathematical notation: 2·10⁶ N·s/m for ``2e+06 N*s/m``."""
-    dotted = escaped(text).replace("*", "·")
+    dotted = re.sub(r"(?<=\d )degC\b", "°C", escaped(text)).replace("*", "·")
     powers_of_ten = re.sub(r"(?<=\d)e([+-])0*(\d+)", _power_of_ten, dotted)
     signed = re.sub(r"(?<![\w.])-(?=\d)", "−", powers_of_ten)
     return Markup(re.sub(r"\^([-−]?\d+)", _superscript, signed))

@@ -28,6 +28,7 @@ from orchestration.api.options import (
     FitKeywords,
     GridOptions,
     LawsOptions,
+    ProgressOption,
     SearchOptions,
     SettingsOption,
 )
@@ -158,3 +159,18 @@ def test_a_form_of_its_own_reads_before_the_value_is_used():
     option = Option("Twice.", form=Form(lambda typed, flag: 2 * typed), name="a", type=int)
     assert (option.read(3), option.read(None)) == (6, None)
     assert options_of(LawsOptions)["effects"].read("none") == []
+
+
+def test_signatures_show_no_function_as_a_default_and_none_is_the_default():
+    functions = {name: getattr(ppy, name) for name in ppy.__all__}
+    for name, function in functions.items():
+        if inspect.isfunction(function):
+            assert " at 0x" not in str(inspect.signature(function)), name
+
+    @takes(ProgressOption)
+    def work(**options):
+        options["progress"]("a step")
+        return options["progress"]
+
+    assert callable(work(progress=None))
+    assert work(progress=print) is print

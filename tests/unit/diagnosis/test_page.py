@@ -114,7 +114,7 @@ def test_every_set_is_listed_once_by_its_best_fit(dry):
     twice = replace(dry, found=replace(dry.found, fits=2 * dry.found.fits))
     html = make_page(twice).html()
     assert f"{2 * len(dry.found.fits)} fits of sets of terms" in html
-    assert html.count("<td>friction over velocity, a tanh(x/w)</td>") == 1
+    assert html.count(">friction over velocity, a tanh(x/w)</td>") == 1
 
 
 def test_the_page_of_laws_has_the_map(dry):
