@@ -706,7 +706,8 @@ def to_modelica(unit: str) -> str:
 
 def _parsed(unit: str) -> ast.expr:
     """Parse a unit as a Python expression; raise SyntaxError if that is impossible."""
-    text = unit.strip().replace("^", "**").replace("·", "*").replace(".", "*").replace("°C", "degC")
+    text = unit.strip().translate(_SINGLE_CHARACTERS).replace("^", "**").replace("·", "*")
+    text = text.replace(".", "*").replace("°C", "degC")
     product = re.sub(r"(?<=[\w)])\s+(?=[\w(])", "*", text)
     return ast.parse(product, mode="eval").body
 

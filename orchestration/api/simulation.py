@@ -163,7 +163,7 @@ def simulate(
     """
     subject = as_model(model).with_options(options).with_texts(options["outputs"])
     points = points_of(subject, options["time"], options["stop"], options["step"])
-    driven = inputs_over(subject, inputs or {}, points)
+    driven = inputs_over(subject, {} if inputs is None else inputs, points)
     try:
         outputs = run_fmu(
             subject,
@@ -204,6 +204,12 @@ def points_of(
 def inputs_over(model: Model, inputs: Inputs, points: Array) -> dict[str, Array]:
     """Return inputs (n,) at points in time, in the model's units; arguments as in `simulate`."""
     driven = {}
+    if not isinstance(inputs, Mapping):
+        known = next(iter(model.inputs), "input")
+        raise UserError(
+            f"inputs: {type(inputs).__name__} has no names; give a dictionary of values by name, as"
+            f" in {{{known!r}: values}}"
+        )
     for name, values in inputs.items():
         if name not in model.inputs:
             raise UserError(

@@ -204,6 +204,12 @@ def _check_outputs(record: Record, model: Model) -> None:
     """Refuse a record without any output of the model."""
     if not any(name not in model.inputs for name in record.signals):
         known = ", ".join(model.outputs)
+        empty = [repair.message for repair in record.repairs if repair.kind == "empty column"]
+        if empty:
+            told = "; ".join(message.partition(";")[0] for message in empty)
+            raise UserError(
+                f"{record.source}: {told} (all are NaN), and no other is an output of {model.name}"
+            )
         raise UserError(
             f"{record.source}: no column is an output of {model.name} ({known}); say which is, with"
             f" {option('mapping', {'column': 'signal'})}, as ppy info of the record proposes it"

@@ -46,8 +46,13 @@ def table_of(data: Arrays) -> Table:
     Raises
     ------
     UserError
-        If a column is not one-dimensional, or lengths differ, or there are no rows.
+        If columns have no names or more than one dimension, lengths differ, or there are no rows.
     """
+    if not isinstance(data, Frame | Mapping):
+        raise UserError(
+            f"record: {_kind(data)} has no names of columns; give them, as in"
+            " {'time': time, 'current [A]': current}, or a DataFrame"
+        )
     path = Path(f"data_{next(_numbers)}")
     arrays = _frame_columns(data) if isinstance(data, Frame) else data
     columns = []
@@ -57,6 +62,12 @@ def table_of(data: Arrays) -> Table:
             raise refuse(path, f"column '{title}' has shape {array.shape} (allowed: (n,))")
         columns.append(Column.read(str(title), array))
     return Table.of(path, columns)
+
+
+def _kind(data: object) -> str:
+    """Return a type for messages, of an array with its shape."""
+    shape = getattr(data, "shape", None)
+    return type(data).__name__ if shape is None else f"an array of shape {shape}"
 
 
 def _frame_columns(frame: Any) -> dict[str, Any]:

@@ -206,6 +206,10 @@ def _read_inputs(
     file = options["input_file"]
     if file is None:
         return None
+    if not model.inputs:
+        raise UserError(
+            f"--input {file}: {model.name} has no inputs; leave it out, and set --stop and --step"
+        )
     units = {signal.name: signal.unit_of_records for signal in model.inputs.values()}
     texts = {name: Words() for name, signal in model.inputs.items() if signal.type == "string"}
     items = {name: dict(signal.items) for name, signal in model.inputs.items() if signal.items}

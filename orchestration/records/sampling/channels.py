@@ -65,9 +65,10 @@ def repair_holes(samples: Samples, inputs: Collection[str], required: Collection
         values = samples.values[name]
         missing = np.isnan(values)
         if missing.all():
-            if name in required:
+            if name in required or name in inputs:
                 raise refuse(
-                    samples.path, f"the signal '{name}' is required, and its column has no values"
+                    samples.path,
+                    f"the signal '{name}' is required, and its column has no values (all are NaN)",
                 )
             del samples.values[name]
             samples.note("empty column", f"{name}: the column has no values; treated as absent")

@@ -156,6 +156,12 @@ def _sort_late_rows(samples: Samples) -> None:
     late[1:] = time[1:] < before[:-1]
     if not late.any():
         return
+    if (np.diff(time) < 0.0).all() and time.size > 2:
+        raise refuse(
+            samples.path,
+            f"the rows are in reverse order: the first is at {time[0]:g} s, the last at"
+            f" {time[-1]:g} s; turn them around (in Python [::-1] of a DataFrame or of each array)",
+        )
     runs = true_runs(late)
     for first, end in runs:
         jump = (

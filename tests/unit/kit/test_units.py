@@ -237,6 +237,7 @@ def test_both_ways(ours, modelica):
         ("s^-1", "1/s"),
         ("µm", "um"),
         ("°C", "degC"),
+        ("℃", "degC"),
         ("1/(A.s)", "1/(A.s)"),
         ("A/(V*s)", "A/(V.s)"),
         ("A/V*s", "A.s/V"),

@@ -53,6 +53,7 @@ def test_a_header_cell_is_split_into_name_and_unit(cell, parts):
         "Ah",
         "mV/s",
         "°C",
+        "℃",
         "N·m",
         "Nm",
         "VDC",
