@@ -10,7 +10,7 @@ input for one communication step, and to its negative. python-control realises t
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TypeVar
@@ -26,7 +26,7 @@ from orchestration.fmu.simulation import grid
 from orchestration.linear.blocks import LinearBlocks
 from orchestration.linear.discretisation import Matrices, assemble
 from orchestration.linear.model import LinearModel
-from orchestration.linear.operating_point import OperatingPoint
+from orchestration.linear.operating_point import OperatingPoint, rest_notes
 from orchestration.reporting import option
 
 _DIRECTIONAL = "directional derivatives of the FMU"
@@ -144,19 +144,32 @@ def _by_laws(request: FmuRequest, directional: bool) -> LinearModel | None:
         )
         if fmu.samples:
             return None
-        inputs = np.empty(len(request.inputs))
-        fmu.reader(request.inputs)(inputs)
-        states = dict(zip(fmu.states, fmu.get_states(), strict=True))
+        point = _point_of(fmu, request)
+        rates = np.array(fmu.get_rates())
+        nominal = np.array([_nominal(fmu, name) for name in fmu.states])
         if directional:
-            knowns = [*states, *request.inputs]
+            knowns = [*point.states, *request.inputs]
             jacobian = fmu.directional_derivatives([*fmu.rates, *request.outputs], knowns)
         else:
-            jacobian = _central_differences(fmu, request, np.array([*states.values()]), inputs)
-    blocks = _blocks(request, tuple(states), jacobian)
+            states, inputs = (np.array([*one.values()]) for one in (point.states, point.inputs))
+            jacobian = _central_differences(fmu, request, states, inputs)
+    blocks = _blocks(request, tuple(point.states), jacobian)
     matrices = assemble(blocks.between(request.inputs, request.outputs), request.outputs)
-    now = dict(zip(request.inputs, inputs.tolist(), strict=True))
-    point = _operating_point(request, now, states)
-    return _linear_model(request, matrices, point, _DIRECTIONAL if directional else _DIFFERENCES)
+    model = _linear_model(request, matrices, point, _DIRECTIONAL if directional else _DIFFERENCES)
+    by_states = blocks.rates[:, : len(point.states)]
+    return replace(model, notes=rest_notes(point.states, rates, nominal, by_states, model.units))
+
+
+def _point_of(fmu: ExchangeFmu, request: FmuRequest) -> OperatingPoint:
+    """Return the operating point where an FMU is."""
+    inputs, outputs = (np.empty(len(names)) for names in (request.inputs, request.outputs))
+    fmu.reader(request.inputs)(inputs)
+    fmu.reader(request.outputs)(outputs)
+    states = dict(zip(fmu.states, fmu.get_states(), strict=True))
+    point = _operating_point(
+        request, dict(zip(request.inputs, inputs.tolist(), strict=True)), states
+    )
+    return replace(point, outputs=dict(zip(request.outputs, outputs.tolist(), strict=True)))
 
 
 def _blocks(request: FmuRequest, states: tuple[str, ...], jacobian: Array) -> LinearBlocks:

@@ -277,18 +277,22 @@ class LinearModel(Displayable):
         for one in self.further:
             margins = f": {margin_words(one.margins())}" if one.loop else ""
             yield f"also {one.point.words}{margins}"
-        table = plain_table(
-            None, "signal", "is", "operating point", "unit", right=["operating point"]
-        )
+        points = [self.point, *(one.point for one in self.further)]
+        heads = [one.words for one in points] if self.further else ["operating point"]
+        table = plain_table(None, "signal", "is", *heads, "unit", right=heads)
         for kind in ("inputs", "states", "outputs"):
             for name in getattr(self, kind):
-                value = self.point.values.get(name)
-                text = "" if value is None else f"{value:.6g}"
-                table.add_row(name, kind.removesuffix("s"), text, self.units.get(name, ""))
+                values = [point.values.get(name) for point in points]
+                texts = ["" if value is None else f"{value:.6g}" for value in values]
+                table.add_row(name, kind.removesuffix("s"), *texts, self.units.get(name, ""))
         yield table
         if self.matrices.states:
             yield poles_table(self.matrices.A, self.period)
         yield from self.notes
+        for one in self.further:
+            yield from (
+                f"{one.point.words}: {note}" for note in one.notes if note not in self.notes
+            )
 
     def __repr__(self) -> str:
         ends = f"{', '.join(self.inputs)} -> {', '.join(self.outputs)}"

@@ -15,6 +15,9 @@ from fmus.kit.record import CompiledModel
 from fmus.kit.symbolic import Graph
 from orchestration.reporting import option
 
+_AT_REST = 1e-3  # largest way to the equilibrium that is none, of a state's magnitude
+_INTEGRATES = 1e-9  # of the fastest pole, below which a pole is that of an integrator
+
 
 @dataclass(frozen=True)
 class OperatingPoint:
@@ -71,6 +74,40 @@ class OperatingPoint:
         )
         vectors = [np.array([values[v.name] for v in group]) for group, values in groups]
         return [np.array([self.time]), *vectors]
+
+
+def rest_notes(
+    states: Mapping[str, float],
+    rates: Array,
+    nominal: Array,
+    by_states: Array,
+    units: Mapping[str, str],
+) -> tuple[str, ...]:
+    """Return a note on states that move at an operating point, of which a linear model is then not.
+
+    Left to itself, the slowest mode with a pole p goes on by the rate over p.
+
+    Parameters
+    ----------
+    states : Mapping of str to float
+    rates : ndarray, shape (n,)
+        Their rates, in their unit per second.
+    nominal : ndarray, shape (n,)
+        Their magnitudes.
+    by_states : ndarray, shape (n, n)
+        Derivatives of the rates.
+    units : Mapping of str to str
+        Units of states, where they are known.
+    """
+    poles = np.abs(np.linalg.eigvals(by_states)) if states else np.zeros(0)
+    slowest = min(poles[poles > _INTEGRATES * poles.max(initial=0.0)], default=1.0)
+    values = zip(states.items(), rates, nominal, strict=True)
+    moving = [
+        f"{name} changes by {rate:.3g} {units.get(name) or '1'} per second"
+        for (name, value), rate, size in values
+        if abs(rate) > _AT_REST * slowest * max(abs(value), size)
+    ]
+    return (f"not at rest here: {', '.join(moving)}",) if moving else ()
 
 
 @uninterrupted()

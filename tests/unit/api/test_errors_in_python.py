@@ -39,5 +39,5 @@ def test_what_cannot_be_compared_is_refused_with_the_remedy(record, said):
 
 
 def test_inputs_without_names_are_refused():
-    with pytest.raises(ppy.UserError, match="inputs: ndarray has no names.*{'current': values}"):
+    with pytest.raises(ppy.UserError, match=r"inputs: ndarray has no names.*{'current': values}"):
         ppy.simulate("ppy_actuator", CURRENT, time=TIME)

@@ -6,6 +6,8 @@ that tells no origin.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -130,3 +132,31 @@ def test_signals_that_it_has_not_are_refused(folder):
         linearise_fmu(request(model, ["v"], ["x"]))
     with pytest.raises(UserError, match=r"no real output of this name; there are x"):
         linearise_fmu(request(model, ["u"], ["y"]))
+
+
+@pytest.mark.parametrize(("time", "moves"), [(0.0, True), (3.0, True), (400.0, False)])
+def test_an_fmu_that_moves_at_its_operating_point_is_said_to(folder, time, moves):
+    """The charge of an actuator at constant current: a lag of (R1 + R2) C = 7.5 s."""
+    model = foreign("ppy_actuator", folder / f"moving_{time:g}.fmu")
+    found = linearise_fmu(request(model, ["current"], ["voltage"], time=time, current=0.5))
+    lag = (R1 + R2) * C
+    rate = 0.5 * R2 / (R1 + R2) * np.exp(-time / lag)
+    told = " ".join(found.notes)
+    assert ("charge changes by" in told) == moves
+    if moves:
+        assert f"charge changes by {rate:.3g} A*s per second" in told.replace(" C per", " A*s per")
+    charge = 0.5 * R2 * C * (1.0 - np.exp(-time / lag))
+    voltage = R1 * (0.5 * R2 - charge / C) / (R1 + R2) + charge / C
+    assert found.point.outputs["voltage"] == pytest.approx(voltage, rel=1e-5)
+
+
+def test_operating_points_stand_beside_each_other_with_all_values(folder):
+    model = foreign("ppy_actuator", folder / "two.fmu")
+    near, far = (
+        linearise_fmu(request(model, ["current"], ["voltage"], time=time, current=0.5))
+        for time in (1.0, 2.0)
+    )
+    text = str(replace(near, further=(far,)))
+    (row,) = (line for line in text.splitlines() if line.startswith("voltage "))
+    values = [f"{one.point.outputs['voltage']:.6g}" for one in (near, far)]
+    assert row.split() == ["voltage", "output", *values, "V"]
