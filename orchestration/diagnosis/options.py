@@ -16,12 +16,7 @@ from fmus.kit.symbolic import check_component
 from orchestration.diagnosis.catalogue import usable_effects, usable_of
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.terms import NamedTerm, SensorTerm, Term
-from orchestration.fmu.model import (
-    effects_of_inputs,
-    find_effects,
-    known_effects,
-    names_class,
-)
+from orchestration.fmu.model import find_effects, known_effects, names_class
 from orchestration.reporting import option
 
 _FAMILIES = "families"  # which terms over all laws and signals are, without any name
@@ -169,7 +164,7 @@ def _known_effect(cls: type[Component], wanted: str) -> type[Effect]:
         (effect,) = find_effects(cls, [wanted], cls.name)
         check_component(stack(cls, effect))
         return effect
-    known = effects_of_inputs(cls) | known_effects(cls)
+    known = known_effects(cls, inputs=True)
     if wanted not in known:
         raise UserError(
             f"{option('effects', [wanted])}: no effect named"

@@ -114,7 +114,7 @@ def _facts_of(name: str, effects: Sequence[str]) -> _Facts:
 def _facts_of_class(name: str, cls: type[Component]) -> _Facts:
     """Return the declarations of a component's class."""
     from fmus.kit.effects import effect_name, unstack
-    from orchestration.fmu.model import effects_of_inputs, known_effects
+    from orchestration.fmu.model import known_effects
     from orchestration.fmu.signal import declared_signal
 
     layout = cls.layout
@@ -141,7 +141,7 @@ def _facts_of_class(name: str, cls: type[Component]) -> _Facts:
         laid_over=added,
         effects={
             effect: _relaxed_assumption(base, effect)
-            for effect_id, effect in (known_effects(cls) | effects_of_inputs(cls)).items()
+            for effect_id, effect in known_effects(cls, inputs=True).items()
             if effect_id not in added
         },
     )

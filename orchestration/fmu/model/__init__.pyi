@@ -1,5 +1,4 @@
 from .effects import catalogue as catalogue
-from .effects import effects_of_inputs as effects_of_inputs
 from .effects import find_effects as find_effects
 from .effects import known_effects as known_effects
 from .loading import faulty_place as faulty_place

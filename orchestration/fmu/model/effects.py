@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from fmus.kit.effects import effect_name, unstack
+from fmus.kit.effects import effect_name, effects_by_name, unstack
 from fmus.kit.errors import UserError, suggestion
 from orchestration.fmu.model.loading import is_subclass, load_subclass, names_class
 
@@ -74,7 +74,7 @@ def check_catalogue(cls: type[Component]) -> None:
 
 
 def known_effects(
-    cls: type[Component], sampling: Sampling | None = None
+    cls: type[Component], sampling: Sampling | None = None, inputs: bool = False
 ) -> dict[str, type[Effect]]:
     """Return the catalogue by id, and the measurement effects of the outputs as ``id(output)``.
 
@@ -83,6 +83,8 @@ def known_effects(
     cls : type[Component]
     sampling : Sampling, optional
         Sampling of the record for which measurement effects are made.
+    inputs : bool
+        Whether effects of inputs are among them, which any component has.
 
     Returns
     -------
@@ -92,10 +94,11 @@ def known_effects(
 
     if cls.engine is not None:  # without laws of its own, which an effect could change
         return {}
-    return {
-        effect_name(effect): effect
-        for effect in (*catalogue(cls).values(), *measurement_effects(cls, sampling))
-    }
+    known = effects_by_name(*catalogue(cls).values(), *measurement_effects(cls, sampling))
+    if not inputs:
+        return known
+    # first in order, and in value where an input's effect has the same name
+    return known | effects_of_inputs(cls, sampling) | known
 
 
 def effects_of_inputs(
@@ -155,7 +158,7 @@ def find_effects(
     user_effects = {name: _load_effect(name, cls) for name in names if names_class(name)}
     known = known_effects(cls, sampling) | user_effects
     if any(name not in known for name in names):
-        known = effects_of_inputs(cls, sampling) | known
+        known = known_effects(cls, sampling, inputs=True) | known
     for name in names:
         if name not in known:
             raise UserError(

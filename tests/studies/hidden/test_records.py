@@ -13,7 +13,7 @@ import pytest
 
 from fmus.kit import curves as catalogue_curves
 from fmus.kit.symbolic import list_laws
-from orchestration.fmu.model import effects_of_inputs, find_model, known_effects
+from orchestration.fmu.model import find_model, known_effects
 from studies.clean.records import Case, draw
 from studies.hidden import curves
 from studies.hidden.records import HiddenCase, cases, draw_hidden, left, widths
@@ -145,7 +145,7 @@ def test_right_answers_exist():
     names = {}
     for name in NAMES:
         cls = find_model(PLANTS[name].model).cls
-        effects = effects_of_inputs(cls) | known_effects(cls)
+        effects = known_effects(cls, inputs=True)
         names[name] = {*effects} | {effect.term.family for effect in effects.values()}
         layout = cls.layout
         names[name] |= {f"{law.name}()" for law in list_laws(cls)}
