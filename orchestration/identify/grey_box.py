@@ -22,14 +22,19 @@ from fmus.kit.arrays import Array, Signals
 from fmus.kit.units import Described, format_range, format_value
 from orchestration.identify import presentation
 from orchestration.identify.fitting import (
+    NO_ASSUMPTIONS,
+    Assumptions,
+    FitData,
     FitResult,
     FmuWithDifferences,
+    JointProblem,
     Problem,
+    Searches,
     Subject,
+    fit_from_starts,
     fit_in_noise,
-    fit_output_error,
 )
-from orchestration.identify.noise import fit_autoregression
+from orchestration.identify.noise import Autoregression, fit_autoregression
 from orchestration.identify.uncertainty import (
     LEVEL,
     Coordinate,
@@ -52,6 +57,8 @@ if TYPE_CHECKING:
 # standard error of a logarithm whose parameter is hardly determined
 _VAGUE = float(np.log(10.0) / ndtri(0.975))
 _COUPLED = 0.9  # correlation beyond which an interval of one parameter alone is misleading
+# standard errors of a residual's size beyond which it is larger than noise that is known
+_CLEARLY = 3.0
 _FEW = 50  # independent values below which the colour of a residual is not known well enough
 
 
@@ -77,6 +84,14 @@ class Fit(Displayable):
         be neither copied nor pickled.
     profiles : dict of str to Profile
         Profiles made so far, by parameter.
+    samples : int
+        Number of measured values.
+    deviance : float
+        Minus twice the log likelihood, up to ``samples * log(2 pi)``.
+    searches : int
+        Number of points from which a search began.
+    ties : Mapping of str to tuple of (float, str)
+        Factor, and the fitted parameter of which another one is that multiple.
     """
 
     estimates: dict[str, Estimate]
@@ -87,6 +102,10 @@ class Fit(Displayable):
     logarithmic: tuple[str, ...]
     likelihood: Likelihood | None = field(repr=False, compare=False)
     profiles: dict[str, Profile] = field(default_factory=dict, repr=False, compare=False)
+    samples: int = 0
+    deviance: float = float("nan")
+    searches: int = 1
+    ties: Mapping[str, tuple[float, str]] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the attributes that are copied and pickled."""
@@ -156,8 +175,17 @@ class Fit(Displayable):
 
     @property
     def values(self) -> dict[str, float]:
-        """Fitted values by name."""
-        return {name: e.value for name, e in self.estimates.items()}
+        """Fitted values by name, ``NAME@RECORD`` for one of a single record; those of ties too."""
+        return _with_ties({name: e.value for name, e in self.estimates.items()}, self.ties)
+
+    def values_of(self, record: str) -> dict[str, float]:
+        """Return the values of the model's parameters in one of several records, by its label."""
+        of_record = {}
+        for name, estimate in self.estimates.items():
+            plain, at, label = name.partition("@")
+            if not at or label == record:
+                of_record[plain] = estimate.value
+        return _with_ties(of_record, self.ties)
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
@@ -331,39 +359,104 @@ def fit_grey_box(
         If a name is unknown or given twice, a starting point is out of range, or there is nothing
         to fit to.
     """
+    return fit_records(cls, [FitData(time, inputs, measured)], names, fixed or {})
+
+
+def fit_records(
+    cls: Subject,
+    records: Sequence[FitData],
+    names: Sequence[str],
+    fixed: Mapping[str, float],
+    assumptions: Assumptions = NO_ASSUMPTIONS,
+) -> Fit:
+    """Fit parameters of one model to several records at once.
+
+    Parameters
+    ----------
+    cls, names, fixed
+        See :func:`fit_grey_box`.
+    records : sequence of FitData
+        With one set of parameters, but for start values of states and `Assumptions.each`.
+    assumptions : Assumptions
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    UserError
+        As :func:`fit_grey_box`, or if an assumption cannot be made.
+    """
     if len(set(names)) < len(names):
         raise UserError(f"a parameter to fit is named twice in {', '.join(names)}")
-    problem = Problem(cls, time, inputs, measured, names, fixed or {})
+    problem = _problem_of(cls, records, names, fixed, assumptions)
     _check_problem(problem)
-    fitted = fit_output_error(problem, problem.position(problem.start))
+    start = problem.position(problem.start)
+    searches = fit_from_starts(problem, start, assumptions.starts)
+    fitted = searches.best
     spread = _coloured_covariance(problem, fitted)
     intervals = problem.intervals(fitted.q, spread.standard_errors)
     estimates = {}
-    for name in names:
+    for name in problem.names:
         unit = problem.declared[name].unit
         estimates[name] = Estimate(fitted.values[name], problem.start[name], intervals[name], unit)
-    return Fit(
+    likelihood = Likelihood(cls, problem, fitted, spread)
+    fit = Fit(
         estimates=estimates,
         evaluations=problem.evaluations,
         warnings=[
+            *_start_warnings(searches),
             *_search_warnings(problem, fitted),
             *_weak_warnings(problem, fitted, spread),
             *_slow_warnings(problem, fitted),
+            *_noise_warnings(problem, fitted),
             *_limit_warnings(problem, fitted),
         ],
-        declared={name: problem.declared[name] for name in names},
-        correlations=spread.correlations(names),
+        declared={name: problem.declared[name] for name in (*problem.names, *assumptions.ties)},
+        correlations=spread.correlations(problem.names),
         logarithmic=tuple(
-            name for name, scale in zip(names, problem.scales, strict=True) if scale.logarithmic
+            name
+            for name, scale in zip(problem.names, problem.scales, strict=True)
+            if scale.logarithmic
         ),
-        likelihood=Likelihood(cls, problem, fitted, spread),
+        likelihood=likelihood,
+        samples=problem.samples,
+        deviance=problem.deviance(fitted.noise, fitted.residual),
+        searches=searches.made,
+        ties=dict(assumptions.ties),
     )
+    return fit
+
+
+def _problem_of(
+    cls: Subject,
+    records: Sequence[FitData],
+    names: Sequence[str],
+    fixed: Mapping[str, float],
+    assumptions: Assumptions,
+) -> Problem:
+    """Return the problem of one record or of several."""
+    if len(records) > 1:
+        return JointProblem(cls, records, names, fixed, assumptions)
+    if assumptions.each:
+        raise UserError(f"each {', '.join(assumptions.each)}: there is only one record")
+    time, inputs, measured, _ = records[0]
+    return Problem(cls, time, inputs, measured, names, fixed, assumptions=assumptions)
+
+
+def _with_ties(values: dict[str, float], ties: Mapping[str, tuple[float, str]]) -> dict[str, float]:
+    """Return values by name with those of tied parameters, where their sources have one."""
+    tied = {
+        name: factor * values[source] for name, (factor, source) in ties.items() if source in values
+    }
+    return values | tied
 
 
 def _check_problem(problem: Problem) -> None:
     """Refuse too few measured values, and starting points out of range."""
     names = problem.names
-    if len(names) >= problem.samples:
+    if len(names) >= problem.samples + len(problem.assumptions.priors):
         raise UserError(
             f"{len(names)} parameters cannot be fitted to {problem.samples} measured values"
         )
@@ -382,8 +475,11 @@ def _coloured_covariance(problem: Problem, fitted: FitResult) -> Covariance:
     weighted = []
     noise = []
     for output, model in fitted.noise.items():
+        weighted.append(np.sqrt(model.information) * (slopes[output] / model.deviation))
+        if output in problem.given:
+            noise.append(Autoregression(np.empty(0), 1.0))
+            continue
         information = np.sqrt(model.information)
-        weighted.append(information * (slopes[output] / model.deviation))
         score = fitted.weights[output] * fitted.innovation[output] / information
         noise.append(fit_autoregression(score))
     return sandwich_covariance(fitted.covariance, weighted, noise)
@@ -412,11 +508,36 @@ def _slow_warnings(problem: Problem, fitted: FitResult) -> list[str]:
     Residuals of the size of rounding errors are left out.
     """
     warnings = []
-    for output, residual in fitted.residual.items():
-        measured = problem.measured[output][problem.present[output]]
+    for output, y in problem.measured.items():
+        residual = fitted.residual[output]
+        measured = y[problem.present[output]]
         if _effective_samples(residual) < _FEW and np.std(residual) > 1e-6 * np.std(measured):
             warnings.append(f"the residual of {output} varies slowly: the intervals are too narrow")
     return warnings
+
+
+def _noise_warnings(problem: Problem, fitted: FitResult) -> list[str]:
+    """Return a warning for each output whose residual is clearly larger than its known noise."""
+    warnings = []
+    for output in problem.assumptions.noise:
+        innovation = fitted.innovation[output]
+        ratio = float(np.sqrt(np.mean(innovation**2)))
+        if ratio > 1.0 + _CLEARLY / np.sqrt(2.0 * len(innovation)):
+            warnings.append(
+                f"the residual of {output} is {ratio:.2g} times the noise that was given: the"
+                " intervals are too narrow"
+            )
+    return warnings
+
+
+def _start_warnings(searches: Searches) -> list[str]:
+    """Return a warning if the search from the start ended in another minimum than the best."""
+    if searches.gain == 0.0:
+        return []
+    return [
+        f"the error has several minima: from the start the search ends at one whose deviance is"
+        f" {searches.gain:.3g} higher; these values are the best of {searches.made} searches"
+    ]
 
 
 def _effective_samples(residual: Array) -> float:

@@ -1,7 +1,12 @@
 from .any_fmu import FmuWithDifferences as FmuWithDifferences
+from .assumptions import NO_ASSUMPTIONS as NO_ASSUMPTIONS
+from .assumptions import Assumptions as Assumptions
+from .joint_problem import FitData as FitData
+from .joint_problem import JointProblem as JointProblem
+from .multi_start import Searches as Searches
+from .multi_start import fit_from_starts as fit_from_starts
 from .output_error import FitResult as FitResult
 from .output_error import fit_in_noise as fit_in_noise
-from .output_error import fit_output_error as fit_output_error
 from .problem import Problem as Problem
 from .problem import Scale as Scale
 from .problem import Subject as Subject

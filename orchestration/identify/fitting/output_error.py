@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.kit.arrays import Array, Signals
+from fmus.kit.arrays import Array, Mask, Signals
 from orchestration.identify.fitting.least_squares import Minimum, minimise
 from orchestration.identify.fitting.problem import Problem
 from orchestration.identify.fitting.simulation_error import error_at
@@ -94,6 +94,7 @@ def fit_output_error(problem: Problem, start: Array) -> FitResult:
     at_start = _pass_at_start(problem, np.clip(start, low, high))
     begin = np.clip(_move_off_bounds(problem, start), low, high)
     size = {name: Noise(float(np.nanstd(y)) or 1.0) for name, y in problem.measured.items()}
+    size |= problem.given
     best = _iterate(problem, _one_pass(problem, begin, size))
     # tails are estimated by more than the likelihood: passes may end less likely than they begin
     if at_start and at_start.bic < best.bic:
@@ -273,6 +274,7 @@ def _assess(problem: Problem, end: _Pass) -> FitResult:
     score = np.concatenate([weights[output] * innovation[output] for output in noise])
     curvature = _curvature(noise, innovation)
     information = weighted_square(jacobian, curvature.expected)
+    is_given = np.concatenate([np.full_like(innovation[o], o in problem.given) for o in noise])
     return FitResult(
         q,
         problem.values(q),
@@ -282,7 +284,7 @@ def _assess(problem: Problem, end: _Pass) -> FitResult:
         weights,
         information,
         converged=end.minimum.converged,
-        covariance=_covariance(jacobian, score, curvature, information),
+        covariance=_covariance(jacobian, score, curvature, information, is_given > 0.0),
     )
 
 
@@ -305,7 +307,7 @@ def _curvature(noise: Mapping[str, Noise], innovation: Signals) -> _Curvature:
 
 
 def _covariance(
-    jacobian: Array, score: Array, curvature: _Curvature, information: Array
+    jacobian: Array, score: Array, curvature: _Curvature, information: Array, is_given: Mask
 ) -> Covariance:
     """Return the covariance of the parameters, corrected for noise of varying level.
 
@@ -321,13 +323,15 @@ def _covariance(
     curvature : _Curvature
     information : ndarray, shape (p, p)
         Expected curvature.
+    is_given : ndarray of bool, shape (m,)
+        Innovations whose noise is given; their scores are as large as it says, with no leverage.
     """
     observed = weighted_square(jacobian, curvature.observed)
-    if not _is_positive(observed, information):
-        plain = parameter_covariance(information)
-        return heteroscedastic(plain, jacobian, score, curvature.expected)
-    bread = parameter_covariance(observed)
-    return heteroscedastic(bread, jacobian, score, curvature.observed)
+    positive = _is_positive(observed, information)
+    bread = parameter_covariance(observed if positive else information)
+    curved = curvature.observed if positive else curvature.expected
+    score = np.where(is_given, np.sqrt(curvature.expected), score)
+    return heteroscedastic(bread, jacobian, score, np.where(is_given, 0.0, curved))
 
 
 def _is_positive(observed: Array, expected: Array) -> bool:

@@ -15,7 +15,9 @@ from scipy.special import ndtri
 
 from fmus.kit import Component, UserError
 from fmus.kit.arrays import Array, Signals
+from fmus.kit.units import format_range
 from orchestration.identify.fitting.any_fmu import FmuWithDifferences
+from orchestration.identify.fitting.assumptions import NO_ASSUMPTIONS, Assumptions, prior_row
 from orchestration.identify.fitting.delay import DelayedModel
 from orchestration.identify.fitting.simulation_input import SimulationInput
 from orchestration.identify.noise import Noise, estimate_noise, noise_samples
@@ -82,6 +84,7 @@ class Problem:
         Parameters to search, start values of states included.
     fixed : Mapping[str, float]
         Values of others, and starting points of those to search.
+    assumptions : Assumptions
 
     Attributes
     ----------
@@ -99,11 +102,13 @@ class Problem:
         Simulations made.
     held : list of int
         Coordinates that are not searched.
+    given : dict of str to Noise
+        Noise that is not estimated: of outputs by `Assumptions.noise`, and of priors.
 
     Raises
     ------
     UserError
-        If a name is unknown or its parameter is not real.
+        If a name is unknown or its parameter is not real, or an assumption cannot be made.
     """
 
     def __init__(
@@ -114,12 +119,17 @@ class Problem:
         measured: Signals,
         names: Sequence[str],
         fixed: Mapping[str, float],
+        *,
+        assumptions: Assumptions = NO_ASSUMPTIONS,
     ):
+        assumptions.check(names, measured)
+        self.assumptions = assumptions
+        moved = [*names, *assumptions.ties]
         self.model = (
-            cls if isinstance(cls, FmuWithDifferences) else DelayedModel(cls, names, measured)
+            cls if isinstance(cls, FmuWithDifferences) else DelayedModel(cls, moved, measured)
         )
         self.declared: dict[str, Any] = {p.name: p for p in self.model.layout.parameters}
-        for name in names:
+        for name in moved:
             if self.declared[name].type != "real":
                 raise UserError(
                     f"{name} is {self.declared[name].type}; only real parameters can be fitted"
@@ -127,7 +137,11 @@ class Problem:
         self.time = time
         self.inputs = inputs
         self.names = list(names)
-        self.start = {name: float(p.start) for name, p in self.declared.items()} | dict(fixed)
+        self.declared = assumptions.bounded(self.declared)
+        defaults = {name: float(p.start) for name, p in self.declared.items()}
+        for name, ends in assumptions.bounds.items():
+            defaults[name] = float(np.clip(defaults[name], *ends))
+        self.start = defaults | dict(fixed)
         self.measured = {output: y for output, y in measured.items() if np.isfinite(y).any()}
         self.present = {output: np.isfinite(y) for output, y in self.measured.items()}
         # indexing with a mask copies; a slice does not
@@ -137,7 +151,11 @@ class Problem:
             output: noise_samples(has_step, y)[self.present[output]]
             for output, y in self.measured.items()
         }
-        self.scales = [scale_of(self.declared[name], self.start[name]) for name in names]
+        self.scales = [
+            scale_of(self.declared[name], self.start[name], assumptions.scales.get(name))
+            for name in names
+        ]
+        self.given = assumptions.given
         self.evaluations = 0
         self._most_steps = 0.0
         self._step = float(np.median(np.diff(time)))
@@ -157,21 +175,71 @@ class Problem:
         if self._at is None or self._at[0] != q.tobytes():
             self.evaluations += 1
             self._at = None  # frees the memory of the last simulation
-            values = self.start | self.values(q)
-            trajectory = self.model.run(
-                SimulationInput(self.time, self.inputs, values, self._step_limit)
-            )
-            self._most_steps = max(self._most_steps, trajectory.steps)
+            values = self.values(q)
+            residual, sensitivities = self.simulate(values)
             slopes = np.array([s.slope(x) for s, x in zip(self.scales, q, strict=True)])
-            residual = {}
-            jacobian = {}
-            for output, y in self.measured.items():
-                where = self._where[output]
-                residual[output] = (y - trajectory.signals[output])[where]
-                # taken out, as both at once are much memory for a long record
-                jacobian[output] = trajectory.sensitivities.pop(output)[where] * -slopes
+            # taken out one by one, as all at once are much memory for a long record
+            jacobian = {output: sensitivities.pop(output) * -slopes for output in residual}
+            for i, name in enumerate(self.names):
+                self._add_prior(
+                    name, values[name], np.eye(len(q))[i] * slopes[i], residual, jacobian
+                )
             self._at = (q.tobytes(), residual, jacobian)
         return self._at[1:]
+
+    def _add_prior(
+        self,
+        name: str,
+        value: float,
+        slope: Array,
+        residual: dict[str, Array],
+        jacobian: dict[str, Array],
+    ) -> None:
+        """Add the prior of a parameter, if it has one, as a residual of unit variance."""
+        prior = self.assumptions.priors.get(name)
+        if prior is not None:
+            mean, deviation = prior
+            residual[prior_row(name)] = np.array([(mean - value) / deviation])
+            jacobian[prior_row(name)] = -slope[np.newaxis] / deviation
+
+    def simulate(self, values: Mapping[str, float]) -> tuple[dict[str, Array], dict[str, Array]]:
+        """Return residuals (m,) at values, and derivatives (m, p) of the simulation by these.
+
+        Raises
+        ------
+        UserError
+            If the simulation fails there.
+        """
+        ties = self.assumptions.ties
+        tied = {name: factor * values[source] for name, (factor, source) in ties.items()}
+        trajectory = self.model.run(
+            SimulationInput(
+                self.time, self.inputs, {**self.start, **values, **tied}, self._step_limit
+            )
+        )
+        self._most_steps = max(self._most_steps, trajectory.steps)
+        residual = {}
+        sensitivities = {}
+        for output, y in self.measured.items():
+            where = self._where[output]
+            residual[output] = (y - trajectory.signals[output])[where]
+            by_value = trajectory.sensitivities.pop(output)[where]
+            if ties:
+                by_value = by_value @ self._chain
+            weights = self.assumptions.weights.get(output)
+            if weights is not None:
+                residual[output] = residual[output] * weights[where]
+                by_value = by_value * weights[where][:, np.newaxis]
+            sensitivities[output] = by_value
+        return residual, sensitivities
+
+    @property
+    def _chain(self) -> Array:
+        """Derivatives (p + t, p) of searched parameters and t tied ones by the searched ones."""
+        rows = [*np.eye(len(self.names))]
+        for factor, source in self.assumptions.ties.values():
+            rows.append(factor * rows[self.names.index(source)])
+        return np.array(rows)
 
     @property
     def _step_limit(self) -> float:
@@ -184,8 +252,10 @@ class Problem:
 
     def noise(self, residual: Signals) -> dict[str, Noise]:
         """Return the noise that is estimated from residuals, (m,) by output."""
+        freedom = self.assumptions.freedom
         return {
-            output: estimate_noise(error, self.noise_samples[output])
+            output: self.given.get(output)
+            or estimate_noise(error, self.noise_samples[output], freedom)
             for output, error in residual.items()
         }
 
@@ -285,9 +355,21 @@ class Problem:
         return np.clip(q, low + nudge, high - nudge)
 
 
-def scale_of(declaration: Any, value: float) -> Scale:
-    """Choose the scale in which a parameter is searched that starts from a value."""
+def scale_of(declaration: Any, value: float, wanted: str | None = None) -> Scale:
+    """Choose the scale in which a parameter is searched that starts from a value.
+
+    Raises
+    ------
+    UserError
+        If a logarithm is wanted of a parameter that may be zero or below.
+    """
     positive = declaration.min >= 0.0 and value > 0.0
+    if wanted == "logarithmic" and not positive:
+        raise UserError(
+            f"scale {declaration.name}: a logarithm needs a start above zero and a range from zero"
+            f" on; it starts at {value:g}, with {format_range(declaration)}"
+        )
+    positive = positive and wanted != "linear"
     if declaration.starts:
         # the start value of a state may be small by chance
         return Scale(positive, max(abs(value), declaration.nominal))

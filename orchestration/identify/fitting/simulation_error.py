@@ -32,7 +32,7 @@ def pooled_error(residual: Signals, scales: Mapping[str, float]) -> float:
     scales : Mapping of str to float
         See `error_scales`.
     """
-    scaled = np.concatenate([error / scales[output] for output, error in residual.items()])
+    scaled = np.concatenate([residual[output] / scale for output, scale in scales.items()])
     return float(np.sqrt(np.mean(scaled**2)))
 
 

@@ -68,7 +68,7 @@ class Noise:
         return shape + 2.0 * n * float(np.log(self.deviation))
 
 
-def estimate_noise(residual: Array, undisturbed: Mask) -> Noise:
+def estimate_noise(residual: Array, undisturbed: Mask, freedom: float | None = None) -> Noise:
     """Estimate the noise of a residual; BIC decides between Gaussian and heavy tails.
 
     Parameters
@@ -77,12 +77,17 @@ def estimate_noise(residual: Array, undisturbed: Mask) -> Noise:
     undisturbed : ndarray of bool, shape (m,)
         Samples at which an incomplete model has no reason to be far off, see `noise_samples`. Tails
         are heavy where these and all samples agree.
+    freedom : float, optional
+        Degrees of freedom that are known; infinite for Gaussian noise.
 
     Returns
     -------
     Noise
     """
     gaussian = _estimate_gaussian(residual)
+    if freedom is not None:
+        _, scale = heavy_tails(residual / gaussian.deviation, freedom)
+        return Noise(max(gaussian.deviation * scale, _LEAST), freedom)
     if _estimate_freedom(residual / gaussian.deviation, undisturbed) == inf:
         return gaussian
     # outliers inflate the deviation: it is estimated without them

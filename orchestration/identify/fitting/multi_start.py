@@ -1,0 +1,101 @@
+"""Searches from several points, where the error may have more than one minimum.
+
+A residual that is white leaves nothing to explain, and no other minimum is deeper by more than
+chance: then one search is enough. Else points are drawn over the ranges, and searches begin at the
+best of them (Rinnooy Kan and Timmer, Mathematical Programming 39, 1987).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fmus.kit import UserError
+from fmus.kit.arrays import Array
+from orchestration.identify.fitting.output_error import FitResult, fit_output_error
+from orchestration.identify.fitting.problem import Problem
+from orchestration.identify.fitting.simulation_error import error_at
+from orchestration.identify.noise import WHITENESS_SAMPLES, whiteness
+
+_STARTS = 5  # searches, unless their number is given
+_DRAWN = 4  # points drawn for each search that begins at one of them
+# half the width, in searched coordinates, over which points are drawn where a range is wider: a
+# factor of ten in a logarithm, three sizes else
+_REACH = {True: float(np.log(10.0)), False: 3.0}
+_DEEPER = 1.0  # fall of the deviance beyond which a minimum is another one
+
+
+class Searches(NamedTuple):
+    """The best of several searches.
+
+    Attributes
+    ----------
+    best : FitResult
+    made : int
+    gain : float
+        Fall of the deviance below the end of the first search.
+    """
+
+    best: FitResult
+    made: int = 1
+    gain: float = 0.0
+
+
+def fit_from_starts(problem: Problem, start: Array, count: int | None) -> Searches:
+    """Fit from a start, and from others where a deeper minimum may exist.
+
+    Parameters
+    ----------
+    problem : Problem
+    start : ndarray, shape (p,)
+    count : int or None
+        Searches; None for `_STARTS`, or one if its residual is white.
+
+    Raises
+    ------
+    UserError
+        If the simulation fails at the start.
+    """
+    first = fit_output_error(problem, start)
+    made = 1
+    best = first
+    if count is None:
+        count = 1 if _is_white(problem, first) else _STARTS
+    for point in _points(problem, start, count - 1):
+        try:
+            found = fit_output_error(problem, point)
+        except UserError:
+            continue
+        made += 1
+        if _deviance(problem, found) < _deviance(problem, best) - _DEEPER:
+            best = found
+    return Searches(best, made, _deviance(problem, first) - _deviance(problem, best))
+
+
+def _deviance(problem: Problem, fitted: FitResult) -> float:
+    return problem.deviance(fitted.noise, fitted.residual)
+
+
+def _is_white(problem: Problem, fitted: FitResult) -> bool:
+    """Return whether the residual of every output is long enough for a test, and white."""
+    tested = [fitted.residual[output] for output in problem.measured]
+    return all(len(r) >= WHITENESS_SAMPLES and whiteness(r).is_white for r in tested)
+
+
+def _points(problem: Problem, start: Array, count: int) -> list[Array]:
+    """Return the points with the least error of a Latin hypercube over the ranges."""
+    if count < 1:
+        return []
+    low, high = problem.bounds()
+    reach = np.array([_REACH[scale.logarithmic] for scale in problem.scales])
+    given = [name.partition("@")[0] in problem.assumptions.bounds for name in problem.names]
+    low = np.where(given & np.isfinite(low), low, np.maximum(low, start - reach))
+    high = np.where(given & np.isfinite(high), high, np.minimum(high, start + reach))
+    drawn = _DRAWN * count
+    random = np.random.default_rng(0)
+    cells = np.array([random.permutation(drawn) for _ in start]).T
+    points = low + (high - low) * (cells + random.random(cells.shape)) / drawn
+    errors = [error_at(problem, point) for point in points]
+    best = np.argsort(errors)[:count]
+    return [points[i] for i in best if np.isfinite(errors[i])]
