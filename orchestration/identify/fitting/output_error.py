@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.kit.arrays import Array, Mask, Signals
+from orchestration.identify.fitting.any_fmu import FmuWithDifferences
 from orchestration.identify.fitting.least_squares import Minimum, minimise
 from orchestration.identify.fitting.problem import Problem
 from orchestration.identify.fitting.simulation_error import error_at
@@ -25,8 +26,10 @@ from orchestration.identify.uncertainty import (
 )
 
 # Fall of the sum of squared innovations, of variance 1, below which a search ends: where rounding
-# begins, as the values are the result.
-_TOLERANCE = 1e-6
+# begins, as the values are the result. With differences of runs it begins earlier.
+_TOLERANCE = 1e-12
+_TOLERANCE_OF_DIFFERENCES = 1e-6
+_LEAST_TOLERANCE = 1e-14  # relative to the sum
 _TRIALS = 200  # points that the search of a pass tries
 _PASSES = 5  # of parameters in given noise, and of the noise of the residual
 _SETTLED = 1e-3  # fall of BIC from one pass to the next below which no further one is made
@@ -160,7 +163,9 @@ class _Loss:
     def minimise_smooth(self, start: Array) -> Minimum:
         """Minimise within the bounds about a start where the residuals are smooth."""
         low, high = self.problem.smooth_bounds(start)
-        tolerance = _TOLERANCE / self.problem.samples
+        by_differences = isinstance(self.problem.model, FmuWithDifferences)
+        least_fall = _TOLERANCE_OF_DIFFERENCES if by_differences else _TOLERANCE
+        tolerance = max(least_fall / self.problem.samples, _LEAST_TOLERANCE)
         return minimise(
             self._rows, self._slopes, start, low, high, tolerance=tolerance, trials=_TRIALS
         )
