@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Unpack
 
+from orchestration.api.assumptions import assumptions_of
 from orchestration.api.declaration import takes
 from orchestration.api.forms import given_names
 from orchestration.api.options import CompareKeywords, FitKeywords
-from orchestration.api.records import Data, matching_record
+from orchestration.api.records import Data, Records, matching_record, matching_runs
 from orchestration.api.simulation import AnyModel, as_measured, values_of
 from orchestration.fmu.model import built
 from orchestration.identify import Comparison, Fit, comparison
+from orchestration.records import record_labels
 
 
 @takes(CompareKeywords)
@@ -57,7 +59,7 @@ def compare(
 
 @takes(FitKeywords)
 def fit(
-    record: Data,
+    record: Records,
     model: AnyModel,
     names: str | Sequence[str],
     **options: Unpack[FitKeywords],
@@ -69,8 +71,9 @@ def fit(
 
     Parameters
     ----------
-    record : Record, str, Path, DataFrame or Mapping of str to array_like, shape (n,)
-        From `read_record`, or an argument of it.
+    record : Record, str, Path, DataFrame or Mapping of str to array_like, or sequence of these
+        From `read_record`, or an argument of it. Several records, and the runs of a file, have one
+        set of parameters, but for start values of states and `each`.
     model : Model, System, type[Component], str or Path
         A component, any FMU, ``path/to/file.py:Class``, a class such as ``diagnose(...).model``, or
         a system, by its name or its ``.ssp`` file.
@@ -98,16 +101,14 @@ def fit(
     """
     declared = as_measured(model).with_options(options)
     given = values_of(declared, options["settings"])
-    data = matching_record(record, declared, options)
-    subject = comparison.with_measured(built(declared), data)
-    inputs = {name: values for name, values in data.signals.items() if name in subject.inputs}
-    measured = {name: values for name, values in data.signals.items() if name in subject.outputs}
+    data = matching_runs(record, declared, options)
+    subject = comparison.with_measured(built(declared), *data)
+    labels = record_labels(data)
     return comparison.fit_model(
         subject,
-        data.time,
-        inputs,
-        measured,
+        [comparison.fit_data(subject, *pair) for pair in zip(data, labels, strict=True)],
         given_names(names, "names ="),
         given,
+        assumptions_of(subject, options),
         workers=options["workers"],
     )

@@ -187,8 +187,8 @@ class UnitsOption(TypedDict, total=False):
     ]
 
 
-class RecordOptions(MappingOption, total=False):
-    """Records of a diagnosis: columns, runs, common parameters, validation data."""
+class RunsOptions(TypedDict, total=False):
+    """Records of one file, and the parameters that are not shared by records."""
 
     runs: Annotated[
         str | None,
@@ -208,6 +208,11 @@ class RecordOptions(MappingOption, total=False):
             form=NAMES,
         ),
     ]
+
+
+class RecordOptions(MappingOption, RunsOptions, total=False):
+    """Records of a diagnosis: columns, runs, common parameters, validation data."""
+
     holdout: Annotated[
         "Records | None",
         Option(
@@ -544,11 +549,104 @@ class FittedOption(TypedDict, total=False):
     ]
 
 
-class FitKeywords(MappingOption, SettingsOption, ToleranceOption, WorkersOption, total=False):
+class AssumptionOptions(RunsOptions, total=False):
+    """What a fit assumes beyond the parameters that it searches."""
+
+    bounds: Annotated[
+        Mapping[str, Any] | None,
+        Option(
+            "Range of a fitted parameter, e.g. R1=0.1..2ohm; an end may be left out. Repeatable.",
+            "Ranges of fitted parameters inside those of the model: both ends in its units, or a"
+            ' text such as ``"0.1..2ohm"``, of which an end may be left out.',
+            kind="Mapping of str to tuple of float or str, optional",
+            metavar="NAME=LOW..HIGH",
+            form=SETTINGS,
+        ),
+    ]
+    scale: Annotated[
+        Mapping[str, str] | None,
+        Option(
+            "Search a parameter linear or logarithmic, e.g. k1=linear. Repeatable.",
+            "The coordinate in which a parameter is searched, ``linear`` or ``logarithmic``; by"
+            " default the logarithm where it is positive by nature.",
+            metavar="NAME=SCALE",
+            form=SETTINGS,
+        ),
+    ]
+    prior: Annotated[
+        Mapping[str, Any] | None,
+        Option(
+            "Mean and standard deviation known beforehand, e.g. R1=0.43+-0.05ohm. Repeatable.",
+            "What is known of a parameter beforehand: mean and standard deviation in the model's"
+            ' units, or a text such as ``"0.43+-0.05 ohm"``, also with ``±``.',
+            kind="Mapping of str to tuple of float or str, optional",
+            metavar="NAME=MEAN+-DEVIATION",
+            form=SETTINGS,
+        ),
+    ]
+    tie: Annotated[
+        Mapping[str, Any] | None,
+        Option(
+            "A parameter as a multiple of a fitted one, e.g. k2=1.6*k1. Repeatable.",
+            "Parameters that are a multiple of a fitted one: factor and name, or a text such as"
+            ' ``"1.6*k1"``.',
+            kind="Mapping of str to tuple of (float, str) or str, optional",
+            metavar="NAME=FACTOR*NAME",
+            form=SETTINGS,
+        ),
+    ]
+    noise: Annotated[
+        Mapping[str, Any] | None,
+        Option(
+            "Known standard deviation of an output, e.g. voltage=2mV; default estimated."
+            " Repeatable.",
+            "Known standard deviations of outputs, in the model's units or with a unit. Those of"
+            " others are estimated from the residual.",
+            kind="Mapping of str to float or str, optional",
+            metavar="OUTPUT=DEVIATION",
+            form=SETTINGS,
+        ),
+    ]
+    weights: Annotated[
+        "Mapping[str, ArrayLike] | None",
+        Option(
+            doc="By output the weight of every sample of the only record, as a factor of its"
+            " residual: one over its standard deviation, up to a common factor.",
+            kind="Mapping of str to array_like, shape (n,), optional",
+        ),
+    ]
+    loss: Annotated[
+        str,
+        Option(
+            "How errors count: squares, student or cauchy (robust), or auto: by their tails.",
+            "How errors count: as squares; as deviance of Student's t with 4 degrees of freedom, or"
+            " of Cauchy's distribution, which outliers move little; or, ``auto``, as squares unless"
+            " the tails of the residual are heavy.",
+            default="auto",
+            choices=("auto", "squares", "student", "cauchy"),
+        ),
+    ]
+    starts: Annotated[
+        int | None,
+        Option(
+            "Points that a search begins at; default 1, and 5 if the residual is not white.",
+            "Points at which a search begins; by default one, and five if the residual is not white"
+            " then, so that a deeper minimum may exist.",
+            least=1,
+            metavar="N",
+        ),
+    ]
+
+
+class FitKeywords(
+    MappingOption, SettingsOption, ToleranceOption, WorkersOption, AssumptionOptions, total=False
+):
     """Keyword arguments of ``fit``."""
 
 
-class CompareKeywords(FittedOption, FitKeywords, total=False):
+class CompareKeywords(
+    FittedOption, MappingOption, SettingsOption, ToleranceOption, WorkersOption, total=False
+):
     """Keyword arguments of ``compare``."""
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -10,7 +10,11 @@ from fmus.kit import UserError
 from orchestration.reporting.console import detail, note, progress, warn
 
 if TYPE_CHECKING:
-    from orchestration.cli.commands.options import MeasuredOptions
+    from orchestration.cli.commands.options import (
+        IdentifyCommand,
+        MeasuredOptions,
+        MeasuringOptions,
+    )
     from orchestration.fmu import Model, Value
     from orchestration.records import Record
 
@@ -31,18 +35,39 @@ def open_measured(options: MeasuredOptions, runtime: str | None = None) -> Measu
     UserError
         If either cannot be read, or they do not fit.
     """
-    from orchestration.api import as_measured, values_of
     from orchestration.api.options import source_of
     from orchestration.identify import read_for
+
+    def read(declared: Model) -> list[Record]:
+        return [read_for(declared, source_of(options["record"], options), options["mapping"])]
+
+    model, (record,), parameters = _opened(options, read, runtime)
+    return MeasuredModel(model, record, parameters)
+
+
+def open_runs(options: IdentifyCommand) -> tuple[Model, list[Record], dict[str, Value]]:
+    """Open a model and all runs of its records; see `open_measured`."""
+    from orchestration.api.records import matching_runs
+
+    return _opened(options, lambda declared: matching_runs(options["records"], declared, options))
+
+
+def _opened(
+    options: MeasuringOptions,
+    read: Callable[[Model], list[Record]],
+    runtime: str | None = None,
+) -> tuple[Model, list[Record], dict[str, Value]]:
+    from orchestration.api import as_measured, values_of
     from orchestration.reporting.console import tell_repairs
 
     found = as_measured(options["model"], options["laid_over"], runtime)
     declared = found.with_options(options)
     parameters = values_of(declared, options["settings"], options["preset"])
-    record = read_for(declared, source_of(options["record"], options), options["mapping"])
-    tell_repairs(record.repairs)
-    check_inputs(declared, record.signals, parameters)
-    return MeasuredModel(build_model(declared, runtime), record, parameters)
+    records = read(declared)
+    for record in records:
+        tell_repairs(record.repairs)
+        check_inputs(declared, record.signals, parameters)
+    return build_model(declared, runtime), records, parameters
 
 
 def model_file(name: str) -> Path | None:

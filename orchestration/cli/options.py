@@ -187,6 +187,21 @@ class RecordArgument(TypedDict, total=False):
     ]
 
 
+class RecordsArgument(TypedDict, total=False):
+    """One or several records, a positional argument."""
+
+    records: Annotated[
+        list[Path],
+        Option(
+            "Measured records: CSV, Parquet, TDMS, MAT or LabVIEW text. Several have one set of"
+            " parameters.",
+            default=REQUIRED,
+            metavar="RECORD...",
+            argument=True,
+        ),
+    ]
+
+
 class JsonOption(TypedDict, total=False):
     """The result as figures."""
 

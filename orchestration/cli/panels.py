@@ -65,6 +65,12 @@ _PANELS = {
     "Fit and search": (
         "fit",
         "profile",
+        "bounds",
+        "scale",
+        "prior",
+        "tie",
+        "noise",
+        "loss",
         "effects",
         "hold",
         "time",

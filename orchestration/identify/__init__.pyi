@@ -3,6 +3,7 @@ from . import comparison as comparison
 from . import effect_sizes as effect_sizes
 from . import parameter_set as parameter_set
 from .comparison import Comparison as Comparison
+from .comparison import JointComparison as JointComparison
 from .comparison import fit_model as fit_model
 from .comparison import read_for as read_for
 from .comparison import read_runs_for as read_runs_for

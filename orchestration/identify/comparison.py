@@ -9,18 +9,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmus.kit.arrays import Array, Signals
+from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError, find
 from orchestration.fmu import Model, Value
 from orchestration.fmu.isolation import limits_of
 from orchestration.fmu.signal import join_names, numeric
 from orchestration.fmu.simulation import simulate, source_of
 from orchestration.identify import presentation
-from orchestration.identify.fitting import FmuWithDifferences
-from orchestration.identify.grey_box import Fit, fit_grey_box
+from orchestration.identify.fitting import (
+    NO_ASSUMPTIONS,
+    Assumptions,
+    FitData,
+    FmuWithDifferences,
+)
+from orchestration.identify.grey_box import Fit, fit_records
 from orchestration.identify.metrics import fit_percent, rms
 from orchestration.identify.noise import WHITENESS_SAMPLES, Whiteness, whiteness
-from orchestration.records import Record, Source, read_record, read_runs
+from orchestration.records import Record, Source, read_record, read_runs, record_labels
 from orchestration.reporting import Displayable, one_line, option, write_page
 
 if TYPE_CHECKING:
@@ -216,6 +221,53 @@ def _check_outputs(record: Record, model: Model) -> None:
         )
 
 
+@dataclass(frozen=True)
+class JointComparison(Displayable):
+    """A model against several records that it was fitted to together.
+
+    Attributes
+    ----------
+    comparisons : dict of str to Comparison
+        By the label of the record, each with the same fit.
+    fit : Fit
+    """
+
+    comparisons: dict[str, Comparison]
+    fit: Fit
+
+    def overview(self) -> Iterator[RenderableType]:
+        """Yield the goodness of fit of each record, and the parameters once."""
+        for one in self.comparisons.values():
+            yield presentation.goodness(one)
+            yield ""
+        yield presentation.parameters(self.fit)
+        yield from presentation.coupled(self.fit)
+
+    def __repr__(self) -> str:
+        return one_line(f"JointComparison of {', '.join(self.comparisons)}: {self.fit!r}")
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the goodness of fit as a table, a row for each record, output and run."""
+        import pandas
+
+        return pandas.concat(
+            {label: one.to_frame() for label, one in self.comparisons.items()}, names=["record"]
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures, ready for JSON: those of each record, and of the fit once."""
+        records = []
+        for label, one in self.comparisons.items():
+            figures = one.to_dict()
+            fitted = figures.pop("fitted")
+            records.append({**figures, "label": label, "fitted": {"outputs": fitted["outputs"]}})
+        return {"records": records, "fitted": self.fit.to_dict()}
+
+    def report(self, path: str | Path, command: str = "") -> Path:
+        """Write a page about the fit, as `Comparison.report` does."""
+        return write_page(self, path, command)
+
+
 def compare(
     model: Model,
     record: Record,
@@ -248,29 +300,72 @@ def compare(
     UserError
         If the FMU fails, or a parameter cannot be fitted.
     """
+    if names:
+        found = compare_fitted(
+            model, [record], dict(parameters or {}), names, progress=progress, workers=workers
+        )
+        return next(iter(found.comparisons.values()))
     given = dict(parameters or {})
     model = with_measured(model, record)
+    progress(f"simulating {source_of(model).name} over {record.time.size} samples")
+    before = _assess(model, fit_data(model, record), given)
+    return Comparison(model, record, given, before, fit=None, after=None)
+
+
+def compare_fitted(
+    model: Model,
+    records: Sequence[Record],
+    given: dict[str, Value],
+    names: Sequence[str],
+    assumptions: Assumptions = NO_ASSUMPTIONS,
+    *,
+    progress: Callable[[str], None] = lambda text: None,
+    workers: int = 1,
+) -> JointComparison:
+    """Fit parameters to records together, and assess each of them before and after.
+
+    Parameters
+    ----------
+    model, given, names, progress, workers
+        See :func:`compare`.
+    records : sequence of Record
+    assumptions : Assumptions
+
+    Raises
+    ------
+    UserError
+        If the FMU fails, or a parameter cannot be fitted.
+    """
+    model = with_measured(model, *records)
     names = _checked_names(model, names, f"{option('fit', [*names])}: ")
+    labels = record_labels(records)
+    data = [fit_data(model, *pair) for pair in zip(records, labels, strict=True)]
+    samples = sum(record.time.size for record in records)
+    progress(f"simulating {source_of(model).name} over {samples} samples")
+    before = [_assess(model, one, given) for one in data]
+    progress(f"fitting {', '.join(names)}")
+    fit = fit_model(model, data, names, given, assumptions, workers=workers)
+    progress("simulating with the fitted parameters")
+    comparisons = {}
+    for record, one, first in zip(records, data, before, strict=True):
+        after = _assess(model, one, given | fit.values_of(one.label))
+        comparisons[one.label] = Comparison(model, record, given, first, fit=fit, after=after)
+    return JointComparison(comparisons, fit)
+
+
+def fit_data(model: Model, record: Record, label: str = "") -> FitData:
+    """Return a record as a fit takes it: the model's inputs, and what was measured of it."""
     inputs = {name: values for name, values in record.signals.items() if name in model.inputs}
     measured = {name: values for name, values in record.signals.items() if name in model.outputs}
-    progress(f"simulating {source_of(model).name} over {record.time.size} samples")
-    before = _assess(model, record.time, inputs, measured, given)
-    if not names:
-        return Comparison(model, record, given, before, fit=None, after=None)
-    progress(f"fitting {', '.join(names)}")
-    fit = fit_model(model, record.time, inputs, measured, names, given, workers=workers)
-    progress("simulating with the fitted parameters")
-    after = _assess(model, record.time, inputs, measured, given | fit.values)
-    return Comparison(model, record, given, before, fit=fit, after=after)
+    return FitData(record.time, inputs, measured, label)
 
 
 def fit_model(
     model: Model,
-    time: Array,
-    inputs: Signals,
-    measured: Signals,
+    records: Sequence[FitData],
     names: Sequence[str],
     given: Mapping[str, Value],
+    assumptions: Assumptions = NO_ASSUMPTIONS,
     *,
     workers: int = 1,
 ) -> Fit:
@@ -279,14 +374,13 @@ def fit_model(
     Parameters
     ----------
     model : Model
-    time : ndarray, shape (n,)
-        Seconds.
-    inputs, measured : Mapping of str to ndarray, shape (n,)
+    records : sequence of FitData
         In the FMU's units.
     names : sequence of str
         Parameters to fit.
     given : Mapping of str to float or str
         Values of other parameters and of constant inputs; starting points of the fitted ones.
+    assumptions : Assumptions
     workers : int
         Processes that run an FMU without equations side by side.
 
@@ -296,17 +390,20 @@ def fit_model(
         If a parameter is unknown or cannot be fitted, or the model cannot be simulated.
     """
     names = _checked_names(model, names)
-    constant = {
-        name: np.full(time.size, value) for name, value in given.items() if name in model.inputs
-    }
-    all_inputs = constant | dict(inputs)
-    fixed = {name: value for name, value in given.items() if name not in model.inputs}
+    moved = _checked_names(model, [*names, *assumptions.ties])
+    constant = {name: value for name, value in given.items() if name in model.inputs}
+    data = []
+    for record in records:
+        held = {name: np.full(record.time.size, value) for name, value in constant.items()}
+        data.append(record._replace(inputs=held | dict(record.inputs)))
+    fixed = {name: value for name, value in given.items() if name not in constant}
     if model.cls is not None:
-        return fit_grey_box(model.cls, time, all_inputs, measured, names, numeric(fixed))
-    others = {name: value for name, value in fixed.items() if name not in names}
+        return fit_records(model.cls, data, names, numeric(fixed), assumptions)
+    others = {name: value for name, value in fixed.items() if name not in moved}
     numbers = {name: value for name, value in fixed.items() if not isinstance(value, str)}
-    with FmuWithDifferences(model, names, list(measured), others, workers) as fmu:
-        fit = fit_grey_box(fmu, time, all_inputs, measured, names, numeric(numbers))
+    outputs = list(dict.fromkeys(output for record in records for output in record.measured))
+    with FmuWithDifferences(model, moved, outputs, others, workers) as fmu:
+        fit = fit_records(fmu, data, names, numeric(numbers), assumptions)
         return replace(fit, evaluations=fmu.runs)
 
 
@@ -333,16 +430,14 @@ def _checked_names(model: Model, words: Sequence[str], fit: str = "") -> list[st
 
 
 def _assess(
-    model: Model,
-    time: Array,
-    inputs: Signals,
-    measured: Signals,
-    parameters: Mapping[str, Value],
+    model: Model, data: FitData, parameters: Mapping[str, Value]
 ) -> dict[str, GoodnessOfFit]:
     """Simulate the model, and return the goodness of fit of every measured output."""
-    simulated = simulate(model, time, inputs, parameters, isolation=limits_of(model.foreign))
+    simulated = simulate(
+        model, data.time, data.inputs, parameters, isolation=limits_of(model.foreign)
+    )
     assessed = {}
-    for name, y in measured.items():
+    for name, y in data.measured.items():
         residual = y - simulated[name]
         is_long_enough = np.isfinite(residual).sum() >= WHITENESS_SAMPLES
         assessed[name] = GoodnessOfFit(

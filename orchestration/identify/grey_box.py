@@ -34,6 +34,7 @@ from orchestration.identify.fitting import (
     fit_from_starts,
     fit_in_noise,
 )
+from orchestration.identify.metrics import finite_or_none
 from orchestration.identify.noise import Autoregression, fit_autoregression
 from orchestration.identify.uncertainty import (
     LEVEL,
@@ -168,24 +169,48 @@ class Fit(Displayable):
         return pictures.also_saved(draw_profiles([*self.profiles.values()]), path)
 
     @property
+    def correlation_matrix(self) -> Array:
+        """Correlations (p, p) of the estimates, in their order."""
+        names = [*self.estimates]
+        matrix = np.eye(len(names))
+        for (one, other), r in self.correlations.items():
+            i, j = names.index(one), names.index(other)
+            matrix[[i, j], [j, i]] = r
+        return matrix
+
+    @property
     def coupled(self) -> dict[tuple[str, str], float]:
         """Correlations of strongly correlated pairs, the strongest first."""
         close = {pair: r for pair, r in self.correlations.items() if abs(r) > _COUPLED}
         return dict(sorted(close.items(), key=lambda item: -abs(item[1])))
 
     @property
+    def tied(self) -> dict[str, Estimate]:
+        """Estimates of the parameters that are a multiple of a fitted one."""
+        tied = {}
+        for name, (factor, source) in self.ties.items():
+            for fitted, one in self.estimates.items():
+                plain, at, record = fitted.partition("@")
+                if plain == source:
+                    ends = [factor * end for end in one.interval]
+                    tied[f"{name}{at}{record}"] = Estimate(
+                        factor * one.value, factor * one.nominal, (min(ends), max(ends)), one.unit
+                    )
+        return tied
+
+    @property
     def values(self) -> dict[str, float]:
         """Fitted values by name, ``NAME@RECORD`` for one of a single record; those of ties too."""
-        return _with_ties({name: e.value for name, e in self.estimates.items()}, self.ties)
+        return {name: e.value for name, e in (self.estimates | self.tied).items()}
 
     def values_of(self, record: str) -> dict[str, float]:
         """Return the values of the model's parameters in one of several records, by its label."""
         of_record = {}
-        for name, estimate in self.estimates.items():
+        for name, value in self.values.items():
             plain, at, label = name.partition("@")
             if not at or label == record:
-                of_record[plain] = estimate.value
-        return _with_ties(of_record, self.ties)
+                of_record[plain] = value
+        return of_record
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
@@ -239,14 +264,14 @@ class Fit(Displayable):
         return one_line(f"Fit {values}")
 
     def to_frame(self) -> pandas.DataFrame:
-        """Return the parameters as a table, a row for each, SI.
+        """Return the parameters as a table, a row for each, those of ties included, SI.
 
         Raises
         ------
         ImportError
             If pandas is not installed.
         """
-        return estimates_frame(self.estimates)
+        return estimates_frame(self.estimates | self.tied)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON."""
@@ -259,8 +284,16 @@ class Fit(Displayable):
                 {"between": [*pair], "value": r} for pair, r in self.correlations.items()
             ],
             "simulations": self.evaluations,
+            "searches": self.searches,
+            "samples": self.samples,
+            "deviance": finite_or_none(self.deviance),
             "warnings": self.warnings,
         }
+        if self.ties:
+            figures["tied"] = {
+                name: e.to_dict() | {"factor": self.ties[name.partition("@")[0]][0]}
+                for name, e in self.tied.items()
+            }
         if self.profiles:
             figures["profiles"] = {name: p.to_dict() for name, p in self.profiles.items()}
         return figures
@@ -401,8 +434,7 @@ def fit_records(
     for name in problem.names:
         unit = problem.declared[name].unit
         estimates[name] = Estimate(fitted.values[name], problem.start[name], intervals[name], unit)
-    likelihood = Likelihood(cls, problem, fitted, spread)
-    fit = Fit(
+    return Fit(
         estimates=estimates,
         evaluations=problem.evaluations,
         warnings=[
@@ -413,20 +445,30 @@ def fit_records(
             *_noise_warnings(problem, fitted),
             *_limit_warnings(problem, fitted),
         ],
-        declared={name: problem.declared[name] for name in (*problem.names, *assumptions.ties)},
+        declared=_declared(problem, assumptions),
         correlations=spread.correlations(problem.names),
         logarithmic=tuple(
             name
             for name, scale in zip(problem.names, problem.scales, strict=True)
             if scale.logarithmic
         ),
-        likelihood=likelihood,
+        likelihood=Likelihood(cls, problem, fitted, spread),
         samples=problem.samples,
         deviance=problem.deviance(fitted.noise, fitted.residual),
         searches=searches.made,
         ties=dict(assumptions.ties),
     )
-    return fit
+
+
+def _declared(problem: Problem, assumptions: Assumptions) -> dict[str, Described]:
+    """Return the declarations of fitted parameters, and of those that are tied to them."""
+    declared = {name: problem.declared[name] for name in problem.names}
+    for name, (_, source) in assumptions.ties.items():
+        for fitted in problem.names:
+            plain, at, record = fitted.partition("@")
+            if plain == source:
+                declared[f"{name}{at}{record}"] = problem.declared[name]
+    return declared
 
 
 def _problem_of(
@@ -443,14 +485,6 @@ def _problem_of(
         raise UserError(f"each {', '.join(assumptions.each)}: there is only one record")
     time, inputs, measured, _ = records[0]
     return Problem(cls, time, inputs, measured, names, fixed, assumptions=assumptions)
-
-
-def _with_ties(values: dict[str, float], ties: Mapping[str, tuple[float, str]]) -> dict[str, float]:
-    """Return values by name with those of tied parameters, where their sources have one."""
-    tied = {
-        name: factor * values[source] for name, (factor, source) in ties.items() if source in values
-    }
-    return values | tied
 
 
 def _check_problem(problem: Problem) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from fmus.kit import UserError, quoting, units
 from fmus.kit.titles import capitalised, in_words, law_title, variable_title
 from fmus.kit.units import format_prefixed, printed, unit_of_differences, write_prefixed
-from orchestration.identify.comparison import Comparison, GoodnessOfFit
+from orchestration.identify.comparison import Comparison, GoodnessOfFit, JointComparison
 from orchestration.identify.grey_box import Fit
 from orchestration.reporting import flag, make_page, pictures
 from orchestration.reporting.html import (
@@ -50,38 +51,63 @@ def fit_page(comparison: Comparison, command: str = "") -> Page:
         raise UserError(
             f"{comparison.record.source}: nothing was fitted, so there is nothing to report"
         )
-    model = comparison.model.name
-    about = (
-        f"Fit of <code>{escaped(model)}</code> to"
-        f" <code>{escaped(comparison.record.source.name)}</code>"
-    )
-    page = Page(_values_sentence(fit), _errors_sentence(comparison), Markup(about))
+    command = command or _repeating_command(comparison, fit)
+    return _make_page([comparison], fit, command)
+
+
+@make_page.register(JointComparison)
+def joint_page(joint: JointComparison, command: str = "") -> Page:
+    """Make the page of a fit to several records.
+
+    Parameters
+    ----------
+    joint : JointComparison
+    command : str
+        That made it.
+    """
+    return _make_page([*joint.comparisons.values()], joint.fit, command)
+
+
+def _make_page(comparisons: Sequence[Comparison], fit: Fit, command: str) -> Page:
+    """Make the page of a fit to one record or several."""
+    sources = dict.fromkeys(one.record.source for one in comparisons)
+    first = comparisons[0]
+    names = ", ".join(f"<code>{escaped(source.name)}</code>" for source in sources)
+    about = f"Fit of <code>{escaped(first.model.name)}</code> to {names}"
+    page = Page(_values_sentence(fit), " ".join(map(_errors_sentence, comparisons)), Markup(about))
     page.heading("What is wrong")
-    for output in comparison.before:
-        page.parts.append(
-            elements.bar_chart(_title(comparison, output), _bars_of(comparison, output))
-        )
+    for comparison in comparisons:
+        if len(comparisons) > 1:
+            page.text(f"{comparison.record.source.name} {comparison.record.label}:")
+        for output in comparison.before:
+            page.parts.append(
+                elements.bar_chart(_title(comparison, output), _bars_of(comparison, output))
+            )
     page.text(
         "Root mean square of measured minus simulated over the record that was fitted to, in"
         " percent of that of the measurement about its mean, and in its unit."
     )
     page.heading("The model beside the record")
-    page.chart(
-        _draw_runs(comparison),
-        "Above what was measured and simulated, below the difference of both.",
-    )
+    for comparison in comparisons:
+        page.chart(
+            _draw_runs(comparison),
+            f"{comparison.record.source.name}: above what was measured and simulated, below the"
+            " difference of both.",
+        )
     page.heading("What to do next")
-    page.items(_next_steps(comparison, fit))
+    page.items([*dict.fromkeys(step for one in comparisons for step in _next_steps(one, fit))])
     page.heading("How sure this is")
     _add_parameters(page, fit)
-    page.items(_uncertainty_remarks(comparison, fit))
+    _add_correlations(page, fit)
+    page.items([text for one in comparisons for text in _uncertainty_remarks(one, fit)])
     page.heading("How it was found")
     page.text(
         "The model ran free over the record, and the sum of squared differences was minimised, each"
-        f" output weighted by its own residual: {fit.evaluations} simulations."
+        f" output weighted by its own residual: {fit.evaluations} simulations in {fit.searches}"
+        f" {'search' if fit.searches == 1 else 'searches'}."
     )
-    page.items([repair.message for repair in comparison.record.repairs])
-    page.reproduction([comparison.record.source], command or _repeating_command(comparison, fit))
+    page.items([repair.message for one in comparisons for repair in one.record.repairs])
+    page.reproduction([*sources], command)
     return page
 
 
@@ -201,7 +227,7 @@ def _add_parameters(page: Page, fit: Fit) -> None:
     """Add the table of fitted values with their intervals and start values."""
     profiled = ["95 % by profile"] if fit.profiles else []
     rows = []
-    for name, estimate in fit.estimates.items():
+    for name, estimate in (fit.estimates | fit.tied).items():
         declared = fit.declared[name]
         value, low, high, start = (
             format_prefixed(x, declared, 4, like=estimate.value)
@@ -214,6 +240,19 @@ def _add_parameters(page: Page, fit: Fit) -> None:
         title = elements.named(capitalised(variable_title(declared)), name, doc)
         rows.append([title, *cells, start])
     page.table(["parameter", "fitted", "95 % interval", *profiled, "started from"], rows)
+
+
+def _add_correlations(page: Page, fit: Fit) -> None:
+    """Add the table of correlations of several parameters."""
+    names = [*fit.estimates]
+    if len(names) < 2:
+        return
+    table = fit.correlation_matrix
+    rows = [
+        [name, *(f"{r:+.2f}" for r in row[: i + 1])] + [""] * (len(names) - i - 1)
+        for i, (name, row) in enumerate(zip(names, table, strict=True))
+    ]
+    page.table(["correlation", *names], rows)
 
 
 def _uncertainty_remarks(comparison: Comparison, fit: Fit) -> list[str]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from fmus.kit import units
 from fmus.kit.units import Described, unit_of_differences
-from orchestration.identify.comparison import Comparison
+from orchestration.identify.comparison import Comparison, JointComparison
 from orchestration.identify.grey_box import Fit
 from orchestration.identify.presentation import runs
 from orchestration.identify.uncertainty import Estimate
@@ -28,6 +28,17 @@ def draw_comparison(comparison: Comparison) -> Figure:
     for k, output in enumerate(comparison.before):
         _draw_output(comparison, output, axes[2 * k], axes[2 * k + 1])
     pictures.logarithmic(axes, comparison.record.time)
+    return figure
+
+
+@draw.register(JointComparison)
+def draw_joint(joint: JointComparison) -> Figure:
+    """Draw every output of every record above its residual."""
+    shown = [(one, output) for one in joint.comparisons.values() for output in one.before]
+    figure, axes = pictures.panels(2 * len(shown), "fitted together", shared=False)
+    for k, (comparison, output) in enumerate(shown):
+        _draw_output(comparison, output, axes[2 * k], axes[2 * k + 1])
+        axes[2 * k].set_title(comparison.record.source.name, loc="left", fontsize="small")
     return figure
 
 

@@ -34,6 +34,14 @@ def overview(comparison: Comparison) -> Group:
     -------
     Group
     """
+    parts: list[RenderableType] = [goodness(comparison)]
+    if comparison.fit is not None:
+        parts += [Text(), parameters(comparison.fit), *coupled(comparison.fit)]
+    return Group(*parts)
+
+
+def goodness(comparison: Comparison) -> Group:
+    """Return the fit, error and whiteness of every output and run of a record."""
     model = comparison.model
     record = comparison.record
     table = plain_table(
@@ -41,17 +49,12 @@ def overview(comparison: Comparison) -> Group:
     )
     for output in comparison.before:
         for label, run in runs(comparison).items():
-            goodness = run[output]
-            error = format_difference(goodness.rms, model.outputs[output])
-            residual = goodness.whiteness.summary() if goodness.whiteness else "too short to judge"
-            table.add_row(output, label, _percent(goodness), error, residual)
-    parts: list[RenderableType] = [
-        Text(f"{record.source.name} against {model.title}: {record.time.size} samples"),
-        table,
-    ]
-    if comparison.fit is not None:
-        parts += [Text(), parameters(comparison.fit), *coupled(comparison.fit)]
-    return Group(*parts)
+            judged = run[output]
+            error = format_difference(judged.rms, model.outputs[output])
+            residual = judged.whiteness.summary() if judged.whiteness else "too short to judge"
+            table.add_row(output, label, _percent(judged), error, residual)
+    title = f"{record.source.name} against {model.title}: {record.time.size} samples"
+    return Group(Text(title), table)
 
 
 def _percent(goodness: GoodnessOfFit) -> str:
@@ -80,7 +83,7 @@ def parameters(fit: Fit) -> Table:
     profiled = ["95 % by profile"] if fit.profiles else []
     columns = ("fitted", "95 % interval", *profiled, "started from")
     table = plain_table(None, "parameter", *columns, right=columns)
-    for name, estimate in fit.estimates.items():
+    for name, estimate in (fit.estimates | fit.tied).items():
         declared = fit.declared[name]
         low, high = (format_value(end, declared) for end in estimate.interval)
         cells = [format_value(estimate.value, declared), f"{low} … {high}"]

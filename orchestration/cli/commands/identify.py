@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from fmus.kit import UserError
 from orchestration.cli.command import command
-from orchestration.cli.commands.compare import show
 from orchestration.cli.commands.options import IdentifyCommand
 from orchestration.cli.isolation import isolating
 from orchestration.cli.outputs import (
@@ -20,7 +19,7 @@ from orchestration.cli.outputs import (
 )
 
 if TYPE_CHECKING:
-    from orchestration.identify import Comparison
+    from orchestration.identify import Comparison, Fit, JointComparison
 
 
 @command(IdentifyCommand)
@@ -31,7 +30,10 @@ def identify(options: IdentifyCommand) -> None:
 
     profiled = _profiled(options)
     Outputs(
-        {"the record": options["record"], "the model": model_file(options["model"])},
+        {
+            "the model": model_file(options["model"]),
+            **{f"record {number}": path for number, path in enumerate(options["records"], 1)},
+        },
         {
             "--ssv": options["ssv"],
             "--json": options["json"],
@@ -48,54 +50,82 @@ def identify(options: IdentifyCommand) -> None:
         },
     ).check()
     with isolating(options["isolate"]):
-        comparison = _fitted(options, profiled)
+        found = _fitted(options, profiled)
+        one_or_all: Comparison | JointComparison = found
+        if len(found.comparisons) == 1:
+            (one_or_all,) = found.comparisons.values()
         with standard_output_for(options["json"]):
-            show(comparison)
-            write_json(options["json"], comparison.to_dict())
-            _write(comparison, options)
+            _show(one_or_all, found.fit)
+            write_json(options["json"], one_or_all.to_dict())
+            _write(one_or_all, found.fit, options)
 
 
-def _fitted(options: IdentifyCommand, profiled: list[str]) -> Comparison:
+def _fitted(options: IdentifyCommand, profiled: list[str]) -> JointComparison:
     """Fit the parameters, and then profile some of them."""
-    from orchestration.cli.models import note_neutral, open_measured
+    from orchestration.api.assumptions import assumptions_of
+    from orchestration.cli.models import note_neutral, open_runs
     from orchestration.identify import comparison as work
     from orchestration.reporting.console import progress
 
-    names = options["fit"]
-    model, record, parameters = open_measured(options)
+    model, records, parameters = open_runs(options)
     note_neutral(model, parameters)
+    assumptions = assumptions_of(model, options)
     with progress() as tell:
-        comparison = work.compare(model, record, parameters, names, tell, options["workers"])
-        assert comparison.fit is not None
+        found = work.compare_fitted(
+            model,
+            records,
+            parameters,
+            options["fit"],
+            assumptions,
+            progress=tell,
+            workers=options["workers"],
+        )
         if profiled:
             tell(f"fitting again, with {', '.join(profiled)} held")
         for k, name in enumerate(profiled):
-            comparison.fit.profile(name, partial(tell.done, k, len(profiled)))
-    return comparison
+            found.fit.profile(name, partial(tell.done, k, len(profiled)))
+    return found
 
 
-def _write(comparison: Comparison, options: IdentifyCommand) -> None:
+def _show(found: Comparison | JointComparison, fit: Fit) -> None:
+    """Print what was found, and what is doubtful about it."""
+    from rich.console import Group
+
+    from orchestration.identify import JointComparison, overview
+    from orchestration.reporting.console import out, warn
+
+    if isinstance(found, JointComparison):
+        out.print(Group(*found.overview()))
+    else:
+        out.print(overview(found))
+    for warning in fit.all_warnings:
+        warn(warning)
+
+
+def _write(found: Comparison | JointComparison, fit: Fit, options: IdentifyCommand) -> None:
     """Write the parameter set, the pictures and the page."""
     from orchestration.identify import parameter_set
-    from orchestration.reporting.console import wrote
+    from orchestration.reporting.console import note, wrote
 
     ssv = options["ssv"]
     plot = options["plot"]
     report = options["report"]
     profile_plot = options["profile_plot"]
-    assert comparison.fit is not None
     if ssv is not None:
-        doc = f"identified from {comparison.record.source.name} for {comparison.model.title}"
-        parameter_set.write(ssv, comparison.fit.values, comparison.model.constants, doc)
+        doc = f"identified from {', '.join(p.name for p in options['records'])}"
+        shared = {name: value for name, value in fit.values.items() if "@" not in name}
+        parameter_set.write(ssv, shared, fit.declared, doc)
         wrote(ssv)
+        if len(shared) < len(fit.values):
+            note(f"{ssv} has the shared parameters; those of single records are in --json")
     if plot is not None:
-        comparison.plot(plot)
+        found.plot(plot)
         wrote(plot)
     if profile_plot is not None:
-        comparison.fit.plot_profiles(profile_plot)
+        fit.plot_profiles(profile_plot)
         wrote(profile_plot)
     if report is not None:
-        wrote(comparison.report(report, typed_command()))
+        wrote(found.report(report, typed_command()))
 
 
 def _profiled(options: IdentifyCommand) -> list[str]:

@@ -11,6 +11,7 @@ from fmus.rig_proxy import ENDPOINT, PORT
 from orchestration.api.declaration import REQUIRED, Option
 from orchestration.api.forms import NAMES, PERCENT, SIZE, TEXTS, TIME, names_among, some_of
 from orchestration.api.options import (
+    AssumptionOptions,
     BandOptions,
     DesignOptions,
     DiagnoseOptions,
@@ -48,6 +49,7 @@ from orchestration.cli.options import (
     PresetOption,
     RealTimeOptions,
     RecordArgument,
+    RecordsArgument,
     RunnableArgument,
     RunnableOption,
     RuntimeOption,
@@ -478,8 +480,7 @@ class FiguresOption(TypedDict, total=False):
     out: Annotated[Path | None, Option("The figures as JSON (.json).", metavar="FILE")]
 
 
-class MeasuredOptions(
-    RecordArgument,
+class MeasuringOptions(
     RunnableOption,
     LaidOverOption,
     MappingOption,
@@ -488,6 +489,10 @@ class MeasuredOptions(
     ToleranceOption,
     total=False,
 ):
+    """A model, and how a record that it is compared with is read."""
+
+
+class MeasuredOptions(RecordArgument, MeasuringOptions, total=False):
     """A model, and the record that it is compared with."""
 
 
@@ -575,8 +580,10 @@ class ProfileOptions(TypedDict, total=False):
 
 
 class IdentifyCommand(
-    MeasuredOptions,
+    RecordsArgument,
+    MeasuringOptions,
     RequiredFitOption,
+    AssumptionOptions,
     WorkersOption,
     ProfileOptions,
     JsonOption,
@@ -658,19 +665,9 @@ class BlackBoxCommand(
 # --- diagnoses -----------------------------------------------------------------------------------
 
 
-class JudgedOptions(TypedDict, total=False):
+class JudgedOptions(RecordsArgument, total=False):
     """The records of a diagnosis, and its model."""
 
-    records: Annotated[
-        list[Path],
-        Option(
-            "Measured records: CSV, Parquet, TDMS, MAT or LabVIEW text. Several have one set of"
-            " parameters.",
-            default=REQUIRED,
-            metavar="RECORD...",
-            argument=True,
-        ),
-    ]
     model: Annotated[
         str | None,
         Option(

@@ -23,7 +23,7 @@ from orchestration.experiment.design import DiscriminatingExperiment
 from orchestration.fmu import Model, Value
 from orchestration.fmu.signal import numeric
 from orchestration.identify import fit_model
-from orchestration.identify.fitting import SimulationInput
+from orchestration.identify.fitting import FitData, SimulationInput
 from orchestration.records import Record
 from orchestration.records.sampling import gaps
 
@@ -263,5 +263,6 @@ def _first_fit(
     signals = {name: values[:last] for name, values in record.signals.items()}
     inputs = {name: signals[name] for name in fmu.inputs if name in signals}
     outputs = {name: signals[name] for name in reals(fmu.outputs) if name in signals}
-    found = fit_model(fmu, record.time[:last], inputs, outputs, fit, settings)
+    data = FitData(record.time[:last], inputs, outputs)
+    found = fit_model(fmu, [data], fit, settings)
     return {name: float(found.values[name]) for name in fit}

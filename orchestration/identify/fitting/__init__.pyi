@@ -1,5 +1,6 @@
 from .any_fmu import FmuWithDifferences as FmuWithDifferences
 from .assumptions import NO_ASSUMPTIONS as NO_ASSUMPTIONS
+from .assumptions import SCALES as SCALES
 from .assumptions import Assumptions as Assumptions
 from .joint_problem import FitData as FitData
 from .joint_problem import JointProblem as JointProblem

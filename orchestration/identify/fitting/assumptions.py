@@ -126,8 +126,8 @@ class Assumptions:
                 )
             narrowed[name] = _within(known, low, high)
         for name, (factor, source) in self.ties.items():
-            ends = sorted((declared[name].min / factor, declared[name].max / factor))
-            narrowed[source] = _within(narrowed[source], *ends)
+            one, other = declared[name].min / factor, declared[name].max / factor
+            narrowed[source] = _within(narrowed[source], min(one, other), max(one, other))
         return narrowed
 
 

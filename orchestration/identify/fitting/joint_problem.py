@@ -7,13 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fmus.kit.arrays import Array, Signals
 from orchestration.identify.fitting.assumptions import NO_ASSUMPTIONS, Assumptions
 from orchestration.identify.fitting.problem import Problem, Subject
+
+Number = TypeVar("Number", bound=np.generic)
 
 
 class FitData(NamedTuple):
@@ -83,9 +86,9 @@ class JointProblem(Problem):
         self.model = first.model
         self._step = first._step
         self._adopt(first)
-        self.measured = self._joined([m.measured for m in self._members])
-        self.present = self._joined([m.present for m in self._members])
-        self.noise_samples = self._joined([m.noise_samples for m in self._members])
+        self.measured = _joined([m.measured for m in self._members])
+        self.present = _joined([m.present for m in self._members])
+        self.noise_samples = _joined([m.noise_samples for m in self._members])
         self.evaluations = 0
         self.held = []
         self._at = None
@@ -107,14 +110,6 @@ class JointProblem(Problem):
         self.assumptions = replace(self.assumptions, priors=priors)
         self.given = self.assumptions.given
 
-    def _joined(self, parts: Sequence[Signals]) -> dict[str, Array]:
-        """Return signals of all records, one after the other, by output."""
-        outputs = dict.fromkeys(output for part in parts for output in part)
-        return {
-            output: np.concatenate([part[output] for part in parts if output in part])
-            for output in outputs
-        }
-
     def simulate(self, values: Mapping[str, float]) -> tuple[dict[str, Array], dict[str, Array]]:
         """Return residuals (m,) of all records, and derivatives (m, p) of the simulations.
 
@@ -134,13 +129,22 @@ class JointProblem(Problem):
             sensitivities.append(
                 {output: self._widened(slopes, columns) for output, slopes in by_value.items()}
             )
-        return self._joined(residuals), self._joined(sensitivities)
+        return _joined(residuals), _joined(sensitivities)
 
     def _widened(self, slopes: Array, columns: Sequence[int]) -> Array:
         """Return derivatives (m, p) by all joint parameters from those (m, k) by some."""
         wide = np.zeros((len(slopes), len(self.names)))
         wide[:, columns] = slopes
         return wide
+
+
+def _joined(parts: Sequence[Mapping[str, NDArray[Number]]]) -> dict[str, NDArray[Number]]:
+    """Return signals of all records, one after the other, by output."""
+    outputs = dict.fromkeys(output for part in parts for output in part)
+    return {
+        output: np.concatenate([part[output] for part in parts if output in part])
+        for output in outputs
+    }
 
 
 def _without_unmeasured(assumptions: Assumptions, measured: Signals) -> Assumptions:

@@ -16,6 +16,7 @@ import orchestration as ppy
 from fmus.kit import UserError
 from orchestration.fmu.model import model_of
 from orchestration.identify import comparison
+from orchestration.identify.fitting import FitData
 from orchestration.identify.uncertainty.estimate import Estimate, joint_distribution
 from orchestration.records import write_record
 from orchestration.sweeps.fitted import read_fitted
@@ -99,7 +100,9 @@ def test_draws_of_a_fit_have_the_covariance_of_least_squares():
     found = []
     for seed in range(20):
         y = regressors @ true + np.random.default_rng(seed).normal(0.0, 0.1, 401)
-        fit = comparison.fit_model(model_of(Line), time, {"u": u}, {"y": y}, ["offset", "gain"], {})
+        fit = comparison.fit_model(
+            model_of(Line), [FitData(time, {"u": u}, {"y": y})], ["offset", "gain"], {}
+        )
         assert fit.logarithmic == ("gain",)
         drawn = fit.draws(10_000, seed)
         found.append(np.cov(drawn["offset"], true[1] * np.log(drawn["gain"])))

@@ -17,6 +17,7 @@ from scipy.stats import binom, chi2, norm
 from fmus.kit import Component, Input, Output, Parameter, State, UserError
 from orchestration.fmu.model import find_model
 from orchestration.identify.comparison import fit_model
+from orchestration.identify.fitting import FitData
 from orchestration.identify.grey_box import fit_grey_box
 from orchestration.identify.uncertainty.profile import Coordinate, profile_likelihood
 from tests.support.command import PNG
@@ -329,7 +330,7 @@ def test_any_fmu_has_profiles(tmp_path):
     time = 0.1 * np.arange(101)
     measured = 1.0 - np.exp(-time / 0.73) + 0.05 * np.random.default_rng(1).normal(size=101)
     model = find_model(str(build_one_state_fmu(tmp_path)))
-    found = fit_model(model, time, {"u": np.ones(101)}, {"x": measured}, ["tau"], {})
+    found = fit_model(model, [FitData(time, {"u": np.ones(101)}, {"x": measured})], ["tau"], {})
     assert pickle.loads(pickle.dumps(found)).values == found.values
     traced = found.profile("tau")
 
