@@ -39,6 +39,7 @@ PACKAGES: Mapping[str, Package] = {
     "control": Package("control", "linear", "analysing a linear model"),
     "dask": Package("dask", "zarr", "writing Zarr"),
     "distributed": Package("distributed", "cluster", "sweeping on a cluster"),
+    "emcee": Package("emcee", "sampling", "sampling a posterior"),
     "h5py": Package("h5py", "records", "reading HDF5"),
     "matplotlib": Package("matplotlib", "pictures", "drawing a picture or a page"),
     "nidaqmx": Package("nidaqmx", "nidaqmx", "a device of National Instruments"),

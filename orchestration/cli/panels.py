@@ -65,6 +65,7 @@ _PANELS = {
     "Fit and search": (
         "fit",
         "profile",
+        "posterior",
         "bounds",
         "scale",
         "prior",
@@ -151,6 +152,7 @@ _PANELS = {
         "out",
         "plot",
         "profile_plot",
+        "corner",
         "report",
         "fmu",
         "fmus",

@@ -41,12 +41,17 @@ from orchestration.identify.uncertainty import (
     Coordinate,
     Covariance,
     Estimate,
+    Posterior,
     Profile,
+    Target,
+    doubts,
     estimates_frame,
     joint_distribution,
     parameter_covariance,
     profile_likelihood,
+    sample,
     sandwich_covariance,
+    split_r_hat,
 )
 from orchestration.reporting import Displayable, one_line
 
@@ -147,6 +152,37 @@ class Fit(Displayable):
                 )
             self.profiles[name] = self.likelihood.profile(name, progress)
         return self.profiles[name]
+
+    def posterior(
+        self,
+        count: int = 1000,
+        seed: int = 0,
+        progress: Callable[[str], None] = lambda text: None,
+    ) -> Posterior:
+        """Sample the posterior of the parameters, by emcee (the extra ``sampling``).
+
+        The noise is held as it was given or estimated, and priors count.
+
+        Parameters
+        ----------
+        count : int
+            Independent samples.
+        seed : int
+            The same seed gives the same samples.
+        progress : callable
+            Called with a message every hundred steps.
+
+        Raises
+        ------
+        UserError
+            If the record does not determine a parameter, the fit is a copy or was pickled, or emcee
+            is not installed.
+        """
+        if self.likelihood is None:
+            raise UserError(
+                "no posterior: this is a copy of a fit, without its model; fit again for one"
+            )
+        return self.likelihood.posterior(count, seed, progress)
 
     def plot_profiles(self, path: str | Path | None = None) -> Figure:
         """Draw the profiles that were made, with parabolas and intervals of the linearised fit.
@@ -353,6 +389,48 @@ class Likelihood:
                 )
         finally:
             problem.held = []
+
+    def posterior(self, count: int, seed: int, progress: Callable[[str], None]) -> Posterior:
+        """Sample the posterior; see `Fit.posterior`."""
+        problem = self.problem
+        names = problem.names
+        open_ended = np.flatnonzero(self.spread.unidentifiable)
+        if open_ended.size:
+            listed = ", ".join(names[i] for i in open_ended)
+            raise UserError(
+                f"no posterior: the record does not determine {listed}; hold it, or give a prior"
+            )
+        low, high = problem.bounds()
+        # the mean ratio of variances in the directions of the parameters
+        colour = float(np.trace(self.fitted.information @ self.spread.matrix)) / len(names)
+
+        def log_density(q: Array) -> float:
+            if (q < low).any() or (q > high).any():
+                return -np.inf
+            try:
+                deviance = problem.deviance(self.fitted.noise, problem.evaluate(q)[0])
+            except UserError:
+                return -np.inf
+            return -0.5 * deviance / colour if np.isfinite(deviance) else -np.inf
+
+        target = Target(log_density, self.fitted.q, self.spread.matrix, low, high)
+        with _opened(self.subject):
+            chain = sample(target, count, seed, progress)
+        r_hat = dict(zip(names, map(float, split_r_hat(chain.points)), strict=True))
+        flat = chain.points.reshape(-1, len(names))
+        kept = flat[:: max(1, int(len(flat) / chain.effective))]
+        samples = {
+            name: np.array([scale.value(x) for x in column])
+            for name, scale, column in zip(names, problem.scales, kept.T, strict=True)
+        }
+        return Posterior(
+            samples,
+            {name: problem.declared[name] for name in names},
+            chain.effective,
+            r_hat,
+            chain.acceptance,
+            doubts(chain, count, r_hat),
+        )
 
 
 def _opened(subject: Subject) -> AbstractContextManager[None]:

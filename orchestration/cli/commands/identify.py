@@ -20,25 +20,33 @@ from orchestration.cli.outputs import (
 
 if TYPE_CHECKING:
     from orchestration.identify import Comparison, Fit, JointComparison
+    from orchestration.identify.uncertainty import Posterior
 
 
 @command(IdentifyCommand)
 def identify(options: IdentifyCommand) -> None:
     """Identify parameters of a component, any FMU or a system from a record."""
+    from rich.console import Group
+
     from orchestration.cli.models import model_file
     from orchestration.reporting import pictures
+    from orchestration.reporting.console import out, wrote
 
     profiled = _profiled(options)
     Outputs(
         {
             "the model": model_file(options["model"]),
-            **{f"record {number}": path for number, path in enumerate(options["records"], 1)},
+            **{
+                f"the record{f' {k}' if k > 1 else ''}": path
+                for k, path in enumerate(options["records"], 1)
+            },
         },
         {
             "--ssv": options["ssv"],
             "--json": options["json"],
             "--plot": options["plot"],
             "--profile-plot": options["profile_plot"],
+            "--corner": options["corner"],
             "--report": options["report"],
         },
         {
@@ -46,6 +54,7 @@ def identify(options: IdentifyCommand) -> None:
             "--json": JSON,
             "--plot": pictures.FORMATS,
             "--profile-plot": pictures.FORMATS,
+            "--corner": pictures.FORMATS,
             "--report": PAGE,
         },
     ).check()
@@ -54,10 +63,18 @@ def identify(options: IdentifyCommand) -> None:
         one_or_all: Comparison | JointComparison = found
         if len(found.comparisons) == 1:
             (one_or_all,) = found.comparisons.values()
+        posterior = _sampled(found.fit, options["posterior"])
+        figures = one_or_all.to_dict()
         with standard_output_for(options["json"]):
             _show(one_or_all, found.fit)
-            write_json(options["json"], one_or_all.to_dict())
+            if posterior is not None:
+                out.print(Group(*posterior.overview()))
+                figures["fitted"]["posterior"] = posterior.to_dict()
+            write_json(options["json"], figures)
             _write(one_or_all, found.fit, options)
+            if posterior is not None and options["corner"] is not None:
+                posterior.plot(options["corner"])
+                wrote(options["corner"])
 
 
 def _fitted(options: IdentifyCommand, profiled: list[str]) -> JointComparison:
@@ -85,6 +102,16 @@ def _fitted(options: IdentifyCommand, profiled: list[str]) -> JointComparison:
         for k, name in enumerate(profiled):
             found.fit.profile(name, partial(tell.done, k, len(profiled)))
     return found
+
+
+def _sampled(fit: Fit, count: int | None) -> Posterior | None:
+    """Sample the posterior, if samples are asked for."""
+    from orchestration.reporting.console import progress
+
+    if count is None:
+        return None
+    with progress() as tell:
+        return fit.posterior(count, progress=tell)
 
 
 def _show(found: Comparison | JointComparison, fit: Fit) -> None:
@@ -139,4 +166,6 @@ def _profiled(options: IdentifyCommand) -> list[str]:
             raise UserError(f"--profile: {name} is not fitted; --fit has {','.join(names)}")
     if options["profile_plot"] is not None and not profiled:
         raise UserError("--profile-plot: there is nothing to draw without --profile")
+    if options["corner"] is not None and options["posterior"] is None:
+        raise UserError("--corner: there is nothing to draw without --posterior")
     return profiled or []

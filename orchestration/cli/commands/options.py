@@ -573,6 +573,18 @@ class ProfileOptions(TypedDict, total=False):
         Path | None,
         Option("The profiles as a picture (.png, .svg or .pdf).", metavar="FILE"),
     ]
+    posterior: Annotated[
+        int | None,
+        Option(
+            "Independent samples of the posterior, e.g. 1000; needs the extra sampling.",
+            least=1,
+            metavar="N",
+        ),
+    ]
+    corner: Annotated[
+        Path | None,
+        Option("The posterior of all pairs as a picture (.png, .svg or .pdf).", metavar="FILE"),
+    ]
     ssv: Annotated[
         Path | None,
         Option("The values as a parameter set (.ssv), for any system.", metavar="FILE"),

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmus.kit.arrays import Array
-from fmus.kit.units import convert
+from fmus.kit.units import Described, convert
+from orchestration.identify.uncertainty.posterior import Posterior
 from orchestration.identify.uncertainty.profile import LEVEL, Profile
 from orchestration.reporting import draw, pictures
 
@@ -25,6 +26,47 @@ _WIDE = 30.0  # ratio of ends from which on an axis is logarithmic
 def draw_profile(profile: Profile) -> Figure:
     """Draw the profile and its interval, with parabola and interval of the linearised fit."""
     return draw_profiles([profile])
+
+
+@draw.register(Posterior)
+def draw_posterior(posterior: Posterior) -> Figure:
+    """Draw the samples of every pair of parameters, and their histograms on the diagonal."""
+    names = [*posterior.samples]
+    cells = [[f"{row}\n{column}" for column in names] for row in names]
+    figure, axes = pictures.mosaic(cells, "posterior of the parameters, with 95 % intervals")
+    for i, row in enumerate(names):
+        for j, column in enumerate(names):
+            axis = axes[f"{row}\n{column}"]
+            if j > i:
+                axis.set_axis_off()
+                continue
+            x = _shown_samples(posterior, column)
+            if i == j:
+                axis.hist(x, bins=40, color=pictures.FITTED, alpha=0.6)
+                for end in np.quantile(x, (0.025, 0.975)):
+                    axis.axvline(end, color="black", lw=0.8, ls=":")
+                axis.set_yticks([])
+            else:
+                axis.plot(x, _shown_samples(posterior, row), ",", color=pictures.FITTED)
+            if i == len(names) - 1:
+                axis.set_xlabel(_axis_title(column, posterior.declared[column]))
+            if j == 0 and i > 0:
+                axis.set_ylabel(_axis_title(row, posterior.declared[row]))
+    return figure
+
+
+def _shown_samples(posterior: Posterior, name: str) -> Array:
+    """Return the samples (n,) of a parameter in its display unit."""
+    declared = posterior.declared[name]
+    shown: Array = convert(
+        posterior.samples[name], declared.unit, declared.display or declared.unit
+    )
+    return shown
+
+
+def _axis_title(name: str, declared: Described) -> str:
+    unit = declared.display or declared.unit
+    return name.replace("_", " ") + ("" if unit == "1" else f" [{unit}]")
 
 
 def draw_profiles(profiles: Sequence[Profile]) -> Figure:
@@ -70,8 +112,7 @@ def _draw_profile(profile: Profile, axis: Axes) -> None:
     axis.set_xlim(_displayed(profile, low), _displayed(profile, high))
     axis.set_ylim(0.0, _TOP * LEVEL)
     axis.set_ylabel("deviance above\nthe estimate's [1]")
-    unit = profile.declared.display or profile.declared.unit
-    axis.set_xlabel(f"{profile.name.replace('_', ' ')}" + ("" if unit == "1" else f" [{unit}]"))
+    axis.set_xlabel(_axis_title(profile.name, profile.declared))
 
 
 def _draw_deviance(profile: Profile, axis: Axes, even: Array) -> None:
