@@ -65,6 +65,8 @@ _VAGUE = float(np.log(10.0) / ndtri(0.975))
 _COUPLED = 0.9  # correlation beyond which an interval of one parameter alone is misleading
 # standard errors of a residual's size beyond which it is larger than noise that is known
 _CLEARLY = 3.0
+# share of the expected rise of the deviance at the end of an interval, below which it is too narrow
+_FLAT = 0.8
 _FEW = 50  # independent values below which the colour of a residual is not known well enough
 
 
@@ -292,6 +294,13 @@ class Fit(Displayable):
         yield presentation.parameters(self)
         yield from self.warning_lines
 
+    def summary(self) -> str:
+        """Return all figures of the fit as a text: parameters, correlations, statistics."""
+        from orchestration.reporting.console import plain_text
+
+        correlations = plain_text(presentation.correlations(self))
+        return "\n\n".join([str(self), correlations, presentation.statistics(self)])
+
     def __repr__(self) -> str:
         values = ", ".join(
             f"{name} = {format_value(e.value, self.declared[name])}"
@@ -353,14 +362,69 @@ class Likelihood:
     fitted: FitResult
     spread: Covariance
 
+    @property
+    def white_covariance(self) -> Array:
+        """Covariance (p, p) of the searched coordinates as if the noise were white."""
+        return parameter_covariance(self.fitted.information).matrix
+
+    def colour(self, i: int) -> float:
+        """Return the factor by which the deviance rises too fast along a coordinate."""
+        white = self.white_covariance[i, i]
+        return float(self.spread.matrix[i, i] / white) if white > 0.0 else 1.0
+
+    def narrow_warnings(self) -> list[str]:
+        """Return a warning for each end of an interval that is clearly too narrow.
+
+        At that end of the ellipse's interval the deviance, with the others fitted by one
+        Gauss-Newton step, is then well below the level, so that the profile reaches farther.
+        Differences of an FMU's runs would cost too much for it.
+        """
+        if isinstance(self.subject, FmuWithDifferences):
+            return []
+        names = self.problem.names
+        half = float(np.sqrt(LEVEL)) * self.spread.standard_errors
+        warnings = []
+        for i in np.flatnonzero(np.isfinite(half)):
+            tangent = self.white_covariance[i] / self.white_covariance[i, i]
+            for word, side in (("below", -half[i]), ("above", half[i])):
+                if self._rise(i, self.fitted.q + side * tangent) < _FLAT * LEVEL:
+                    warnings.append(
+                        f"the interval of {names[i]} is too narrow {word}: the model is not linear"
+                        " there; a profile tells how far it reaches"
+                    )
+        return warnings
+
+    def _rise(self, i: int, point: Array) -> float:
+        """Return the rise of the deviance with coordinate i held, others fitted by one step.
+
+        Infinite where the model fails, or at the end of a range.
+        """
+        low, high = self.problem.bounds()
+        noise = self.fitted.noise
+        others = np.arange(len(point)) != i
+        least = self.problem.deviance(noise, self.fitted.residual)
+        try:
+            residual, jacobian = self.problem.evaluate(point)
+            rows = np.concatenate([jacobian[name] / one.deviation for name, one in noise.items()])
+            error = np.concatenate([residual[name] / one.deviation for name, one in noise.items()])
+            if not (np.isfinite(rows).all() and np.isfinite(error).all()):
+                return np.inf
+            point = point.copy()
+            point[others] -= np.linalg.lstsq(rows[:, others], error)[0]
+            if (point < low).any() or (point > high).any():
+                return np.inf
+            deviance = self.problem.deviance(noise, self.problem.evaluate(point)[0])
+        except UserError:
+            return np.inf
+        return (deviance - least) / self.colour(i)
+
     def profile(self, name: str, progress: Callable[[str], None]) -> Profile:
         """Profile one of the parameters; see `Fit.profile`."""
         problem = self.problem
         i = problem.names.index(name)
-        white = parameter_covariance(self.fitted.information).matrix  # as if the noise were white
+        white = self.white_covariance
         determined = white[i, i] > 0.0
-        # the deviance rises faster in coloured noise, by the ratio of both variances
-        colour = self.spread.matrix[i, i] / white[i, i] if determined else 1.0
+        colour = self.colour(i)
         low, high = problem.bounds()
         coordinate = Coordinate(
             index=i,
@@ -512,6 +576,8 @@ def fit_records(
     for name in problem.names:
         unit = problem.declared[name].unit
         estimates[name] = Estimate(fitted.values[name], problem.start[name], intervals[name], unit)
+    likelihood = Likelihood(cls, problem, fitted, spread)
+    too_narrow = likelihood.narrow_warnings()
     return Fit(
         estimates=estimates,
         evaluations=problem.evaluations,
@@ -521,6 +587,7 @@ def fit_records(
             *_weak_warnings(problem, fitted, spread),
             *_slow_warnings(problem, fitted),
             *_noise_warnings(problem, fitted),
+            *too_narrow,
             *_limit_warnings(problem, fitted),
         ],
         declared=_declared(problem, assumptions),
@@ -530,7 +597,7 @@ def fit_records(
             for name, scale in zip(problem.names, problem.scales, strict=True)
             if scale.logarithmic
         ),
-        likelihood=Likelihood(cls, problem, fitted, spread),
+        likelihood=likelihood,
         samples=problem.samples,
         deviance=problem.deviance(fitted.noise, fitted.residual),
         searches=searches.made,

@@ -11,6 +11,7 @@ import numpy as np
 from fmus.kit import UserError, quoting, units
 from fmus.kit.titles import capitalised, in_words, law_title, variable_title
 from fmus.kit.units import format_prefixed, printed, unit_of_differences, write_prefixed
+from orchestration.identify import presentation
 from orchestration.identify.comparison import Comparison, GoodnessOfFit, JointComparison
 from orchestration.identify.grey_box import Fit
 from orchestration.reporting import flag, make_page, pictures
@@ -247,12 +248,7 @@ def _add_correlations(page: Page, fit: Fit) -> None:
     names = [*fit.estimates]
     if len(names) < 2:
         return
-    table = fit.correlation_matrix
-    rows = [
-        [name, *(f"{r:+.2f}" for r in row[: i + 1])] + [""] * (len(names) - i - 1)
-        for i, (name, row) in enumerate(zip(names, table, strict=True))
-    ]
-    page.table(["correlation", *names], rows)
+    page.table(["correlation", *names], presentation.correlation_rows(fit))
 
 
 def _uncertainty_remarks(comparison: Comparison, fit: Fit) -> list[str]:

@@ -93,6 +93,37 @@ def parameters(fit: Fit) -> Table:
     return table
 
 
+def correlations(fit: Fit) -> Table:
+    """Return the table of correlations of the estimates, below its diagonal."""
+    names = [*fit.estimates]
+    table = plain_table(None, "correlation", *names, right=names)
+    for row in correlation_rows(fit):
+        table.add_row(*row)
+    return table
+
+
+def correlation_rows(fit: Fit) -> list[list[str]]:
+    """Return a row for each estimate: its name, and correlations with those before it."""
+    names = [*fit.estimates]
+    rows = []
+    for i, (name, row) in enumerate(zip(names, fit.correlation_matrix, strict=True)):
+        cells = [f"{r:+.2f}" for r in row[: i + 1]]
+        rows.append([name, *cells, *[""] * (len(names) - 1 - i)])
+    return rows
+
+
+def statistics(fit: Fit) -> str:
+    """Return the size of the fit, and its criteria of Akaike and of Bayes."""
+    count = len(fit.estimates)
+    aic = fit.deviance + 2 * count
+    bic = fit.deviance + count * math.log(max(fit.samples, 1))
+    return (
+        f"{fit.samples} measured values, {count} parameters, {fit.evaluations} simulations in"
+        f" {fit.searches} {'search' if fit.searches == 1 else 'searches'}\n"
+        f"deviance {fit.deviance:.6g}, AIC {aic:.6g}, BIC {bic:.6g}"
+    )
+
+
 def coupled(fit: Fit) -> list[Text]:
     """Return a line on strongly correlated parameters, if there are any."""
     pairs = [f"{a} and {b} ({r:+.2f})" for (a, b), r in fit.coupled.items()]

@@ -92,11 +92,7 @@ class Assumptions:
             "tie": sources,
         }
         for option, given in searched.items():
-            for name in given:
-                if name not in names:
-                    raise UserError(
-                        f"{option} {name}: it is not fitted; fitted: {', '.join(names)}"
-                    )
+            _check_fitted(option, given, names)
         for name in self.ties:
             if name in names:
                 raise UserError(f"tie {name}: it is fitted, too; leave out one of the two")

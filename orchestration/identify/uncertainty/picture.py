@@ -47,7 +47,7 @@ def draw_posterior(posterior: Posterior) -> Figure:
                     axis.axvline(end, color="black", lw=0.8, ls=":")
                 axis.set_yticks([])
             else:
-                axis.plot(x, _shown_samples(posterior, row), ",", color=pictures.FITTED)
+                axis.plot(x, _shown_samples(posterior, row), ".", ms=2, color=pictures.FITTED)
             if i == len(names) - 1:
                 axis.set_xlabel(_axis_title(column, posterior.declared[column]))
             if j == 0 and i > 0:

@@ -1,0 +1,259 @@
+"""Claims: a fit takes several records, priors, ties, bounds, known noise and robust losses.
+
+Oracles: normal equations of linear models, solved on paper; likelihoods minimised by SciPy's
+simplex; the covariance of a linear Gaussian model, its posterior.
+"""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from scipy.stats import binom
+
+from fmus.kit import Component, Input, Output, Parameter, State, UserError, sin
+from orchestration.identify.fitting import Assumptions, FitData
+from orchestration.identify.grey_box import fit_records
+
+SIGMA = 0.3
+
+
+class Plane(Component):
+    """Linear in its parameters: y = a u + b v + c."""
+
+    name = "plane"
+    a = Parameter(1.0, "1", min=-1e3, max=1e3)
+    b = Parameter(1.0, "1", min=-1e3, max=1e3)
+    c = Parameter(0.0, "1", min=-1e3, max=1e3)
+    u = Input("1")
+    v = Input("1")
+
+    @Output("1")
+    def y(self):
+        return self.a * self.u + self.b * self.v + self.c
+
+
+class Decay(Component):
+    """A state that falls from its start value."""
+
+    name = "decay"
+    rate = Parameter(1.0, "1/s", min=0)
+    x = State("1", rate="x_rate", start=1.0)
+
+    def x_rate(self):
+        return -self.rate * self.x
+
+    @Output("1")
+    def y(self):
+        return self.x
+
+
+class Rise(Component):
+    """The response of a lag to a step, from zero."""
+
+    name = "rise"
+    gain = Parameter(1.0, "1", min=0)
+    tau = Parameter(5.0, "s", min=0)
+    x = State("1", rate="x_rate")
+
+    def x_rate(self):
+        return (self.gain - self.x) / self.tau
+
+    @Output("1")
+    def y(self):
+        return self.x
+
+
+class Wave(Component):
+    """A frequency, over which the error has many minima."""
+
+    name = "wave"
+    w = Parameter(1.0, "rad/s", min=0)
+    t = Input("s")
+
+    @Output("1")
+    def y(self):
+        return sin(self.w * self.t)
+
+
+def columns(samples=60, seed=0):
+    """Return the matrix (n, 3) of u, v and one."""
+    random = np.random.default_rng(seed)
+    return np.column_stack([random.normal(size=(samples, 2)), np.ones(samples)])
+
+
+def plane_data(x, y, label=""):
+    return FitData(np.arange(len(y)) * 1.0, {"u": x[:, 0], "v": x[:, 1]}, {"y": y}, label)
+
+
+def noisy(x, parameters, seed=1, sigma=SIGMA):
+    return x @ np.array(parameters) + np.random.default_rng(seed).normal(0, sigma, len(x))
+
+
+def fitted(records, names=("a", "b", "c"), cls=Plane, start=None, **given):
+    return fit_records(cls, records, list(names), start or {}, Assumptions(**given))
+
+
+def test_a_prior_counts_as_the_measurement_that_it_is():
+    x = columns()
+    y = noisy(x, [2.0, -1.0, 0.5])
+    fit = fitted([plane_data(x, y)], priors={"a": (2.5, 0.02)}, noise={"y": SIGMA})
+    precision = x.T @ x / SIGMA**2 + np.diag([1 / 0.02**2, 0, 0])
+    expected = np.linalg.solve(precision, x.T @ y / SIGMA**2 + [2.5 / 0.02**2, 0, 0])
+    deviations = np.sqrt(np.diag(np.linalg.inv(precision)))
+    assert [*fit.values.values()] == pytest.approx(expected, rel=1e-7)
+    ends = np.array([*fit.intervals.values()])
+    assert (ends[:, 1] - ends[:, 0]) / 2 == pytest.approx(1.959964 * deviations, rel=1e-6)
+
+
+def test_records_share_what_is_not_of_each():
+    one, other = columns(40, 1), columns(70, 2)
+    ys = [noisy(one, [2.0, -1.0, 0.5], 3), noisy(other, [2.0, -1.0, -0.8], 4)]
+    data = [plane_data(one, ys[0], "one"), plane_data(other, ys[1], "other")]
+    fit = fitted(data, each=("c",))
+    offsets = np.zeros((110, 2))
+    offsets[:40, 0] = offsets[40:, 1] = 1.0
+    x = np.column_stack([np.vstack([one, other])[:, :2], offsets])
+    expected = np.linalg.lstsq(x, np.concatenate(ys))[0]
+    assert [*fit.values] == ["a", "b", "c@one", "c@other"]
+    assert [*fit.values.values()] == pytest.approx(expected, rel=1e-7)
+    assert fit.values_of("other")["c"] == fit.values["c@other"]
+
+
+def test_start_states_are_of_each_record():
+    time = np.linspace(0.0, 3.0, 50)
+    data = [FitData(time, {}, {"y": k * np.exp(-0.7 * time)}, f"r{k}") for k in (1.0, 2.0, 5.0)]
+    start = Decay.layout.start_of["x"]
+    fit = fitted(data, ["rate", start], Decay)
+    assert fit.values == pytest.approx(
+        {"rate": 0.7, f"{start}@r1.0": 1.0, f"{start}@r2.0": 2.0, f"{start}@r5.0": 5.0}, rel=1e-6
+    )
+
+
+def test_a_tie_leaves_one_parameter():
+    x = columns()
+    y = noisy(x, [2.0, 3.2, 0.5])
+    fit = fitted([plane_data(x, y)], ["a", "c"], ties={"b": (1.6, "a")})
+    joined = np.column_stack([x[:, 0] + 1.6 * x[:, 1], x[:, 2]])
+    expected = np.linalg.lstsq(joined, y)[0]
+    assert [fit.values["a"], fit.values["c"]] == pytest.approx(expected, rel=1e-7)
+    assert fit.values["b"] == pytest.approx(1.6 * expected[0])
+    assert fit.tied["b"].interval[1] == pytest.approx(1.6 * fit.intervals["a"][1])
+
+
+def test_a_value_stays_within_its_bounds():
+    x = columns()
+    y = noisy(x, [2.0, -1.0, 0.5])
+    fit = fitted([plane_data(x, y)], bounds={"a": (0.0, 1.5)})
+    assert fit.values["a"] == pytest.approx(1.5, rel=1e-6)
+    assert any("a ended at the limit" in text for text in fit.warnings)
+
+
+@pytest.mark.parametrize(("loss", "freedom"), [("student", 4.0), ("cauchy", 1.0)])
+def test_a_robust_loss_resists_outliers(loss, freedom):
+    x = np.column_stack([np.zeros((101, 2)), np.ones(101)])
+    y = np.random.default_rng(5).normal(2.0, 0.1, 101)
+    y[::10] += 40.0
+    assert fitted([plane_data(x, y)], ["c"], loss="squares").values["c"] == pytest.approx(y.mean())
+
+    def deviance(at):  # of Student's t distribution, location and scale
+        square = ((y - at[0]) / at[1]) ** 2
+        return (freedom + 1) * np.log1p(square / freedom).sum() + 2 * len(y) * np.log(at[1])
+
+    best = minimize(deviance, [2.0, 0.1], method="Nelder-Mead", options={"xatol": 1e-9}).x
+    robust = fitted([plane_data(x, y)], ["c"], loss=loss).values["c"]
+    assert robust == pytest.approx(best[0], rel=1e-3)
+    assert robust == pytest.approx(np.median(y), abs=0.1)
+
+
+def test_weights_are_those_of_weighted_least_squares():
+    x = columns()
+    sizes = np.linspace(0.1, 3.0, len(x))
+    y = x @ [2.0, -1.0, 0.5] + sizes * np.random.default_rng(7).normal(size=len(x))
+    fit = fitted([plane_data(x, y)], weights={"y": 1 / sizes}, loss="squares")
+    expected = np.linalg.lstsq(x / sizes[:, None], y / sizes)[0]
+    assert [*fit.values.values()] == pytest.approx(expected, rel=1e-7)
+
+
+def test_more_starts_find_the_deepest_valley():
+    time = np.linspace(0.0, 20.0, 200)
+    data = [FitData(time, {"t": time}, {"y": np.sin(3.0 * time)})]
+    start = {"w": 1.0}
+    one = fitted(data, ["w"], Wave, start, starts=1)
+    several = fitted(data, ["w"], Wave, start, starts=None)
+    assert one.values["w"] != pytest.approx(3.0, rel=0.1)
+    assert several.values["w"] == pytest.approx(3.0, rel=1e-6)
+    assert several.searches > 1
+    assert "several minima" in several.warnings[0]
+
+
+def test_a_residual_that_is_white_ends_the_searches():
+    x = columns(400)
+    fit = fitted([plane_data(x, noisy(x, [2.0, -1.0, 0.5]))], starts=None)
+    assert fit.searches == 1
+
+
+def test_noise_that_is_too_small_is_told():
+    x = columns()
+    fit = fitted([plane_data(x, noisy(x, [2.0, -1.0, 0.5]))], noise={"y": SIGMA / 3})
+    assert any("times the noise that was given" in text for text in fit.warnings)
+
+
+def test_an_interval_of_a_curved_model_is_called_too_narrow():
+    """A time constant five times as long as the record."""
+    time = np.linspace(0.0, 1.0, 51)
+    y = 1.0 - np.exp(-time / 5.0) + np.random.default_rng(2).normal(0, 0.002, 51)
+    fit = fitted([FitData(time, {}, {"y": y})], ["gain", "tau"], Rise)
+    (curved,) = [text for text in fit.warnings if "the interval of tau is too narrow" in text]
+    assert "above" in curved
+    assert fit.profile("tau").interval[1] > 1.05 * fit.intervals["tau"][1]
+
+
+def test_intervals_of_a_linear_model_are_not_called_too_narrow():
+    x = columns()
+    assert fitted([plane_data(x, noisy(x, [2.0, -1.0, 0.5]))]).warnings == []
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"each": ("a",)}, "each a: there is only one record"),
+        ({"bounds": {"z": (0.0, 1.0)}}, "bounds z: it is not fitted; fitted are a, b, c"),
+        ({"bounds": {"a": (2.0, 1.0)}}, "bounds a: 2 … 1 is no range"),
+        ({"priors": {"a": (1.0, 0.0)}}, "prior a: the deviation is 0; it must be above zero"),
+        ({"ties": {"b": (2.0, "a")}}, "tie b: it is fitted, too; leave out one of the two"),
+        ({"noise": {"z": 1.0}}, "noise z: it was not measured; there are y"),
+        ({"scales": {"a": "logarithmic"}}, "scale a: a logarithm needs a start above zero"),
+    ],
+)
+def test_what_cannot_be_assumed_is_refused(given, told):
+    x = columns()
+    with pytest.raises(UserError, match="^" + told.replace("(", r"\(")):
+        fitted([plane_data(x, noisy(x, [2.0, -1.0, 0.5]))], **given)
+
+
+@pytest.mark.slow
+def test_a_posterior_is_the_gaussian_of_a_linear_model():
+    x = columns()
+    y = noisy(x, [2.0, -1.0, 0.5])
+    fit = fitted([plane_data(x, y)], priors={"a": (2.5, 0.05)}, noise={"y": SIGMA})
+    covariance = np.linalg.inv(x.T @ x / SIGMA**2 + np.diag([1 / 0.05**2, 0, 0]))
+    mean = covariance @ (x.T @ y / SIGMA**2 + [2.5 / 0.05**2, 0, 0])
+    posterior = fit.posterior(1000, seed=1)
+    drawn = np.array([*posterior.samples.values()])
+    error = np.sqrt(np.diag(covariance) / posterior.effective)
+    assert np.all(np.abs(drawn.mean(axis=1) - mean) < 4 * error)
+    assert np.cov(drawn) == pytest.approx(covariance, abs=0.12 * np.diag(covariance).max())
+    assert max(posterior.r_hat.values()) < 1.05
+    assert posterior.warnings == ()
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth_as_often_as_they_say():
+    truth = np.array([2.0, -1.0, 0.5])
+    held = 0
+    for seed in range(200):
+        x = columns(60, 1000 + seed)
+        fit = fitted([plane_data(x, noisy(x, truth, seed))], loss="squares")
+        low, high = np.array([*fit.intervals.values()]).T
+        held += np.sum((low <= truth) & (truth <= high))
+    assert 0.93 <= held / 600 <= 0.97
+    assert binom.cdf(0.93 * 600, 600, 0.95) < 0.05  # the test would see 91 %
