@@ -398,7 +398,10 @@ def fit_model(
         data.append(record._replace(inputs=held | dict(record.inputs)))
     fixed = {name: value for name, value in given.items() if name not in constant}
     if model.cls is not None:
-        return fit_records(model.cls, data, names, numeric(fixed), assumptions)
+        fit = fit_records(model.cls, data, names, numeric(fixed), assumptions)
+        assert fit.likelihood is not None
+        # of an FMU, differences of its runs would cost too much for this
+        return replace(fit, warnings=[*fit.warnings, *fit.likelihood.narrow_warnings()])
     others = {name: value for name, value in fixed.items() if name not in moved}
     numbers = {name: value for name, value in fixed.items() if not isinstance(value, str)}
     outputs = list(dict.fromkeys(output for record in records for output in record.measured))

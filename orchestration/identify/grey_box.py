@@ -376,15 +376,13 @@ class Likelihood:
         """Return a warning for each end of an interval that is clearly too narrow.
 
         At that end of the ellipse's interval the deviance, with the others fitted by one
-        Gauss-Newton step, is then well below the level, so that the profile reaches farther.
-        Differences of an FMU's runs would cost too much for it.
+        Gauss-Newton step, is then well below the level, so that the profile reaches farther. It
+        takes two simulations for each end.
         """
-        if isinstance(self.subject, FmuWithDifferences):
-            return []
         names = self.problem.names
         half = float(np.sqrt(LEVEL)) * self.spread.standard_errors
         warnings = []
-        for i in np.flatnonzero(np.isfinite(half)):
+        for i in map(int, np.flatnonzero(np.isfinite(half) & (half > 0.0))):
             tangent = self.white_covariance[i] / self.white_covariance[i, i]
             for word, side in (("below", -half[i]), ("above", half[i])):
                 if self._rise(i, self.fitted.q + side * tangent) < _FLAT * LEVEL:
@@ -576,8 +574,6 @@ def fit_records(
     for name in problem.names:
         unit = problem.declared[name].unit
         estimates[name] = Estimate(fitted.values[name], problem.start[name], intervals[name], unit)
-    likelihood = Likelihood(cls, problem, fitted, spread)
-    too_narrow = likelihood.narrow_warnings()
     return Fit(
         estimates=estimates,
         evaluations=problem.evaluations,
@@ -587,7 +583,6 @@ def fit_records(
             *_weak_warnings(problem, fitted, spread),
             *_slow_warnings(problem, fitted),
             *_noise_warnings(problem, fitted),
-            *too_narrow,
             *_limit_warnings(problem, fitted),
         ],
         declared=_declared(problem, assumptions),
@@ -597,7 +592,7 @@ def fit_records(
             for name, scale in zip(problem.names, problem.scales, strict=True)
             if scale.logarithmic
         ),
-        likelihood=likelihood,
+        likelihood=Likelihood(cls, problem, fitted, spread),
         samples=problem.samples,
         deviance=problem.deviance(fitted.noise, fitted.residual),
         searches=searches.made,

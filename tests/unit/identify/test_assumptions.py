@@ -202,14 +202,17 @@ def test_an_interval_of_a_curved_model_is_called_too_narrow():
     time = np.linspace(0.0, 1.0, 51)
     y = 1.0 - np.exp(-time / 5.0) + np.random.default_rng(2).normal(0, 0.002, 51)
     fit = fitted([FitData(time, {}, {"y": y})], ["gain", "tau"], Rise)
-    (curved,) = [text for text in fit.warnings if "the interval of tau is too narrow" in text]
-    assert "above" in curved
+    assert [
+        text.partition(":")[0] for text in fit.likelihood.narrow_warnings() if "tau" in text
+    ] == ["the interval of tau is too narrow above"]
     assert fit.profile("tau").interval[1] > 1.05 * fit.intervals["tau"][1]
 
 
 def test_intervals_of_a_linear_model_are_not_called_too_narrow():
     x = columns()
-    assert fitted([plane_data(x, noisy(x, [2.0, -1.0, 0.5]))]).warnings == []
+    fit = fitted([plane_data(x, noisy(x, [2.0, -1.0, 0.5]))])
+    assert fit.warnings == []
+    assert fit.likelihood.narrow_warnings() == []
 
 
 @pytest.mark.parametrize(
