@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Unpack
 
-from orchestration.api.assumptions import assumptions_of
 from orchestration.api.declaration import takes
 from orchestration.api.forms import given_names
 from orchestration.api.options import CompareKeywords, FitKeywords
 from orchestration.api.records import Data, Records, matching_record, matching_runs
 from orchestration.api.simulation import AnyModel, as_measured, values_of
 from orchestration.fmu.model import built
-from orchestration.identify import Comparison, Fit, comparison
+from orchestration.identify import Comparison, Fit, comparison, read_assumptions
 from orchestration.records import record_labels
 
 
@@ -109,6 +108,6 @@ def fit(
         [comparison.fit_data(subject, *pair) for pair in zip(data, labels, strict=True)],
         given_names(names, "names ="),
         given,
-        assumptions_of(subject, options),
+        read_assumptions(subject, options),
         workers=options["workers"],
     )

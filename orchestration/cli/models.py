@@ -47,9 +47,9 @@ def open_measured(options: MeasuredOptions, runtime: str | None = None) -> Measu
 
 def open_runs(options: IdentifyCommand) -> tuple[Model, list[Record], dict[str, Value]]:
     """Open a model and all runs of its records; see `open_measured`."""
-    from orchestration.api.records import matching_runs
+    from orchestration.api import held_out
 
-    return _opened(options, lambda declared: matching_runs(options["records"], declared, options))
+    return _opened(options, lambda declared: held_out(options["records"], declared, options)[0])
 
 
 def _opened(

@@ -2,6 +2,7 @@ from . import changes as changes
 from . import comparison as comparison
 from . import effect_sizes as effect_sizes
 from . import parameter_set as parameter_set
+from .assumption_texts import read_assumptions as read_assumptions
 from .comparison import Comparison as Comparison
 from .comparison import JointComparison as JointComparison
 from .comparison import fit_model as fit_model

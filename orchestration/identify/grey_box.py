@@ -43,15 +43,12 @@ from orchestration.identify.uncertainty import (
     Estimate,
     Posterior,
     Profile,
-    Target,
-    doubts,
     estimates_frame,
     joint_distribution,
     parameter_covariance,
     profile_likelihood,
-    sample,
+    sample_posterior,
     sandwich_covariance,
-    split_r_hat,
 )
 from orchestration.reporting import Displayable, one_line
 
@@ -367,6 +364,21 @@ class Likelihood:
         """Covariance (p, p) of the searched coordinates as if the noise were white."""
         return parameter_covariance(self.fitted.information).matrix
 
+    def coordinate(self, i: int) -> Coordinate:
+        """Return a coordinate of the search, with its ends and the slopes of the others by it."""
+        white = self.white_covariance
+        scale = self.problem.scales[i]
+        low, high = self.problem.bounds()
+        return Coordinate(
+            index=i,
+            value=scale.value,
+            low=low[i],
+            high=high[i],
+            logarithmic=scale.logarithmic,
+            tangent=white[i] / white[i, i] if white[i, i] > 0.0 else np.eye(len(white))[i],
+            standard_error=float(self.spread.standard_errors[i]),
+        )
+
     def colour(self, i: int) -> float:
         """Return the factor by which the deviance rises too fast along a coordinate."""
         white = self.white_covariance[i, i]
@@ -420,19 +432,9 @@ class Likelihood:
         """Profile one of the parameters; see `Fit.profile`."""
         problem = self.problem
         i = problem.names.index(name)
-        white = self.white_covariance
-        determined = white[i, i] > 0.0
-        colour = self.colour(i)
         low, high = problem.bounds()
-        coordinate = Coordinate(
-            index=i,
-            value=problem.scales[i].value,
-            low=low[i],
-            high=high[i],
-            logarithmic=problem.scales[i].logarithmic,
-            tangent=white[i] / white[i, i] if determined else np.eye(len(white))[i],
-            standard_error=float(self.spread.standard_errors[i]),
-        )
+        colour = self.colour(i)
+        coordinate = self.coordinate(i)
         least = problem.deviance(self.fitted.noise, self.fitted.residual)
         fits = 0
 
@@ -462,37 +464,27 @@ class Likelihood:
             raise UserError(
                 f"no posterior: the record does not determine {listed}; hold it, or give a prior"
             )
-        low, high = problem.bounds()
         # the mean ratio of variances in the directions of the parameters
         colour = float(np.trace(self.fitted.information @ self.spread.matrix)) / len(names)
 
         def log_density(q: Array) -> float:
-            if (q < low).any() or (q > high).any():
-                return -np.inf
             try:
                 deviance = problem.deviance(self.fitted.noise, problem.evaluate(q)[0])
             except UserError:
                 return -np.inf
             return -0.5 * deviance / colour if np.isfinite(deviance) else -np.inf
 
-        target = Target(log_density, self.fitted.q, self.spread.matrix, low, high)
         with _opened(self.subject):
-            chain = sample(target, count, seed, progress)
-        r_hat = dict(zip(names, map(float, split_r_hat(chain.points)), strict=True))
-        flat = chain.points.reshape(-1, len(names))
-        kept = flat[:: max(1, int(len(flat) / chain.effective))]
-        samples = {
-            name: np.array([scale.value(x) for x in column])
-            for name, scale, column in zip(names, problem.scales, kept.T, strict=True)
-        }
-        return Posterior(
-            samples,
-            {name: problem.declared[name] for name in names},
-            chain.effective,
-            r_hat,
-            chain.acceptance,
-            doubts(chain, count, r_hat),
-        )
+            return sample_posterior(
+                log_density,
+                {name: problem.declared[name] for name in names},
+                [self.coordinate(i) for i in range(len(names))],
+                self.fitted.q,
+                self.spread.matrix,
+                count=count,
+                seed=seed,
+                progress=progress,
+            )
 
 
 def _opened(subject: Subject) -> AbstractContextManager[None]:

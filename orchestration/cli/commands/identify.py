@@ -79,14 +79,14 @@ def identify(options: IdentifyCommand) -> None:
 
 def _fitted(options: IdentifyCommand, profiled: list[str]) -> JointComparison:
     """Fit the parameters, and then profile some of them."""
-    from orchestration.api.assumptions import assumptions_of
     from orchestration.cli.models import note_neutral, open_runs
     from orchestration.identify import comparison as work
+    from orchestration.identify import read_assumptions
     from orchestration.reporting.console import progress
 
     model, records, parameters = open_runs(options)
     note_neutral(model, parameters)
-    assumptions = assumptions_of(model, options)
+    assumptions = read_assumptions(model, options)
     with progress() as tell:
         found = work.compare_fitted(
             model,

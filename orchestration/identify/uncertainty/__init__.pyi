@@ -10,10 +10,7 @@ from .estimate import is_significantly_different as is_significantly_different
 from .estimate import joint_distribution as joint_distribution
 from .picture import draw_profiles as draw_profiles
 from .posterior import Posterior as Posterior
-from .posterior import Target as Target
-from .posterior import doubts as doubts
-from .posterior import sample as sample
-from .posterior import split_r_hat as split_r_hat
+from .posterior import sample_posterior as sample_posterior
 from .profile import LEVEL as LEVEL
 from .profile import Coordinate as Coordinate
 from .profile import Profile as Profile

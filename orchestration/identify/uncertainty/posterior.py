@@ -10,7 +10,7 @@ in Applied Mathematics and Computational Science 5, 2010).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -19,6 +19,7 @@ import numpy as np
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from fmus.kit.units import Described, format_value
+from orchestration.identify.uncertainty.profile import Coordinate
 from orchestration.reporting import Displayable, one_line, plain_table
 
 if TYPE_CHECKING:
@@ -121,26 +122,6 @@ class Posterior(Displayable):
         }
 
 
-class Target(NamedTuple):
-    """The density that is sampled.
-
-    Attributes
-    ----------
-    log_density : callable
-        Of a point (p,), up to a constant; minus infinity where the model fails.
-    centre, spread : ndarray, shape (p,) and (p, p)
-        The estimate, and its covariance, about which the ensemble begins.
-    low, high : ndarray, shape (p,)
-        Ends of the ranges.
-    """
-
-    log_density: Callable[[Array], float]
-    centre: Array
-    spread: Array
-    low: Array
-    high: Array
-
-
 class Chain(NamedTuple):
     """A chain of an ensemble after its beginning was left out.
 
@@ -166,12 +147,30 @@ class Chain(NamedTuple):
         return float(steps * walkers / self.autocorrelation_time.max())
 
 
-def sample(target: Target, count: int, seed: int, progress: Callable[[str], None]) -> Chain:
-    """Sample until the chain has `count` independent points and is long enough to know that.
+def sample_posterior(
+    log_density: Callable[[Array], float],
+    declared: Mapping[str, Described],
+    coordinates: Sequence[Coordinate],
+    centre: Array,
+    spread: Array,
+    *,
+    count: int,
+    seed: int,
+    progress: Callable[[str], None],
+) -> Posterior:
+    """Sample until there are `count` independent samples, and enough to know that they are.
 
     Parameters
     ----------
-    target : Target
+    log_density : callable
+        Of a point (p,) in searched coordinates, up to a constant; minus infinity where the model
+        fails.
+    declared : Mapping of str to Described
+        By parameter.
+    coordinates : sequence of Coordinate
+        Of each parameter.
+    centre, spread : ndarray, shape (p,) and (p, p)
+        The estimate, and its covariance, about which the ensemble begins.
     count, seed : int
     progress : callable
         Called with a message before every chunk of steps.
@@ -181,23 +180,50 @@ def sample(target: Target, count: int, seed: int, progress: Callable[[str], None
     UserError
         If no number of samples is asked for, or emcee is not installed.
     """
-    from fmus.kit.extras import require
-
-    require("emcee")
-    import emcee
-
     if count < 1 or seed < 0:
         raise UserError(
             f"{count} samples with seed {seed}: whole numbers, of one sample or more and a seed"
             " from zero on"
         )
-    parameters = len(target.centre)
-    walkers = max(_WALKERS, 4 * parameters)
+    ends = np.array([[one.low, one.high] for one in coordinates])
+
+    def inside(q: Array) -> float:
+        is_inside = ((ends[:, 0] <= q) & (q <= ends[:, 1])).all()
+        return log_density(q) if is_inside else -np.inf
+
     random = np.random.default_rng(seed)
-    start = random.multivariate_normal(target.centre, target.spread, walkers, method="svd")
-    sampler = emcee.EnsembleSampler(walkers, parameters, target.log_density)
+    walkers = max(_WALKERS, 4 * len(centre))
+    start = random.multivariate_normal(centre, spread, walkers, method="svd")
+    chain = _run(inside, np.clip(start, *ends.T), count, seed, progress)
+    r_hat = dict(zip(declared, map(float, split_r_hat(chain.points)), strict=True))
+    flat = chain.points.reshape(-1, len(centre))
+    kept = flat[:: max(1, int(len(flat) / chain.effective))]
+    samples = {
+        name: np.array([one.value(q) for q in column])
+        for name, one, column in zip(declared, coordinates, kept.T, strict=True)
+    }
+    return Posterior(
+        samples, declared, chain.effective, r_hat, chain.acceptance, _doubts(chain, count, r_hat)
+    )
+
+
+def _run(
+    log_density: Callable[[Array], float],
+    start: Array,
+    count: int,
+    seed: int,
+    progress: Callable[[str], None],
+) -> Chain:
+    """Run an ensemble from points (walkers, p) until its chain is long enough."""
+    from fmus.kit.extras import require
+
+    require("emcee")
+    import emcee
+
+    walkers = len(start)
+    sampler = emcee.EnsembleSampler(walkers, start.shape[1], log_density)
     sampler.random_state = np.random.RandomState(seed).get_state()  # of which emcee's is one
-    state: Any = np.clip(start, target.low, target.high)
+    state: Any = start
     while True:
         progress(f"posterior, step {sampler.iteration}")
         state = sampler.run_mcmc(state, _CHUNK)
@@ -226,7 +252,7 @@ def split_r_hat(points: Array) -> Array:
     return np.sqrt((half - 1) / half + ratio / half)
 
 
-def doubts(chain: Chain, count: int, r_hat: Mapping[str, float]) -> tuple[str, ...]:
+def _doubts(chain: Chain, count: int, r_hat: Mapping[str, float]) -> tuple[str, ...]:
     """Return warnings about the convergence of a chain."""
     warnings = []
     times = chain.steps / float(chain.autocorrelation_time.max())

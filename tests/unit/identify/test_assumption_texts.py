@@ -7,15 +7,15 @@ import pytest
 
 from fmus.kit import UserError
 from orchestration.api import as_measured
-from orchestration.api.assumptions import assumptions_of
 from orchestration.api.declaration import options_of
 from orchestration.api.options import AssumptionOptions
+from orchestration.identify import read_assumptions
 
 DEFAULTS = {name: option.default for name, option in options_of(AssumptionOptions).items()}
 
 
 def read(**given):
-    return assumptions_of(as_measured("ppy_actuator"), DEFAULTS | given)
+    return read_assumptions(as_measured("ppy_actuator"), DEFAULTS | given)
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from orchestration.reporting import option
 _TIE = re.compile(r"\s*(?:([-+\d.eE]+)\s*\*\s*)?([^\s*].*?)\s*")
 
 
-def assumptions_of(model: Model, options: Mapping[str, Any]) -> Assumptions:
+def read_assumptions(model: Model, options: Mapping[str, Any]) -> Assumptions:
     """Return the assumptions that values of `AssumptionOptions` state.
 
     Parameters
