@@ -154,3 +154,24 @@ def test_parameters_of_two_members_are_identified_from_a_record_of_the_loop(tmp_
     refused(
         tmp_path, "identify", *about, *fit, "--with", "leak", parts=["dma_bench is a system; leak"]
     )
+
+
+@pytest.mark.slow
+def test_several_records_have_one_set_of_parameters(folder):
+    """The second record rises to twice as much; its gain is the input, which is of each."""
+    time = 0.1 * np.arange(101)
+    x = 2.0 * (1.0 - np.exp(-time / 0.73)) + np.random.default_rng(2).normal(0.0, 0.01, 101)
+    rows = np.column_stack([time, np.full(101, 2.0), x])
+    np.savetxt(folder / "s.csv", rows, delimiter=",", header="time,u,x", comments="")
+    call = ["r.csv", "s.csv", "--model", "one_state.fmu", "--fit", "tau", "--bounds", "tau=0.1..5s"]
+    said = works(
+        "identify", *call, "--prior", "tau=0.7+-0.5s", "--json", "b.json", "--plot", "b.png",
+        "--report", "b.html", cwd=folder,
+    )  # fmt: skip
+    assert said.count("against") == 2
+    found = json.loads((folder / "b.json").read_text())
+    low, high = found["fitted"]["parameters"]["tau"]["ci95"]
+    assert low < 0.73 < high
+    assert [one["label"] for one in found["records"]] == ["r", "s"]
+    assert (folder / "b.png").read_bytes().startswith(PNG)
+    assert "--corner" in refused(folder, "identify", *call, "--corner", "d.png")
