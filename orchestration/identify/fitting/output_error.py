@@ -26,10 +26,15 @@ from orchestration.identify.uncertainty import (
 )
 
 # Fall of the sum of squared innovations, of variance 1, below which a search ends: where rounding
-# begins, as the values are the result. With differences of runs it begins earlier.
-_TOLERANCE = 1e-12
-_TOLERANCE_OF_DIFFERENCES = 1e-6
-_LEAST_TOLERANCE = 1e-14  # relative to the sum
+# begins, as the values are the result.
+_TOLERANCE = 1e-6
+# If its last Gauss-Newton step is longer than this, in searched coordinates, a search with exact
+# derivatives goes on to the second tolerance, relative to the sum: steps shrink slowly where a
+# model is curved and its residual large.
+_PRECISE = 1e-7
+_FINE_TOLERANCE = 1e-14
+# singular value, relative to the largest, in whose direction no step counts
+_UNDETERMINED = 1e-10
 _TRIALS = 200  # points that the search of a pass tries
 _PASSES = 5  # of parameters in given noise, and of the noise of the residual
 _SETTLED = 1e-3  # fall of BIC from one pass to the next below which no further one is made
@@ -163,12 +168,21 @@ class _Loss:
     def minimise_smooth(self, start: Array) -> Minimum:
         """Minimise within the bounds about a start where the residuals are smooth."""
         low, high = self.problem.smooth_bounds(start)
-        by_differences = isinstance(self.problem.model, FmuWithDifferences)
-        least_fall = _TOLERANCE_OF_DIFFERENCES if by_differences else _TOLERANCE
-        tolerance = max(least_fall / self.problem.samples, _LEAST_TOLERANCE)
-        return minimise(
-            self._rows, self._slopes, start, low, high, tolerance=tolerance, trials=_TRIALS
-        )
+        coarse = _TOLERANCE / self.problem.samples
+        end = minimise(self._rows, self._slopes, start, low, high, coarse, trials=_TRIALS)
+        exact = not isinstance(self.problem.model, FmuWithDifferences)
+        if not (exact and end.converged and self._last_step(end.q, low, high) > _PRECISE):
+            return end
+        return minimise(self._rows, self._slopes, end.q, low, high, _FINE_TOLERANCE, trials=_TRIALS)
+
+    def _last_step(self, q: Array, low: Array, high: Array) -> float:
+        """Return the length of a Gauss-Newton step of the coordinates that are off their bounds."""
+        slopes = self._slopes(q)[:, (low < q) & (q < high)]
+        rows = self._rows(q)
+        if not slopes.size or not (np.isfinite(slopes).all() and np.isfinite(rows).all()):
+            return 0.0
+        step = np.linalg.lstsq(slopes, rows, rcond=_UNDETERMINED)[0]
+        return float(np.abs(step).max())
 
     def _rows(self, q: Array) -> Array:
         """Return signed roots (m,) of the deviance of every innovation."""
