@@ -21,7 +21,7 @@ EXAMPLES = {
     ),
     "identify": (
         "ppy identify demo-output/record.csv --fit R1,R2,C --ssv fitted.ssv",
-        "ppy identify demo-output/record.csv --fit R1,C --prior R1=0.43+-0.05ohm --profile R1",
+        "ppy identify demo-output/record.csv --fit R1,C --prior R1=0.43+-0.05ohm",
     ),
     "frequency": (
         "ppy frequency demo-output/record.csv --of voltage/current --plot impedance.png",
