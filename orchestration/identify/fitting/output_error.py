@@ -33,8 +33,6 @@ _TOLERANCE = 1e-6
 # model is curved and its residual large.
 _PRECISE = 1e-7
 _FINE_TOLERANCE = 1e-14
-# singular value, relative to the largest, in whose direction no step counts
-_UNDETERMINED = 1e-10
 _TRIALS = 200  # points that the search of a pass tries
 _PASSES = 5  # of parameters in given noise, and of the noise of the residual
 _SETTLED = 1e-3  # fall of BIC from one pass to the next below which no further one is made
@@ -181,7 +179,8 @@ class _Loss:
         rows = self._rows(q)
         if not slopes.size or not (np.isfinite(slopes).all() and np.isfinite(rows).all()):
             return 0.0
-        step = np.linalg.lstsq(slopes, rows, rcond=_UNDETERMINED)[0]
+        information = weighted_square(slopes, np.ones(len(rows)))
+        step = parameter_covariance(information).matrix @ (slopes.T @ rows)
         return float(np.abs(step).max())
 
     def _rows(self, q: Array) -> Array:
