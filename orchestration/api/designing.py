@@ -171,16 +171,11 @@ def _delay(options: DesignKeywords) -> float:
     return delay
 
 
-def _limits(
-    given: tuple[float, float] | str | None, unit: str, at_rest: float
-) -> tuple[float, float]:
+def _limits(ends: Sequence[str] | None, unit: str, at_rest: float) -> tuple[float, float]:
     """Return the lowest and the highest command; infinite ones if none are given."""
-    if given is None:
+    if ends is None:
         return -np.inf, np.inf
-    shown = option("limits", given if isinstance(given, str) else f"{given[0]}..{given[1]}")
-    ends = given.split("..") if isinstance(given, str) else [repr(float(end)) for end in given]
-    if len(ends) != 2:
-        raise UserError(f"{shown}: write two commands, such as -1.3..1.3")
+    shown = option("limits", "..".join(ends))
     low, high = (read_amount(end, unit, shown) for end in ends)
     if not low < high:
         raise UserError(f"{shown}: the first command must be below the second one")

@@ -118,6 +118,17 @@ def band(given: str, name: str) -> tuple[float, float]:
     return low, high
 
 
+def _two_ends(given: str | Sequence[float | str], name: str) -> list[str]:
+    """Return the ends of a range as texts, from one text or two texts or numbers."""
+    try:
+        ends = given.split("..") if isinstance(given, str) else [str(end) for end in given]
+    except TypeError:
+        ends = []
+    if len(ends) != 2 or not all(end.strip() for end in ends):
+        raise UserError(f"{name} {given!r}: write two commands, such as -1.3A..1.3A")
+    return ends
+
+
 def rows_per_second(given: str | float) -> float:
     """Return a rate in Hz from a number, or a text with a unit of frequency or of time."""
     from orchestration.fmu.signal import read_amount
@@ -219,6 +230,7 @@ BAND = Form(
     str | None,
     given=lambda value, name: band(value, name) if isinstance(value, str) else value,
 )
+LIMITS = Form(_two_ends, lambda ends: ["..".join(ends)], str | None, given=_two_ends)
 SIZE = Form(write=lambda value: [f"{value / 1e6:g}MB"], typed=float | None, parse=size_in_bytes)
 TIME = Form(write=lambda value: [_in_seconds(value)], typed=float | None, parse=seconds)
 RATE = Form(

@@ -14,6 +14,7 @@ from orchestration.api.forms import (
     BAND,
     EFFECTS,
     LEFT_OUT,
+    LIMITS,
     MAPPING,
     NAMES,
     ONE_OR_ALL,
@@ -1038,7 +1039,7 @@ class ControllerOptions(ControlledSignalsOptions, total=False):
             "Lowest and highest command.",
             kind='tuple of float in the unit of the command or str such as "0..10V", optional',
             metavar="FROM..TO",
-            form=Form(typed=str | None),
+            form=LIMITS,
         ),
     ]
 

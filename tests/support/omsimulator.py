@@ -24,8 +24,9 @@ _WEAKLY_COUPLED, _STRONGLY_COUPLED = 1, 2  # systems of co-simulation, and of mo
 
 
 def version() -> str:
-    """Version of OMSimulator."""
-    return _run({"version": True})
+    """Version of OMSimulator, without commit and platform."""
+    words: str = _run({"version": True})
+    return words.partition(" v")[2].partition("-")[0]
 
 
 def simulate_fmu(

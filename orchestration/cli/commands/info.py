@@ -224,10 +224,10 @@ def _show(known: _Facts) -> None:
             table.add_row(signal.name, unit, signal.doc)
         out.print(table)
         out.print()
-    table = plain_table("parameters", "name", "default", "allowed", "variability", "meaning")
+    table = plain_table("parameters", "name", "default", "allowed", "meaning")
     for signal in known.signals["parameters"]:
-        variability = "tunable" if signal.is_tunable else "fixed"
-        table.add_row(signal.name, start_of(signal), allowed(signal), variability, signal.doc)
+        meaning = f"{signal.doc}; tunable" if signal.is_tunable else signal.doc
+        table.add_row(signal.name, start_of(signal), allowed(signal), meaning)
     out.print(table)
     for source in dict.fromkeys(known.sources.values()):
         names = ", ".join(name for name, other in known.sources.items() if other == source)

@@ -55,7 +55,8 @@ def test_it_is_a_ramp_from_the_next_point_on_and_the_result_repeats_it(tmp_path)
     assert [c["time"] for c in kept] == pytest.approx([0.22, 0.62])
     results.write(found, tmp_path / "run.nc")
     again = run(read(str(tmp_path / "run.nc")), "again")
-    assert not results.differences(again, results.read(tmp_path / "run.nc"))
+    for name, values in results.read(tmp_path / "run.nc").data_vars.items():
+        np.testing.assert_array_equal(again[name].values, values.values)
     assert np.ptp(again.force_limit.values) > 0.9
 
 
