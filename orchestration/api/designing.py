@@ -171,12 +171,12 @@ def _delay(options: DesignKeywords) -> float:
     return delay
 
 
-def _limits(ends: Sequence[str] | None, unit: str, at_rest: float) -> tuple[float, float]:
+def _limits(ends: Sequence[float | str] | None, unit: str, at_rest: float) -> tuple[float, float]:
     """Return the lowest and the highest command; infinite ones if none are given."""
     if ends is None:
         return -np.inf, np.inf
-    shown = option("limits", "..".join(ends))
-    low, high = (read_amount(end, unit, shown) for end in ends)
+    shown = option("limits", "..".join(map(str, ends)))
+    low, high = (read_amount(str(end), unit, shown) for end in ends)
     if not low < high:
         raise UserError(f"{shown}: the first command must be below the second one")
     if not low <= at_rest <= high:
