@@ -87,22 +87,22 @@ def read_tolerances(texts: str | Sequence[str], flag: str) -> dict[str, Toleranc
             name = named.strip()
             if not name or name in found:
                 raise UserError(f"{flag} {text!r}: {name or 'a name'} is named twice or missing")
-        found[name] = _with(found.get(name, EXACT), amount, flag)
+        found[name] = _with(found.get(name, EXACT), amount, f"{flag} {part.strip()!r}")
     return found
 
 
-def _with(tolerance: Tolerance, given: str, flag: str) -> Tolerance:
+def _with(tolerance: Tolerance, given: str, where: str) -> Tolerance:
     """Return a tolerance with one more amount."""
     text = given.strip()
     number, unit = read_quantity(text.removesuffix("%")) or (inf, "")
     is_share = text.endswith("%")
     if not 0.0 <= number < inf or (is_share and unit):
         raise UserError(
-            f"{flag} {given!r}: write a time, a value or a share of the range, at least 0, such as"
+            f"{where}: write a time, a value or a share of the range, at least 0, such as"
             " 20ms, 1mV or 1%"
         )
     if is_share:
         return tolerance._replace(percent=tolerance.percent + number)
     if unit and units.measure_alike(unit, "s"):
-        return tolerance._replace(time=tolerance.time + read_amount(text, "s", flag))
+        return tolerance._replace(time=tolerance.time + read_amount(text, "s", where))
     return tolerance._replace(amounts=(*tolerance.amounts, text))

@@ -41,6 +41,7 @@ def test_the_height_is_the_sum_in_the_unit_of_the_signal(text, unit, height):
     [
         ("", "--tube ''"),
         ("fast", "--tube 'fast': write a time"),
+        ("v=", "--tube 'v=': write a time"),
         ("-1%", "at least 0"),
         ("nan", "--tube 'nan'"),
         ("1 V%", "--tube '1 V%'"),
