@@ -143,6 +143,14 @@ def rows_per_second(given: str | float) -> float:
     return rate
 
 
+def _given_rate(value: str | float | None, name: str) -> float | None:
+    """Return a rate in Hz, or none, from Python."""
+    try:
+        return None if value is None else rows_per_second(value)
+    except UserError as error:
+        raise UserError(f"{name} {error}") from error
+
+
 def row_range(given: str, name: str) -> tuple[int, int]:
     """Return the ends of a range of rows, such as ``100..2000``."""
     match = re.fullmatch(r"\s*(\d+)\s*(?:\.\.|:)\s*(\d+)\s*", given)
@@ -237,6 +245,7 @@ RATE = Form(
     write=lambda value: [f"{rows_per_second(value):.12g}Hz"],
     typed=float | None,
     parse=rows_per_second,
+    given=_given_rate,
 )
 TIMES = Form(
     lambda text, flag: [seconds(one) for one in comma_list(text, flag)],

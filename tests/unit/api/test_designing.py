@@ -64,6 +64,8 @@ def test_intervals_of_a_diagnosis_are_its_band(monkeypatch):
         ({"phase_margin": 180.0}, "above 0 and below 180 degrees"),
         ({"controller": "pd"}, "no kind of controller named 'pd'"),
         ({"crossover": "40Hz"}, "below half the sampling rate, 25 Hz"),
+        ({"crossover": float("nan")}, "crossover = nan: 'nan' is not a number"),
+        ({"limits": 3}, "limits = 3: write two commands"),
     ],
 )
 def test_what_does_not_fit_is_refused_in_one_line(changed, words):
