@@ -87,7 +87,7 @@ def read_tolerances(texts: str | Sequence[str], flag: str) -> dict[str, Toleranc
             name = named.strip()
             if not name or name in found:
                 raise UserError(f"{flag} {text!r}: {name or 'a name'} is named twice or missing")
-        found[name] = _with(found.get(name, EXACT), amount, f"{flag} {part.strip()!r}")
+        found[name] = _with(found.get(name, EXACT), amount, f"{flag} {part!r}")
     return found
 
 

@@ -24,7 +24,7 @@ def test_tools_are_run_and_counted():
     assert all(re.fullmatch("[0-9a-f]{64}", entry["sha256"]) for entry in entries)
     (badge,) = badges(entries).items()
     assert badge[0] == "fmpy-fmi3.svg"
-    assert "FMI 3.0: 4 of 4" in badge[1]
+    assert "FMI 3.0: 6 of 6" in badge[1]
     assert GOOD in badge[1]
 
 

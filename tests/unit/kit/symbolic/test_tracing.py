@@ -212,6 +212,12 @@ def test_dependencies_against_differences(cls):
         ]
 
 
+def start_name(state):
+    """Name of the start value, of an element of an array too."""
+    stem, bracket, place = state.partition("[")
+    return f"{stem}_start{bracket}{place}"
+
+
 @pytest.mark.parametrize(
     "cls",
     slow_but(
@@ -234,7 +240,7 @@ def test_initial_dependencies_against_differences(cls):
 
     def at_start(values):
         values = values | {
-            s.name: values[f"{s.name}_start"] for s in (*layout.states, *layout.discretes)
+            s.name: values[start_name(s.name)] for s in (*layout.states, *layout.discretes)
         }
         rates, outputs, *_ = evaluated(cls, values, 0.0)
         by_name = values | dict(zip((o.name for o in layout.outputs), outputs, strict=True))
