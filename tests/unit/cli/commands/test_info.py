@@ -15,6 +15,7 @@ def test_info_says_what_one_needs_to_set_a_parameter(tmp_path):
     row = next(line for line in text.splitlines() if line.startswith("alpha "))
     for part in ("0.068 mm/C", "-1000 … 1000 mm/C"):  # both in the unit people read
         assert part in row
+    assert text.split().count("tunable") == 4  # the limits
     assert "inf" not in text.split("parameters")[1].split()
     for part in ("current", "displacement", "five_layer", "table 3-1"):
         assert part in text
