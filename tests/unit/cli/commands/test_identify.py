@@ -164,10 +164,8 @@ def test_several_records_have_one_set_of_parameters(folder):
     rows = np.column_stack([time, np.full(101, 2.0), x])
     np.savetxt(folder / "s.csv", rows, delimiter=",", header="time,u,x", comments="")
     call = ["r.csv", "s.csv", "--model", "one_state.fmu", "--fit", "tau", "--bounds", "tau=0.1..5s"]
-    said = works(
-        "identify", *call, "--prior", "tau=0.7+-0.5s", "--json", "b.json", "--plot", "b.png",
-        "--report", "b.html", cwd=folder,
-    )  # fmt: skip
+    files = ["--json", "b.json", "--plot", "b.png", "--report", "b.html"]
+    said = works("identify", *call, "--prior", "tau=0.7+-0.5s", *files, cwd=folder)
     assert said.count("against") == 2
     found = json.loads((folder / "b.json").read_text())
     low, high = found["fitted"]["parameters"]["tau"]["ci95"]
