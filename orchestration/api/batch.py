@@ -193,8 +193,8 @@ def diagnose_each(
                 failures[name] = str(error).removeprefix(f"{name}: ")
             except Ended as end:
                 failures[name] = end.reason
-            told = failures.get(name) or results[name].verdict
-            progress(f"{len(results) + len(failures)} of {len(records)} records: {name}: {told}")
+            answer = failures.get(name) or results[name].verdict
+            progress(f"{len(results) + len(failures)} of {len(records)} records: {name}: {answer}")
             if name in results and results[name].is_interrupted:
                 break
     except KeyboardInterrupt:

@@ -211,9 +211,9 @@ def _check_outputs(record: Record, model: Model) -> None:
         known = ", ".join(model.outputs)
         empty = [repair.message for repair in record.repairs if repair.kind == "empty column"]
         if empty:
-            told = "; ".join(message.partition(";")[0] for message in empty)
+            reasons = "; ".join(message.partition(";")[0] for message in empty)
             raise UserError(
-                f"{record.source}: {told} (all are NaN), and no other is an output of {model.name}"
+                f"{record.source}: {reasons} (all are NaN), and no other is an output of {model.name}"
             )
         raise UserError(
             f"{record.source}: no column is an output of {model.name} ({known}); say which is, with"
