@@ -213,7 +213,8 @@ def _check_outputs(record: Record, model: Model) -> None:
         if empty:
             reasons = "; ".join(message.partition(";")[0] for message in empty)
             raise UserError(
-                f"{record.source}: {reasons} (all are NaN), and no other is an output of {model.name}"
+                f"{record.source}: {reasons} (all are NaN),"
+                f" and no other is an output of {model.name}"
             )
         raise UserError(
             f"{record.source}: no column is an output of {model.name} ({known}); say which is, with"
