@@ -1,13 +1,10 @@
-"""A real Chromium without a window: started for one look, or spoken to in its own DevTools protocol
-over a pipe.
-"""
+"""A real Chromium without a window, spoken to in its own DevTools protocol over a pipe."""
 
 from __future__ import annotations
 
 import base64
 import json
 import os
-import re
 import select
 import subprocess
 import time
@@ -31,56 +28,27 @@ _FLAGS = (
 )
 
 
-def browse(browser, folder, page, width, *options):
-    """Open a page in a fresh profile; returns the DOM if asked for, and what the page said on the
-    console.
+def measured(browser, folder, contents, width, picture=None):
+    """Width of the contents, width of the view, pictures shown; and the complaints of the page.
+
+    The page is asked from outside, because its own content policy may forbid scripts.
+
+    Parameters
+    ----------
+    picture : Path, optional
+        Where to draw what is seen.
     """
-    profile = folder / f"profile-{width}-{len(options)}"
-    command = [
-        browser,
-        *_FLAGS,
-        "--enable-logging=stderr",
-        f"--user-data-dir={profile}",
-        f"--window-size={width},1600",
-        *options,
-        page.as_uri(),
-    ]
-    run = subprocess.run(
-        command, capture_output=True, text=True, encoding="utf-8", errors="replace", timeout=120
-    )
-    assert run.returncode == 0, run.stderr
-    return run.stdout, [line for line in run.stderr.splitlines() if "CONSOLE" in line]
-
-
-def measured(browser, folder, contents, width):
-    """Width of the contents, width of the view, pictures shown; and what was said on the console.
-
-    The page stands in a frame, because a browser's window cannot be made as narrow as a phone.
-    """
-    probe = (
-        "<script>addEventListener('load', () =>"
-        " parent.postMessage([document.documentElement.scrollWidth, "
-    )
-    probe += (
-        "innerWidth, [...document.images].filter(i => i.naturalWidth > 0).length].join(' '),"
-        " '*'))</script>"
-    )
-    assert contents.count("</body>") == 1
-    (folder / "probed.html").write_text(
-        contents.replace("</body>", f"{probe}</body>"), encoding="utf-8"
-    )
-    frame = (
-        "<!DOCTYPE html><title>none</title><script>addEventListener('message', e => document.title"
-        " = e.data)</script>"
-    )
-    frame += f'<iframe src="probed.html" style="border:0;width:{width}px;height:900px"></iframe>'
-    (folder / "frame.html").write_text(frame, encoding="utf-8")
-    dom, console = browse(
-        browser, folder, folder / "frame.html", 1600, "--virtual-time-budget=5000", "--dump-dom"
-    )
-    title = re.search(r"<title>(\d+) (\d+) (\d+)</title>", dom)
-    assert title is not None, dom[:300]
-    return tuple(map(int, title.groups())), console
+    page = folder / "measured.html"
+    page.write_text(contents, encoding="utf-8")
+    with chromium(browser, folder / f"profile-{width}") as tab:
+        tab.open(page, width, height=1600)
+        found = tab.run(
+            "[document.documentElement.scrollWidth, document.documentElement.clientWidth,"
+            " [...document.images].filter(image => image.naturalWidth > 0).length]"
+        )
+        if picture is not None:
+            tab.screenshot(picture, whole=False)
+        return tuple(found), list(tab.complaints)
 
 
 class Pipe:

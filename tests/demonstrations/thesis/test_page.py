@@ -91,8 +91,8 @@ def test_the_page_needs_nothing_from_elsewhere(page):
 @pytest.mark.slow
 @pytest.mark.parametrize("width", [390, 1280])
 def test_a_browser_shows_it(browser, page, width, tmp_path):
-    (wide, view, pictures), console = measured(browser, tmp_path, page, width)
-    assert console == []
+    (wide, view, pictures), complaints = measured(browser, tmp_path, page, width)
+    assert complaints == []
     assert wide <= view
     assert pictures == page.count("<img ")
 
