@@ -120,7 +120,7 @@ class Layout:
         for index, name in enumerate(self.names):
             stem, bracket, rest = name.partition("[")
             place, _, end = rest.partition("]")
-            if bracket:
+            if bracket and place.replace(",", "").isdigit():  # in FMUs of others any text
                 elements.setdefault(stem + end, []).append((index, place))
         return tuple(
             ArrayPlace(name, members[0][0], tuple(map(int, members[-1][1].split(","))))

@@ -1,7 +1,8 @@
 """Packing of a system into one FMU, which does in compiled C what the master does.
 
 The operations are those of the master's own schedule, in its order: each communication step of the
-FMU equals that of a run with default options. Members are computed by the engine of their FMUs.
+FMU equals that of a run with default options. Members are computed by the engine of their FMUs, and
+those without equations by their own libraries, which lie in the resources of the FMU.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from orchestration.fmu.model import declared_model
 from orchestration.master import dependency_graph as structures
 from orchestration.master.buffers import BufferTransfer
 from orchestration.master.executor import Executor
+from orchestration.master.fmu_members import common_platforms, fmu_members
 from orchestration.master.instances import STEP, CommunicationStep
 from orchestration.master.schedule import ExchangeStage, MasterSettings, MemberCall, PlainStep
 from orchestration.master.setup import make_structure, open_members
@@ -68,29 +70,25 @@ def pack(
     Raises
     ------
     UserError
-        If the system does not pass its check, a member has no equations or stands for a device, an
-        algebraic loop has variables that are no real numbers, or a platform fails.
+        If the system does not pass its check, a member stands for a device, or has no equations and
+        is not for co-simulation of FMI 2.0 or has no binary for a platform, an algebraic loop has
+        variables that are no real numbers, or a platform fails.
     """
     check(system)
     with error_context(f"system {system.name}"):
         classes = {member.name: _class_of(member) for member in system.members}
-        traced = {cls: trace(cls) for cls in dict.fromkeys(classes.values())}
-        whole = _Whole(system, {name: traced[cls] for name, cls in classes.items()})
-        return build(whole.component(), "native", platforms, progress, packed=whole.packed())
+        traced = {cls: trace(cls) for cls in dict.fromkeys(classes.values()) if cls}
+        fmus = fmu_members(system, [name for name, cls in classes.items() if cls is None])
+        parts = {name: fmus[name] if cls is None else traced[cls] for name, cls in classes.items()}
+        whole = _Whole(system, parts)
+        targets = common_platforms(fmus, platforms)
+        return build(whole.component(), "native", targets, progress, packed=whole.packed())
 
 
-def _class_of(member: Member) -> type[Component]:
-    """Return the class of a member; UserError if it has no equations."""
-    cls = member.cls
-    if cls is None:
-        model = declared_model(str(member.fmu))
-        cls = model.cls
-    if cls is None:
-        raise UserError(
-            f"member {member.name} cannot be packed: {model.without_equations}; run the system as"
-            " .ssp, or put a model with equations in its place"
-        )
-    if cls.engine is not None:
+def _class_of(member: Member) -> type[Component] | None:
+    """Return the class of a member, None without equations; UserError if it stands for a device."""
+    cls = member.cls or declared_model(str(member.fmu)).cls
+    if cls is not None and cls.engine is not None:
         raise UserError(
             f"member {member.name} ({cls.name}) cannot be packed, as it stands for a device and has"
             " no equations; put a model in its place"
@@ -110,15 +108,15 @@ class _Whole:
     Parameters
     ----------
     system : System
-    graphs : Mapping of str to Graph
+    parts : Mapping of str to Graph or FmuMember
         By member.
     """
 
-    def __init__(self, system: System, graphs: Mapping[str, Graph]):
+    def __init__(self, system: System, parts: Mapping[str, Graph | packing.FmuMember]):
         self._system = system
-        self._graphs = graphs
+        self._parts = parts
         self._declarations = {
-            Port(name, v.name): v for name, graph in graphs.items() for v in graph.layout.variables
+            Port(name, v.name): v for name, part in parts.items() for v in part.layout.variables
         }
         fed = {connection.target for connection in system.connections}
         fed |= {port for _, port in system.fed_ports}
@@ -131,8 +129,8 @@ class _Whole:
         ]
         self._outputs = dict(system.outputs) or {
             str(Port(name, v.name)): Port(name, v.name)
-            for name, graph in graphs.items()
-            for v in graph.layout.shown
+            for name, part in parts.items()
+            for v in part.layout.shown
         }
         self._check_names()
 
@@ -181,7 +179,7 @@ class _Whole:
         """Return a class with name, documentation and default experiment of the system."""
         system = self._system
         members = [
-            f"- `{member.name}`: {self._graphs[member.name].name}" for member in system.members
+            f"- `{member.name}`: {self._parts[member.name].name}" for member in system.members
         ]
         connections = [f"- {c} {c.transformation}".rstrip() for c in system.connections]
         doc = "\n".join([system.doc or f"System {system.name}.", "", *members, "", *connections])
@@ -202,7 +200,8 @@ class _Whole:
     @property
     def _tolerance(self) -> float:
         # the largest, as a host may ask each member for more accuracy than its own
-        return max(graph.tolerance for graph in self._graphs.values())
+        declared = [part.tolerance for part in self._parts.values() if part.tolerance > 0.0]
+        return max(declared, default=Component.tolerance)
 
     @uninterrupted()
     def packed(self) -> packing.PackedSystem:
@@ -228,12 +227,12 @@ class _Whole:
                 present_step=CommunicationStep(),
             )
             layout = self._layout()
-            places = packing.Places(list(self._graphs.values()), len(executor.outputs.at))
+            places = packing.Places(list(self._parts.values()), len(executor.outputs.at))
             index = {name: str(i) for i, name in enumerate(layout.names)}
-            translation = _Translation(self._system, executor, self._graphs, places, index)
+            translation = _Translation(self._system, executor, self._parts, places, index)
             program = translation.program(self._constants, self._outputs)
         graph = self._graph_of(layout, structure)
-        return packing.PackedSystem(graph, self._graphs, places, program)
+        return packing.PackedSystem(graph, self._parts, places, program)
 
     def _graph_of(self, layout: Layout, structure: structures.Structure) -> Graph:
         """Return a graph with the dependencies of the outputs; it has no values of these."""
@@ -259,6 +258,7 @@ class _Whole:
             rates=none,
             outputs=ca.vertcat(none, *outputs),
             updates=(),
+            restorable=all(isinstance(part, Graph) for part in self._parts.values()),
         )
 
 
@@ -286,7 +286,7 @@ class _Translation:
     ----------
     system : System
     executor : Executor
-    graphs : Mapping of str to Graph
+    parts : Mapping of str to Graph or FmuMember
         By member.
     places : Places
     index : Mapping of str to str
@@ -297,7 +297,7 @@ class _Translation:
         self,
         system: System,
         executor: Executor,
-        graphs: Mapping[str, Graph],
+        parts: Mapping[str, Graph | packing.FmuMember],
         places: packing.Places,
         index: Mapping[str, str],
     ):
@@ -306,7 +306,7 @@ class _Translation:
         self._index = index
         self._numbers = {member.name: k for k, member in enumerate(executor.members)}
         self._computed = {
-            Port(name, v.name) for name, graph in graphs.items() for v in graph.layout.outputs
+            Port(name, v.name) for name, part in parts.items() for v in part.layout.outputs
         }
         self._connections = {connection.target: connection for connection in system.connections}
         self._inputs = {port: name for name, port in system.fed_ports}

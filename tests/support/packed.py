@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from fmus.kit import Component, Discrete, Input, Output, Parameter, State, where
 from orchestration.system import Connection, Member, Port, System, connect
+from tests.support.hosts import build_one_state_fmu
 
 H = 0.1  # s, communication step of the chain
 
@@ -96,3 +99,24 @@ def circle(first: float = 0.5, second: float = -0.8) -> System:
     )
     wires = connect("a.y -> b.u", "b.y -> a.u")
     return System("circle", members, wires, {"w": (Port("a", "w"),)}, step=H)
+
+
+def mixed(folder: Path) -> System:
+    """A section, two FMUs of somebody else from one file, and a section: lags one after another."""
+    fmu = build_one_state_fmu(folder)
+    members = (
+        Member.of("first", Section, {"tau": 0.4}),
+        Member("second", fmu, {"tau": 0.3}),
+        Member("third", fmu, {"tau": 0.7}),
+        Member.of("last", Section),
+    )
+    wires = (
+        Connection(Port("first", "v"), Port("second", "u"), factor=2.0, offset=-0.5),
+        *connect("second.x -> third.u", "third.x -> last.u"),
+    )
+    outputs = {name: Port(name, variable) for name, variable in MIXED.items()}
+    inputs = {"u": (Port("first", "u"),)}
+    return System("mixed", members, wires, inputs, outputs, step=H, stop=3.0)
+
+
+MIXED = {"first": "v", "second": "x", "third": "x", "last": "v"}  # outputs by member

@@ -106,13 +106,17 @@ def plan_build(
         contents["sources/buildDescription.xml"] = built
     if not native:
         contents |= python_package(cls)
+    fmus = packed.fmus if packed else []
+    contents |= packed.files if packed else {}
     capabilities = description.Capabilities(
-        needs_execution_tool=not native,
+        needs_execution_tool=not native or any(fmu.needs_execution_tool for fmu in fmus),
         interpolates_inputs=compiled_laws,
         directional_derivatives=compiled_laws,
         model_exchange=compiled_laws,
         sources=(UNIT,) if native else (),
         clocks=clocks,
+        varies_step=all(fmu.varies_step for fmu in fmus),
+        runs_once=any(fmu.runs_once for fmu in fmus),
     )
 
     def described(guid: str) -> dict[str, bytes]:

@@ -124,9 +124,9 @@ class EngineSources:
     libraries: Mapping[str, tuple[str, ...]]
 
 
-def _unix(library: str) -> dict[str, tuple[str, ...]]:
-    """Return a library by platform, for every platform but Windows."""
-    return dict.fromkeys(("linux64", "darwin64", "aarch64-linux"), (library,))
+def _unix(*libraries: str) -> dict[str, tuple[str, ...]]:
+    """Return libraries by platform, for every platform but Windows."""
+    return dict.fromkeys(("linux64", "darwin64", "aarch64-linux"), libraries)
 
 
 _NATIVE = EngineSources(
@@ -136,7 +136,7 @@ _NATIVE = EngineSources(
     _unix("m"),
 )
 _PYTHON = EngineSources(
-    (FOLDER / "python.h",),
+    tuple(FOLDER / name for name in ("python.h", "resources.h", "shared_library.h")),
     tuple(FOLDER / name for name in ("python.c", "library.c", "interpreter.c", "resources.c")),
     (),
     _unix("dl"),
@@ -144,11 +144,21 @@ _PYTHON = EngineSources(
 PACKED = EngineSources(
     tuple(
         FOLDER / name
-        for name in ("native.h", "samples.h", "native.c", "any_model.c", "integrate.c")
+        for name in (
+            "native.h",
+            "samples.h",
+            "resources.h",
+            "shared_library.h",
+            "native.c",
+            "any_model.c",
+            "integrate.c",
+            "resources.c",
+            "fmu_member.c",
+        )
     ),
     (FOLDER / "packed.c",),
     (),
-    _unix("m"),
+    _unix("m", "dl"),
 )
 
 

@@ -3,7 +3,8 @@
  * An FMU is compiled from three parts:
  *     front-end   instance.c evaluate.c lifecycle.c access.c snapshot.c step.c      (the same in every FMU)
  *     engine      native.c integrate.c hosted.c,
- *                 or python.c library.c interpreter.c resources.c,   or packed.c,   or a component's own
+ *                 or python.c library.c interpreter.c resources.c,
+ *                 or packed.c (with native.c and fmu_member.c in it),   or a component's own
  *     model       model.h tables.h, and laws.c with the native engine   (generated)
  *
  * any_model.h has what does not hang on the model. With it the native engine also runs records without FMI (record.c).

@@ -1,14 +1,12 @@
 /* Finds Python's functions in the process, or else in a shared library, without linking to any. */
 #include "python.h"
+#include "shared_library.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #ifdef _WIN32
-#define WIN32_LEAN_AND_MEAN /* without names of RPC: the front-end, in the same unit, has a `boolean` of its own */
-#include <windows.h>
-
 /* One thread of the process at a time: several FMUs may want Python at once, and have nothing in common but the system. */
 typedef HANDLE Lock;
 static Lock lock_process(void) {
@@ -27,21 +25,13 @@ static void unlock_process(Lock lock) {
     CloseHandle(lock);
 }
 
-typedef HMODULE Library;
 static Library loaded(const char *name) { return GetModuleHandleA(name); }
 static Library load(const char *name) { return LoadLibraryA(name); }
-static void unload(Library library) { FreeLibrary(library); }
-static void find(Library library, const char *name, void *function) {
-    FARPROC address = GetProcAddress(library, name);
-    memcpy(function, &address, sizeof address);
-}
 /* On Windows a symbol is looked up in a named library only, so the library of the process has to be guessed by name. */
 static const char *const in_process[] = {"python3%d.dll", NULL};
 static const char *const on_disk[] = {"python3%d.dll", NULL};
 #define LIBRARY_NAME "python3x.dll"
 #else
-#include <dlfcn.h>
-
 /* The same through C's lock of a stream. Other threads can write to this one when Python has started, some hundredths of
    a second later; none of them holds it for long, as one may hold that of the input. */
 typedef FILE *Lock;
@@ -51,15 +41,9 @@ static Lock lock_process(void) {
 }
 static void unlock_process(Lock lock) { funlockfile(lock); }
 
-typedef void *Library;
 static Library loaded(const char *name) { return *name == '\0' ? dlopen(NULL, RTLD_LAZY) : NULL; }
 /* Global, for Python's extension modules expect the symbols of Python in the process. */
 static Library load(const char *name) { return dlopen(name, RTLD_NOW | RTLD_GLOBAL); }
-static void unload(Library library) { dlclose(library); }
-static void find(Library library, const char *name, void *function) {
-    void *address = dlsym(library, name);
-    memcpy(function, &address, sizeof address);
-}
 static const char *const in_process[] = {"", NULL};
 #ifdef __APPLE__
 #define LIBRARY_NAME "libpython3.x.dylib"

@@ -1,4 +1,5 @@
-/* The engine of a packed system: each member by the native engine, and the exchange of values between them.
+/* The engine of a packed system: each member by the native engine or, one without laws, by its own library
+ * (fmu_member.c), and the exchange of values between them.
  *
  * What a master does at a communication point, and in the step to the next, is a list of operations in the master's order.
  * The generated members.h has these lists, and the tables and laws of the members. All that changes is in the memory of
@@ -25,6 +26,9 @@ typedef struct Member Member;
 
 #include "any_model.c"
 #include "integrate.c"
+
+#include "fmu_member.c"
+#include "resources.c"
 #undef Engine
 #undef engine_evaluate
 #undef engine_advance
@@ -58,6 +62,7 @@ typedef struct {
     const Model *model;
     int memory; /* where its memory begins */
     double tolerance;
+    const FmuTable *fmu; /* NULL of one with laws */
 } Part;
 
 /* A model from the names and numbers of its tables and laws; its memory is laid out as in engine.h. */
@@ -80,6 +85,7 @@ enum { STARTED = MEMORY_MEMBERS, EXCHANGED, EXCHANGED_INPUTS, MEMBERS_BEGIN = EX
 struct Engine {
     double *memory;
     Member members[MEMBERS];
+    FmuMember fmus[MEMBERS]; /* of members without laws */
 };
 
 static const bool engine_interpolates = false;
@@ -218,15 +224,20 @@ static bool solve(Engine *engine, const Loop *loop, double time, Message message
 
 /* ---- operations --------------------------------------------------------------------------------- */
 
-static bool evaluate(Member *member, double time, Message message) {
+static bool evaluate(Engine *engine, int k, double time, Message message) {
+    Member *member = &engine->members[k];
     const Model *model = member->model;
-    return member_evaluate(member, time, message) &&
-           range_finite(member, model->first_output, model->first_derivative, time, message);
+    bool made = parts[k].fmu ? fmu_evaluate(&engine->fmus[k], message) : member_evaluate(member, time, message);
+    return made && range_finite(member, model->first_output, model->first_derivative, time, message);
 }
 
-static bool step(Member *member, double time, double end, Message message) {
+static bool step(Engine *engine, int k, double time, double end, Message message) {
+    Member *member = &engine->members[k];
     const Model *model = member->model;
-    bool made = member_advance(member, time, end - time, message);
+    bool made;
+    if (parts[k].fmu)
+        return fmu_step(&engine->fmus[k], time, end - time, message);
+    made = member_advance(member, time, end - time, message);
     member->most = member->budget; /* for the rest of the host's step */
     return made && range_finite(member, model->first_input, model->first_output, end, message);
 }
@@ -238,8 +249,8 @@ bool perform(Engine *engine, const Operation *operation, double time, double end
         switch (o->action) {
         case COPY: memory[o->target] = o->factor * memory[o->source] + o->offset; break;
         case MAP: memory[o->target] = memory[o->source] == o->factor ? o->offset : memory[o->target]; break;
-        case EVALUATE: done = evaluate(&engine->members[o->which], end, message); break;
-        case STEP: done = step(&engine->members[o->which], time, end, message); break;
+        case EVALUATE: done = evaluate(engine, o->which, end, message); break;
+        case STEP: done = step(engine, o->which, time, end, message); break;
         case SOLVE:
             if (!solve(engine, &loops[o->which], end, message))
                 return false;
@@ -258,6 +269,8 @@ static bool start(Engine *engine, double time, Message message) {
     for (int k = 0; k < MEMBERS; k++) {
         const Model *model = parts[k].model;
         double *own = memory + parts[k].memory;
+        if (engine->fmus[k].instance != NULL)
+            continue; /* it begins anew only if its parameters are others */
         memset(own, 0, (size_t)model->memory_size * sizeof *own);
         for (int i = 0; i < model->first_derivative; i++)
             own[i] = model->variable[i].start;
@@ -270,10 +283,20 @@ static bool start(Engine *engine, double time, Message message) {
     for (int k = 0; k < MEMBERS; k++) {
         const Model *model = parts[k].model;
         double *own = memory + parts[k].memory;
+        if (parts[k].fmu && !fmu_begin(&engine->fmus[k], memory[MEMORY_START_TIME], message))
+            return name_part(parts[k].name, message);
         for (int i = 0; i < model->states + model->discretes; i++)
             own[model->first_state + i] = own[model->start_of[i]];
     }
     return perform(engine, readings_at_start, time, time, message);
+}
+
+/* FMUs may begin with values of others, which have to pass through all members. */
+static bool propagate(Engine *engine, double time, Message message) {
+    for (int k = 0; FMUS > 0 && k < MEMBERS + 1; k++)
+        if (!perform(engine, exchange, time, time, message) || !perform(engine, readings_at_start, time, time, message))
+            return false;
+    return true;
 }
 
 static bool periods_valid(const Member *member, Message message) {
@@ -294,42 +317,55 @@ Engine *engine_create(double *memory, const TextValue *texts, const char *resour
     Engine *engine = calloc(1, sizeof *engine);
     bool made = engine != NULL;
     (void)texts;
-    (void)resources;
-    for (int k = 0; made && k < MEMBERS; k++)
-        made = furnish(&engine->members[k], parts[k].model, memory + parts[k].memory);
+    snprintf(message, MESSAGE_SIZE, "out of memory");
+    for (int k = 0; made && k < MEMBERS; k++) {
+        double *own = memory + parts[k].memory;
+        engine->fmus[k] = (FmuMember){.name = parts[k].name, .model = parts[k].model, .memory = own};
+        made = furnish(&engine->members[k], parts[k].model, own);
+        if (made && parts[k].fmu)
+            made = fmu_open(&engine->fmus[k], parts[k].fmu, resources, message) || name_part(parts[k].name, message);
+    }
     if (made) {
+        *message = '\0';
         engine->memory = memory;
         return engine;
     }
-    snprintf(message, MESSAGE_SIZE, "out of memory");
     engine_free(engine);
     return NULL;
 }
 
 void engine_free(Engine *engine) {
-    for (int k = 0; engine != NULL && k < MEMBERS; k++)
+    for (int k = 0; engine != NULL && k < MEMBERS; k++) {
         free(engine->members[k].arrays);
+        fmu_close(&engine->fmus[k]);
+    }
     free(engine);
 }
 
-void engine_terminate(Engine *engine) { (void)engine; }
+void engine_terminate(Engine *engine) {
+    for (int k = 0; k < MEMBERS; k++)
+        fmu_end(&engine->fmus[k]);
+}
 
 bool engine_initialize(Engine *engine, Message message) {
-    if (!start(engine, engine->memory[MEMORY_START_TIME], message))
+    double time = engine->memory[MEMORY_START_TIME];
+    if (!start(engine, time, message) || !propagate(engine, time, message))
         return false;
-    for (int k = 0; k < MEMBERS; k++)
-        if (!periods_valid(&engine->members[k], message))
+    for (int k = 0; k < MEMBERS; k++) {
+        bool begun = periods_valid(&engine->members[k], message);
+        if (!begun || (parts[k].fmu && !fmu_initialize(&engine->fmus[k], message)))
             return name_part(parts[k].name, message);
+    }
     engine->memory[STARTED] = 1.0;
     engine->memory[EXCHANGED] = 0.0;
-    return true;
+    return FMUS == 0 || perform(engine, readings_at_start, time, time, message);
 }
 
 /* The exchange at a communication point, unless it would be that of before. */
 bool engine_evaluate(Engine *engine, double time, Message message) {
     const size_t size = MODEL_INPUTS * sizeof(double);
     double *memory = engine->memory, *inputs = memory + FIRST_INPUT, *before = memory + EXCHANGED_INPUTS;
-    if (memory[STARTED] == 0.0 && !start(engine, time, message))
+    if (memory[STARTED] == 0.0 && !(start(engine, time, message) && propagate(engine, time, message)))
         return false;
     if (memory[MEMORY_PARAMETERS_CHANGED] != 0.0) {
         if (!perform(engine, parameters_of_members, time, time, message))

@@ -7,6 +7,7 @@
  * and close(). Whatever they raise becomes an error of the FMU.
  */
 #include "python.h"
+#include "resources.h"
 
 #include <stdint.h>
 #include <stdio.h>

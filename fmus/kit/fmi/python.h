@@ -72,7 +72,4 @@ static bool python_find(Python *python, Message message);
 /* Initializes Python unless that has been done; one thread of a process at a time. */
 static bool python_start(const Python *python, Message message);
 
-/* The path in a resource location, which is a file URI or already a path; to be freed. NULL if there is none. */
-static char *resource_path(const char *location);
-
 #endif

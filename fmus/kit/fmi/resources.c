@@ -1,6 +1,7 @@
 /* The path in a resource location. */
-#include "python.h"
+#include "resources.h"
 
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -88,17 +88,60 @@ class Program:
     loops: list[Loop]
 
 
+@dataclass(frozen=True)
+class FmuMember:
+    """A member that is an FMU without equations.
+
+    Attributes
+    ----------
+    name : str
+        Name of its model.
+    layout : Layout
+        Its variables, of which the outputs are those that the system reads.
+    tolerance : float
+        Of its integration; 0 where it declares none.
+    references : Sequence of int
+        Value references of the variables.
+    texts : Mapping of int to str
+        Parameters that are texts, by value reference.
+    identifier, guid : str
+        Of its library.
+    folder : str
+        Folder of its archive, in the resources of the system.
+    files : Mapping of str to bytes
+        Its archive.
+    platforms : Sequence of str
+        Those of its binaries.
+    needs_execution_tool, varies_step, runs_once : bool
+        Capabilities of FMI.
+    """
+
+    name: str
+    layout: Layout
+    tolerance: float
+    references: Sequence[int]
+    texts: Mapping[int, str]
+    identifier: str
+    guid: str
+    folder: str
+    files: Mapping[str, bytes]
+    platforms: Sequence[str]
+    needs_execution_tool: bool
+    varies_step: bool
+    runs_once: bool
+
+
 class Places:
     """The places of variables in the memory of an instance, in C.
 
     Parameters
     ----------
-    members : sequence of Graph
+    members : sequence of Graph or FmuMember
     read : int
         Number of outputs that are read.
     """
 
-    def __init__(self, members: Sequence[Graph], read: int):
+    def __init__(self, members: Sequence[Graph | FmuMember], read: int):
         sizes = [_memory_size(graph.layout) for graph in members]
         self._first = list(accumulate(sizes, initial=0))
         self._index = [{name: i for i, name in enumerate(g.layout.names)} for g in members]
@@ -136,16 +179,30 @@ class PackedSystem:
     graph : Graph
         The whole, without states. Its first parameter is the communication step; its outputs have
         the dependencies of those of the system, not the values.
-    members : Mapping of str to Graph
+    members : Mapping of str to Graph or FmuMember
         By name in the system; the same graph for members of one class.
     places : Places
     program : Program
     """
 
     graph: Graph
-    members: Mapping[str, Graph]
+    members: Mapping[str, Graph | FmuMember]
     places: Places
     program: Program
+
+    @property
+    def fmus(self) -> list[FmuMember]:
+        """The members that are FMUs without equations."""
+        return [one for one in self.members.values() if isinstance(one, FmuMember)]
+
+    @property
+    def files(self) -> dict[str, bytes]:
+        """The archives of these members, by path in the archive of the whole."""
+        return {
+            f"resources/{fmu.folder}/{name}": contents
+            for fmu in self.fmus
+            for name, contents in fmu.files.items()
+        }
 
 
 @uninterrupted()
@@ -168,18 +225,24 @@ def packed_sources(packed: PackedSystem, guid: str) -> dict[str, str]:
     size = places.size + len(packed.graph.layout.inputs) + 2
     files["model.h"] += f"#define MODEL_INDICATORS 0\n#define MODEL_MEMBERS {size}\n#endif\n"
     distinct = list({id(graph): graph for graph in members.values()}.values())
-    functions = [one.functions(False, f"laws_{k}_") for k, one in enumerate(distinct)]
+    functions = [
+        one.functions(False, f"laws_{k}_") if isinstance(one, Graph) else []
+        for k, one in enumerate(distinct)
+    ]
+    counts = f"MEMBERS = {len(members)}, FMUS = {len(packed.fmus)}"
     lines = [
-        f"enum {{ MEMBERS = {len(members)}, COMMUNICATION_STEP = FIRST_PARAMETER }};",
+        f"enum {{ {counts}, COMMUNICATION_STEP = FIRST_PARAMETER }};",
         laws([function for of_one in functions for function in of_one], checked=False),
     ]
     for k, one in enumerate(distinct):
+        lines += _fmu_lines(k, one) if isinstance(one, FmuMember) else []
         lines += _model_lines(k, one, functions[k])
     lines.append("static const Part parts[] = {")
     for k, (name, one) in enumerate(members.items()):
         place, tolerance = places.member(k), c_double(one.tolerance)
         model = next(i for i, other in enumerate(distinct) if other is one)
-        lines.append(f"    {{{c_string(name)}, &laws_{model}_model, {place}, {tolerance}}},")
+        fmu = f"&fmu_{model}" if isinstance(one, FmuMember) else "NULL"
+        lines.append(f"    {{{c_string(name)}, &laws_{model}_model, {place}, {tolerance}, {fmu}}},")
     lines += ["};", *_loop_lines(program.loops)]
     lines += _operations("parameters_of_members", program.parameters)
     lines += _operations("readings_at_start", program.readings)
@@ -188,13 +251,28 @@ def packed_sources(packed: PackedSystem, guid: str) -> dict[str, str]:
     return files | {"members.h": "\n".join(lines) + "\n"}
 
 
-def _model_lines(number: int, graph: Graph, functions: list[ca.Function]) -> list[str]:
+def _fmu_lines(number: int, fmu: FmuMember) -> list[str]:
+    """Write the tables of a member that is an FMU, and that it has no laws."""
+    references = ", ".join(f"{reference}u" for reference in fmu.references)
+    texts = [f"{{{reference}u, {c_string(text)}}}, " for reference, text in fmu.texts.items()]
+    strings = ", ".join(map(c_string, (fmu.folder, fmu.identifier, fmu.guid)))
+    return [
+        *(f"#define laws_{number}_{law} NULL" for law in ("rates", "outputs")),
+        f"static const fmi2ValueReference references_{number}[] = {{{references}}};",
+        f"static const FmuText texts_{number}[] = {{{''.join(texts)}{{0u, NULL}}}};",
+        f"static const FmuTable fmu_{number} = {{{strings}, {c_double(fmu.tolerance)},"
+        f" references_{number}, texts_{number}}};",
+    ]
+
+
+def _model_lines(number: int, member: Graph | FmuMember, functions: list[ca.Function]) -> list[str]:
     """Write the tables of a member and its model."""
     prefix = f"laws_{number}"
-    updates = [f"{prefix}_update_{i}" for i in range(len(graph.updates))]
-    layout = graph.layout
+    layout = member.layout
+    updates = [f"{prefix}_update_{i}" for i in range(len(layout.sampled))]
     groups = (layout.parameters, layout.inputs, layout.states, layout.discretes, layout.outputs)
-    counts = [*map(len, (*groups, layout.sampled)), *work_sizes(functions).values()]
+    sizes = work_sizes(functions).values() if functions else (0, 0, 0, 0)
+    counts = [*map(len, (*groups, layout.sampled)), *sizes]
     return [
         *variable_tables(layout, prefix),
         f"static Law *const {prefix}_updates[] = {{{', '.join([*updates, 'NULL'])}}};",

@@ -83,6 +83,10 @@ class Capabilities:
         Source files listed for recompilation.
     clocks : bool
         Whether output clocks are declared, in FMI 3.0.
+    varies_step : bool
+        Whether communication steps may differ in size.
+    runs_once : bool
+        Whether a process can have one instance only.
     """
 
     needs_execution_tool: bool
@@ -91,6 +95,8 @@ class Capabilities:
     model_exchange: bool = False
     sources: tuple[str, ...] = ()
     clocks: bool = False
+    varies_step: bool = True
+    runs_once: bool = False
 
 
 def generation_date() -> str:

@@ -36,7 +36,7 @@ def describe_fmi2(
     root = common.model_description(cls, version, {"fmiVersion": "2.0", "guid": guid})
     if can.model_exchange:
         root.set("numberOfEventIndicators", str(graph.indicators.numel()))
-    _append_interfaces(root, cls, can)
+    _append_interfaces(root, graph, can)
     common.define_units(root, cls.layout)
     types = common.typed_reals(cls.layout)
     if types:
@@ -52,21 +52,22 @@ def describe_fmi2(
     return serialized(root)
 
 
-def _append_interfaces(root: Element, cls: type[Component], can: common.Capabilities) -> None:
+def _append_interfaces(root: Element, graph: Graph, can: common.Capabilities) -> None:
     """Append an element for each interface that the FMU has."""
     shared = {
-        "modelIdentifier": cls.name,
+        "modelIdentifier": graph.name,
         "needsExecutionTool": common.flag(can.needs_execution_tool),
+        "canBeInstantiatedOnlyOncePerProcess": common.flag(can.runs_once),
         "canNotUseMemoryManagementFunctions": "true",
-        "canGetAndSetFMUstate": common.flag(cls.engine is None),
-        "canSerializeFMUstate": common.flag(cls.engine is None),
+        "canGetAndSetFMUstate": common.flag(graph.restorable),
+        "canSerializeFMUstate": common.flag(graph.restorable),
         "providesDirectionalDerivative": common.flag(can.directional_derivatives),
     }
     interfaces = {}  # in the order of the schema
     if can.model_exchange:
         interfaces["ModelExchange"] = {"completedIntegratorStepNotNeeded": "true"}
     interfaces["CoSimulation"] = {
-        "canHandleVariableCommunicationStepSize": "true",
+        "canHandleVariableCommunicationStepSize": common.flag(can.varies_step),
         "canInterpolateInputs": common.flag(can.interpolates_inputs),
     }
     for name, attributes in interfaces.items():

@@ -1,5 +1,5 @@
 /* Calls functions of FMI 2.0 of an FMU in random order with random arguments:
- * random_calls LIBRARY TOKEN COUNT_OF_ELEMENTS CALLS SEED. Compiled with sanitizers, as the FMU. */
+ * random_calls LIBRARY TOKEN COUNT_OF_ELEMENTS CALLS SEED [RESOURCES]. Compiled with sanitizers, as the FMU. */
 #include <dlfcn.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -26,7 +26,8 @@ static void complain(void *environment, fmi2String name, fmi2Status status, fmi2
 #define FIND(name) fmi2##name##TYPE *name = (fmi2##name##TYPE *)dlsym(library, "fmi2" #name)
 
 int main(int count, char **arguments) {
-    if (count != 6) return 2;
+    if (count < 6) return 2;
+    fmi2String resources = count > 6 ? arguments[6] : "";
     void *library = dlopen(arguments[1], RTLD_NOW | RTLD_LOCAL);
     if (!library) {
         puts(dlerror());
@@ -94,7 +95,7 @@ int main(int count, char **arguments) {
         }
         if (!c) {
             fmi2Type kind = pick(3) ? fmi2CoSimulation : fmi2ModelExchange;
-            c = Instantiate("c", kind, pick(20) ? arguments[2] : "another", "", &callbacks, 0, 0);
+            c = Instantiate("c", kind, pick(20) ? arguments[2] : "another", resources, &callbacks, 0, 0);
             time = 0.0;
             continue;
         }
