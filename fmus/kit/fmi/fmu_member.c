@@ -97,45 +97,77 @@ static bool fmu_done(FmuMember *fmu, const char *function, fmi2Status status, Me
 
 /* ---- values ------------------------------------------------------------------------------------- */
 
-static bool send_value(FmuMember *fmu, int i, Message message) {
+static bool is_changed(const FmuMember *fmu, int i) { return fmu->memory[i] != fmu->sent[i]; }
+
+static bool set(FmuMember *fmu, int i, size_t count, Message message) {
     const Variable *variable = &fmu->model->variable[i];
-    const fmi2ValueReference *reference = &fmu->table->references[i];
+    const fmi2ValueReference *references = &fmu->table->references[i];
     double value = fmu->memory[i];
     fmi2Integer whole;
-    fmu->sent[i] = value;
     if (variable->type == TYPE_REAL)
-        return fmu_done(fmu, "SetReal", fmu->SetReal(fmu->instance, reference, 1, &value), message);
+        return fmu_done(fmu, "SetReal", fmu->SetReal(fmu->instance, references, count, &fmu->memory[i]), message);
     if (!(value >= INT_MIN && value <= INT_MAX) || value != floor(value)) {
         snprintf(message, MESSAGE_SIZE, "'%s' would be %.10g, which its type cannot hold", variable->name, value);
         return false;
     }
-    whole = (fmi2Integer)value;
-    if (variable->type == TYPE_INTEGER)
-        return fmu_done(fmu, "SetInteger", fmu->SetInteger(fmu->instance, reference, 1, &whole), message);
-    whole = whole != 0;
-    return fmu_done(fmu, "SetBoolean", fmu->SetBoolean(fmu->instance, reference, 1, &whole), message);
+    whole = variable->type == TYPE_BOOLEAN ? value != 0.0 : (fmi2Integer)value;
+    if (variable->type == TYPE_BOOLEAN)
+        return fmu_done(fmu, "SetBoolean", fmu->SetBoolean(fmu->instance, references, count, &whole), message);
+    return fmu_done(fmu, "SetInteger", fmu->SetInteger(fmu->instance, references, count, &whole), message);
 }
 
-/* Sends variables, from the first to before the end, that the instance has otherwise. */
-static bool send_values(FmuMember *fmu, int first, int end, Message message) {
-    for (int i = first; i < end; i++)
-        if (fmu->memory[i] != fmu->sent[i] && !send_value(fmu, i, message))
-            return false;
-    return true;
-}
-
-static bool read_value(FmuMember *fmu, int i, Message message) {
-    const fmi2ValueReference *reference = &fmu->table->references[i];
+static bool get(FmuMember *fmu, int i, size_t count, Message message) {
+    const fmi2ValueReference *references = &fmu->table->references[i];
     Type type = fmu->model->variable[i].type;
     fmi2Integer whole = 0;
     bool done;
     if (type == TYPE_REAL)
-        return fmu_done(fmu, "GetReal", fmu->GetReal(fmu->instance, reference, 1, &fmu->memory[i]), message);
-    done = type == TYPE_INTEGER
-               ? fmu_done(fmu, "GetInteger", fmu->GetInteger(fmu->instance, reference, 1, &whole), message)
-               : fmu_done(fmu, "GetBoolean", fmu->GetBoolean(fmu->instance, reference, 1, &whole), message);
+        return fmu_done(fmu, "GetReal", fmu->GetReal(fmu->instance, references, count, &fmu->memory[i]), message);
+    done = type == TYPE_BOOLEAN
+               ? fmu_done(fmu, "GetBoolean", fmu->GetBoolean(fmu->instance, references, count, &whole), message)
+               : fmu_done(fmu, "GetInteger", fmu->GetInteger(fmu->instance, references, count, &whole), message);
     fmu->memory[i] = type == TYPE_BOOLEAN ? whole != 0 : whole;
     return done;
+}
+
+/* How many variables one call takes, from i to before the end: reals that follow one another, else one. */
+static int together(const FmuMember *fmu, int i, int end) {
+    int next = i;
+    while (next < end && fmu->model->variable[next].type == TYPE_REAL)
+        next++;
+    return next > i ? next - i : 1;
+}
+
+/* Sends variables, from the first to before the end, of which the instance has other values. */
+static bool send_values(FmuMember *fmu, int first, int end, Message message) {
+    for (int i = first, count; i < end; i += count) {
+        int changed = i;
+        while (changed < end && is_changed(fmu, changed))
+            changed++;
+        count = changed > i ? together(fmu, i, changed) : 1;
+        if (changed > i && !set(fmu, i, (size_t)count, message))
+            return false;
+        memcpy(&fmu->sent[i], &fmu->memory[i], (size_t)count * sizeof *fmu->sent);
+    }
+    return true;
+}
+
+static bool send_parameters(FmuMember *fmu, Message message) {
+    return send_values(fmu, fmu->model->first_parameter, fmu->model->first_input, message);
+}
+
+static bool send_inputs(FmuMember *fmu, Message message) {
+    return send_values(fmu, fmu->model->first_input, fmu->model->first_output, message);
+}
+
+static bool read_outputs(FmuMember *fmu, Message message) {
+    int end = fmu->model->first_derivative;
+    for (int i = fmu->model->first_output, count; i < end; i += count) {
+        count = together(fmu, i, end);
+        if (!get(fmu, i, (size_t)count, message))
+            return false;
+    }
+    return true;
 }
 
 /* ---- the instance ------------------------------------------------------------------------------- */
@@ -214,7 +246,7 @@ static bool enter_initialization(FmuMember *fmu, double tolerance, Message messa
             return false;
     for (int i = 0; i < model->first_output; i++)
         fmu->sent[i] = model->variable[i].start;
-    return send_values(fmu, model->first_parameter, model->first_input, message) &&
+    return send_parameters(fmu, message) &&
            fmu_done(fmu, "EnterInitializationMode", fmu->EnterInitializationMode(fmu->instance), message);
 }
 
@@ -235,8 +267,7 @@ static bool fmu_begin(FmuMember *fmu, double start_time, Message message) {
 }
 
 static bool fmu_initialize(FmuMember *fmu, Message message) {
-    const Model *model = fmu->model;
-    if (!send_values(fmu, model->first_parameter, model->first_output, message) ||
+    if (!send_inputs(fmu, message) ||
         !fmu_done(fmu, "ExitInitializationMode", fmu->ExitInitializationMode(fmu->instance), message))
         return false;
     fmu->initialized = true;
@@ -244,17 +275,10 @@ static bool fmu_initialize(FmuMember *fmu, Message message) {
 }
 
 static bool fmu_evaluate(FmuMember *fmu, Message message) {
-    const Model *model = fmu->model;
-    if (!send_values(fmu, model->first_parameter, model->first_output, message))
-        return false;
-    for (int i = model->first_output; i < model->first_derivative; i++)
-        if (!read_value(fmu, i, message))
-            return false;
-    return true;
+    return send_inputs(fmu, message) && read_outputs(fmu, message);
 }
 
 static bool fmu_step(FmuMember *fmu, double time, double size, Message message) {
-    const Model *model = fmu->model;
-    return send_values(fmu, model->first_parameter, model->first_output, message) &&
+    return send_inputs(fmu, message) &&
            fmu_done(fmu, "DoStep", fmu->DoStep(fmu->instance, time, size, fmi2True), message);
 }

@@ -361,6 +361,14 @@ bool engine_initialize(Engine *engine, Message message) {
     return FMUS == 0 || perform(engine, readings_at_start, time, time, message);
 }
 
+/* FMUs that run hear of parameters that were moved. */
+static bool send_tuned(Engine *engine, Message message) {
+    for (int k = 0; k < MEMBERS; k++)
+        if (engine->fmus[k].initialized && !send_parameters(&engine->fmus[k], message))
+            return name_part(parts[k].name, message);
+    return true;
+}
+
 /* The exchange at a communication point, unless it would be that of before. */
 bool engine_evaluate(Engine *engine, double time, Message message) {
     const size_t size = MODEL_INPUTS * sizeof(double);
@@ -368,7 +376,7 @@ bool engine_evaluate(Engine *engine, double time, Message message) {
     if (memory[STARTED] == 0.0 && !(start(engine, time, message) && propagate(engine, time, message)))
         return false;
     if (memory[MEMORY_PARAMETERS_CHANGED] != 0.0) {
-        if (!perform(engine, parameters_of_members, time, time, message))
+        if (!perform(engine, parameters_of_members, time, time, message) || !send_tuned(engine, message))
             return false;
         memory[MEMORY_PARAMETERS_CHANGED] = memory[EXCHANGED] = 0.0;
     }
