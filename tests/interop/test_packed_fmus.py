@@ -22,7 +22,8 @@ from orchestration.fmu.check import check_fmu
 from orchestration.fmu.model import find_model
 from orchestration.system import Member, Port, System, connect, library, ssp
 from tests.support.archive import anonymous, edited
-from tests.support.hosts import run_fmpy, run_libcosim
+from tests.support.hosts import run_c_host, run_fmpy, run_libcosim
+from tests.support.machines import MACHINES
 from tests.support.master.samples import build_member
 from tests.support.packed import MIXED, Amplifier, H, chain, circle, mixed
 
@@ -40,12 +41,12 @@ def packed(system, folder):
     return path
 
 
-def without_equations(system, folder, runtime="native"):
+def without_equations(system, folder, runtime="native", platforms=HERE):
     """The same system of FMU files that do not tell what they were made from."""
     members = []
     for member in system.members:
         own = folder / f"{member.name}_own.fmu"
-        own.write_bytes(build(member.cls, runtime, HERE))
+        own.write_bytes(build(member.cls, runtime, platforms))
         path = edited(own, folder / f"{member.name}.fmu", anonymous)
         assert find_model(str(path)).cls is None
         members.append(Member(member.name, path, member.parameters))
@@ -109,6 +110,24 @@ def test_a_bench_of_files_equals_the_run_of_its_archive(tmp_path):
     for output, port in system.outputs.items():
         scale = np.abs(wanted[str(port)]).max()
         assert np.abs(found[output] - wanted[str(port)]).max() <= 1e-12 * max(scale, 1e-300)
+
+
+@pytest.mark.parametrize(
+    "machine", [m for m in MACHINES.values() if m.runners], ids=lambda m: m.name
+)
+def test_another_platform_gives_the_numbers_of_this_one(machine, tmp_path):
+    if machine.lacks():
+        pytest.skip(machine.lacks())
+    platforms = ("linux64", machine.name)
+    system = without_equations(library.system("dma_bench"), tmp_path, platforms=platforms)
+    path = tmp_path / "packed.fmu"
+    path.write_bytes(master.pack(system, platforms))
+    time = system.step * np.arange(50)
+    inputs = {"force_reference": staircase(time.size), "current": 0.5 * staircase(time.size, 2)}
+    wanted = run_c_host(path, time, inputs, list(system.outputs))
+    found = run_c_host(path, time, inputs, list(system.outputs), machine=machine)
+    for output, values in wanted.items():
+        assert np.abs(found[output] - values).max() <= 1e-12 * np.abs(values).max()
 
 
 def test_a_member_in_python_finds_its_resources(tmp_path):
