@@ -22,7 +22,7 @@ from orchestration.fmu.check import check_fmu
 from orchestration.fmu.model import find_model
 from orchestration.system import Member, Port, System, connect, library, ssp
 from tests.support.archive import anonymous, edited
-from tests.support.hosts import run_c_host, run_fmpy, run_libcosim
+from tests.support.hosts import extracted, run_c_host, run_fmpy, run_libcosim
 from tests.support.machines import MACHINES
 from tests.support.master.samples import build_member
 from tests.support.packed import MIXED, Amplifier, H, chain, circle, mixed
@@ -83,6 +83,54 @@ def test_parameters_and_steps_of_another_size(tmp_path):
     wanted = lags(u, (0.4, 0.1, 0.7, 0.5))
     for name, values in found.items():
         assert np.abs(values - wanted[name][::5]).max() < 1e-10
+
+
+def test_a_tunable_parameter_acts_from_where_it_is_moved(tmp_path):
+    time = H * np.arange(11)
+    tau = np.where(time < 0.45, 0.4, 0.1)
+    path = packed(without_equations(chain(), tmp_path), tmp_path)
+    found = run_fmpy(path, time, {"u": 1.0, "first.tau": tau}, ["v1"])
+    rest = np.append(1.0, np.exp(-np.cumsum(H / tau[:-1])))
+    assert np.abs(found["v1"] - (1.0 - rest)).max() < 1e-10
+
+
+def test_the_last_of_a_row_begins_with_what_came_through_the_others(tmp_path):
+    """`member.c`: y = u through the first two, and the third begins with its input."""
+    fmu = build_member(tmp_path)
+    through = {"c": 0.0, "d": 1.0}
+    members = (
+        Member("third", fmu, {"follow": 1.0}),
+        *(Member(n, fmu, through) for n in ("b", "a")),
+    )
+    wires = connect("a.y -> b.u", "b.y -> third.u")
+    outputs = {"x": Port("third", "x")}
+    system = System("row", members, wires, {"u": (Port("a", "u"),)}, outputs, step=H)
+    found = run_fmpy(packed(system, tmp_path), H * np.arange(3), {"u": 1.5}, ["x"])
+    assert found["x"] == pytest.approx(1.5, abs=1e-12)
+
+
+def test_a_parameter_set_after_outputs_were_read_acts(tmp_path):
+    path = packed(mixed(tmp_path), tmp_path)
+    description = fmpy.read_model_description(str(path))
+    reference = {v.name: v.valueReference for v in description.modelVariables}
+    with extracted(path) as folder:
+        fmu = fmpy.fmi2.FMU2Slave(
+            guid=description.guid,
+            unzipDirectory=str(folder),
+            modelIdentifier=description.coSimulation.modelIdentifier,
+            instanceName="late",
+        )
+        fmu.instantiate()
+        fmu.setupExperiment(startTime=0.0)
+        fmu.enterInitializationMode()
+        assert fmu.getReal([reference["second"]]) == [0.0]
+        fmu.setReal([reference["second.tau"]], [0.1])
+        fmu.exitInitializationMode()
+        fmu.doStep(0.0, H)
+        (value,) = fmu.getReal([reference["second"]])
+        fmu.terminate()
+        fmu.freeInstance()
+    assert value == pytest.approx(-0.5 * (1.0 - exp(-1.0)), abs=1e-10)
 
 
 @pytest.mark.parametrize("make", [chain, circle])

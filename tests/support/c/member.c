@@ -5,8 +5,8 @@
  *
  * With `euler` a step is one of Euler's, so that its size shows. From `when` on, a step answers with `status`; then
  * `nan` makes the output y no number. `init` is the status at the end of initialization, `lag` is by how much the time it
- * says it has reached is wrong. Every setting of the input alone adds `trace` to the state. Compiled with ONCE, it can be
- * instantiated once in a process.
+ * says it has reached is wrong. Every setting of the input alone adds `trace` to the state, which begins with
+ * `follow` times the input. Compiled with ONCE, it can be instantiated once in a process.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -14,7 +14,7 @@
 
 #include "fmi2FunctionTypes.h"
 
-enum { U, X, Y, TAU, C, D, E, START, EULER, STATUS, WHEN, NOT_A_NUMBER, INIT, LAG, TRACE, NUMBER_OF_VALUES };
+enum { U, X, Y, TAU, C, D, E, START, EULER, STATUS, WHEN, NOT_A_NUMBER, INIT, LAG, TRACE, FOLLOW, NUMBER_OF_VALUES };
 
 typedef struct {
     double value[NUMBER_OF_VALUES];
@@ -57,7 +57,7 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component c) { return c ? fmi2OK : fm
 
 fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
     Instance *instance = c;
-    instance->value[X] = instance->value[START];
+    instance->value[X] = instance->value[START] + instance->value[FOLLOW] * instance->value[U];
     if (instance->value[INIT] > fmi2OK) say(instance, (fmi2Status)instance->value[INIT], "I do not want to begin");
     return (fmi2Status)instance->value[INIT];
 }

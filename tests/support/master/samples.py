@@ -27,6 +27,7 @@ _PARAMETERS = {
     "init": 0,
     "lag": 0,
     "trace": 0,
+    "follow": 0,
 }
 
 
