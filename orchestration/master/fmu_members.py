@@ -189,7 +189,7 @@ def _declared(kind: type[_D], signal: Signal, start: bool = False) -> _D:
 
 def _is_unit(text: str) -> bool:
     try:
-        units.check(text)
+        units.base_unit(text)
     except UserError:
         return False
     return True
