@@ -57,12 +57,13 @@ def _append_interfaces(root: Element, graph: Graph, can: common.Capabilities) ->
     shared = {
         "modelIdentifier": graph.name,
         "needsExecutionTool": common.flag(can.needs_execution_tool),
-        "canBeInstantiatedOnlyOncePerProcess": common.flag(can.runs_once),
         "canNotUseMemoryManagementFunctions": "true",
         "canGetAndSetFMUstate": common.flag(graph.restorable),
         "canSerializeFMUstate": common.flag(graph.restorable),
         "providesDirectionalDerivative": common.flag(can.directional_derivatives),
     }
+    if can.runs_once:
+        shared["canBeInstantiatedOnlyOncePerProcess"] = "true"
     interfaces = {}  # in the order of the schema
     if can.model_exchange:
         interfaces["ModelExchange"] = {"completedIntegratorStepNotNeeded": "true"}
