@@ -15,11 +15,12 @@ from fmus.kit.declare import (
     ParameterDeclaration,
     name_declaration,
 )
+from fmus.kit.errors import find
 from fmus.kit.layout import Layout
 from fmus.kit.symbolic.packing import FmuMember
-from orchestration.fmu import Signal, Value
+from orchestration.fmu import Signal
 from orchestration.fmu.archive import Archive, read_description
-from orchestration.fmu.signal import read_signal
+from orchestration.fmu.signal import read_signal, type_of
 from orchestration.system import Member, System
 
 _D = TypeVar("_D", bound=Declaration)
@@ -36,8 +37,8 @@ def fmu_members(system: System, names: Sequence[str]) -> dict[str, FmuMember]:
     Raises
     ------
     UserError
-        If one is not for co-simulation of FMI 2.0, asks for asynchronous steps, or is used more
-        often than a process can have instances of it.
+        If one is not for co-simulation of FMI 2.0, asks for asynchronous steps, passes texts on, or
+        is used more often than a process can have instances of it.
     """
     folders: dict[Path, str] = {}
     found = {}
@@ -46,7 +47,7 @@ def fmu_members(system: System, names: Sequence[str]) -> dict[str, FmuMember]:
         path = member.fmu.resolve()
         is_first = path not in folders
         folder = folders.setdefault(path, f"members/{len(folders)}")
-        found[name] = _fmu_member(member, _read_variables(system, name), folder)
+        found[name] = _fmu_member(member, _fed_variables(system, name), _read(system, name), folder)
         if found[name].runs_once and not is_first:
             raise UserError(
                 f"member {name} cannot be packed: a process can have one instance of {path.name}"
@@ -91,7 +92,14 @@ def common_platforms(
     return common
 
 
-def _read_variables(system: System, name: str) -> list[str] | None:
+def _fed_variables(system: System, name: str) -> list[str]:
+    """Return what receives values of a member: inputs, and parameters that are tunable."""
+    ports = [connection.target for connection in system.connections]
+    ports += [port for _, port in system.fed_ports]
+    return list(dict.fromkeys(port.variable for port in ports if port.member == name))
+
+
+def _read(system: System, name: str) -> list[str] | None:
     """Return what the system reads of a member, in order; None if that is every output."""
     sources = [connection.source for connection in system.connections]
     ports = [*sources, *system.outputs.values()]
@@ -99,7 +107,9 @@ def _read_variables(system: System, name: str) -> list[str] | None:
     return read if system.outputs else None
 
 
-def _fmu_member(member: Member, read: Sequence[str] | None, folder: str) -> FmuMember:
+def _fmu_member(
+    member: Member, fed: Sequence[str], read: Sequence[str] | None, folder: str
+) -> FmuMember:
     """Return a member without equations; UserError if it cannot be packed."""
     refused = f"member {member.name} cannot be packed: {member.fmu.name}"
     with Archive(member.fmu) as archive:
@@ -118,7 +128,10 @@ def _fmu_member(member: Member, read: Sequence[str] | None, folder: str) -> FmuM
     if can.canRunAsynchronuously:
         raise UserError(f"{refused} may return before its step is done (canRunAsynchronuously)")
     variables = {variable.name: variable for variable in description.modelVariables}
-    layout = _layout(variables, member.parameters, read)
+    for name in (*fed, *(read or ())):
+        if type_of(find(name, variables, f"{member.name}: no variable")) == "string":
+            raise UserError(f"{refused} passes on {name}, which is a text")
+    layout = _layout(variables, list(member.parameters), fed, read)
     texts = {
         variables[name].valueReference: value
         for name, value in member.parameters.items()
@@ -142,7 +155,10 @@ def _fmu_member(member: Member, read: Sequence[str] | None, folder: str) -> FmuM
 
 
 def _layout(
-    variables: Mapping[str, Any], given: Mapping[str, Value], read: Sequence[str] | None
+    variables: Mapping[str, Any],
+    given: Sequence[str],
+    fed: Sequence[str],
+    read: Sequence[str] | None,
 ) -> Layout:
     """Return the variables that a system has of an FMU: what it can set, and what it reads."""
     signals = {
@@ -154,9 +170,13 @@ def _layout(
     def of(causality: str) -> list[str]:
         return [name for name in signals if variables[name].causality == causality]
 
-    inputs = of("input")
+    inputs = list(dict.fromkeys((*of("input"), *fed)))
     constants = [name for name in of("parameter") if signals[name].declares_start]
-    constants += [name for name in given if name in signals and name not in (*inputs, *constants)]
+    constants = [
+        name
+        for name in dict.fromkeys((*constants, *given))
+        if name in signals and name not in inputs
+    ]
     outputs = of("output") if read is None else [name for name in read if name in signals]
     return Layout(
         tuple(_declared(ParameterDeclaration, signals[name], start=True) for name in constants),

@@ -253,7 +253,8 @@ def packed_sources(packed: PackedSystem, guid: str) -> dict[str, str]:
 
 def _fmu_lines(number: int, fmu: FmuMember) -> list[str]:
     """Write the tables of a member that is an FMU, and that it has no laws."""
-    references = ", ".join(f"{reference}u" for reference in fmu.references)
+    # C has no empty arrays
+    references = ", ".join(f"{reference}u" for reference in fmu.references or [0])
     texts = [f"{{{reference}u, {c_string(text)}}}, " for reference, text in fmu.texts.items()]
     strings = ", ".join(map(c_string, (fmu.folder, fmu.identifier, fmu.guid)))
     return [

@@ -37,6 +37,29 @@ def test_an_fmu_that_returns_before_its_step_is_done_is_refused(members):
     assert "(canRunAsynchronuously)" in refusal(members(canRunAsynchronuously=True))
 
 
+def test_a_text_that_is_passed_on_is_refused(member, tmp_path):
+    def as_text(name, contents):
+        return name, contents.replace(b'<Real nominal="1.0" start="0"/>', b'<String start=""/>')
+
+    path = edited(member, tmp_path / "text.fmu", as_text)
+    system = System("texts", (Member("m", path),), (), {"u": (Port("m", "u"),)})
+    with pytest.raises(
+        UserError, match=r"m cannot be packed: text\.fmu passes on u, which is a text"
+    ):
+        fmu_members(system, ["m"])
+
+
+def test_a_tunable_parameter_that_is_fed_is_sent_as_an_input(member, tmp_path):
+    def tunable(name, contents):
+        return name, contents.replace(b'"fixed"', b'"tunable"')
+
+    path = edited(member, tmp_path / "tunable.fmu", tunable)
+    system = System("tuned", (Member("m", path, {"tau": 2.0}),), (), {"t": (Port("m", "tau"),)})
+    layout = fmu_members(system, ["m"])["m"].layout
+    assert [v.name for v in layout.inputs] == ["u", "tau"]
+    assert "tau" not in layout.parameter_index
+
+
 def test_variables_are_those_that_the_system_sets_or_reads(member, tmp_path):
     """One has a name with brackets that are no index, and a unit that nobody knows."""
 
