@@ -93,7 +93,7 @@ def common_platforms(
 
 
 def _fed_variables(system: System, name: str) -> list[str]:
-    """Return what receives values of a member: inputs, and parameters that are tunable."""
+    """Return the inputs of a member that receive values."""
     ports = [connection.target for connection in system.connections]
     ports += [port for _, port in system.fed_ports]
     return list(dict.fromkeys(port.variable for port in ports if port.member == name))
@@ -131,7 +131,7 @@ def _fmu_member(
     for name in (*fed, *(read or ())):
         if type_of(find(name, variables, f"{member.name}: no variable")) == "string":
             raise UserError(f"{refused} passes on {name}, which is a text")
-    layout = _layout(variables, list(member.parameters), fed, read)
+    layout = _layout(variables, list(member.parameters), read)
     texts = {
         variables[name].valueReference: value
         for name, value in member.parameters.items()
@@ -157,7 +157,6 @@ def _fmu_member(
 def _layout(
     variables: Mapping[str, Any],
     given: Sequence[str],
-    fed: Sequence[str],
     read: Sequence[str] | None,
 ) -> Layout:
     """Return the variables that a system has of an FMU: what it can set, and what it reads."""
@@ -170,13 +169,9 @@ def _layout(
     def of(causality: str) -> list[str]:
         return [name for name in signals if variables[name].causality == causality]
 
-    inputs = list(dict.fromkeys((*of("input"), *fed)))
+    inputs = of("input")
     constants = [name for name in of("parameter") if signals[name].declares_start]
-    constants = [
-        name
-        for name in dict.fromkeys((*constants, *given))
-        if name in signals and name not in inputs
-    ]
+    constants += [name for name in given if name in signals and name not in (*inputs, *constants)]
     outputs = of("output") if read is None else [name for name in read if name in signals]
     return Layout(
         tuple(_declared(ParameterDeclaration, signals[name], start=True) for name in constants),

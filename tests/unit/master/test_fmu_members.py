@@ -49,17 +49,6 @@ def test_a_text_that_is_passed_on_is_refused(member, tmp_path):
         fmu_members(system, ["m"])
 
 
-def test_a_tunable_parameter_that_is_fed_is_sent_as_an_input(member, tmp_path):
-    def tunable(name, contents):
-        return name, contents.replace(b'"fixed"', b'"tunable"')
-
-    path = edited(member, tmp_path / "tunable.fmu", tunable)
-    system = System("tuned", (Member("m", path, {"tau": 2.0}),), (), {"t": (Port("m", "tau"),)})
-    layout = fmu_members(system, ["m"])["m"].layout
-    assert [v.name for v in layout.inputs] == ["u", "tau"]
-    assert "tau" not in layout.parameter_index
-
-
 def test_variables_are_those_that_the_system_sets_or_reads(member, tmp_path):
     """One has a name with brackets that are no index, and a unit that nobody knows."""
 
