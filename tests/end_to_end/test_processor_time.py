@@ -1,8 +1,12 @@
-"""Claim: a test that takes more processor time than the limit fails, unless it is marked slow."""
+"""Claims: a test that takes more processor time than the limit fails, unless it is marked slow;
+linear algebra takes no other processor than that of its test.
+"""
 
 from __future__ import annotations
 
 import pytest
+import scipy.linalg
+import threadpoolctl
 
 from tests.support.processor_time import ProcessorTimeLimit
 
@@ -82,7 +86,8 @@ def test_a_fast_test_that_takes_long_fails(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(test_costs=TESTS)
     pytester.makepyfile(costly_module="from test_costs import burn\nburn()")
     pytester.makeini("[pytest]\nmarkers = slow")
-    run = pytester.inline_run("-p", "no:cacheprovider", plugins=[ProcessorTimeLimit(0.04)])
+    without = ("-p", "no:cacheprovider", "-p", "no:zarr")
+    run = pytester.inline_run(*without, plugins=[ProcessorTimeLimit(0.04)])
     reports = run.getreports("pytest_runtest_logreport")
     failed = {r.nodeid.partition("::")[2]: r for r in reports if r.failed}
     assert failed.pop("test_burns_and_fails").when == "call", "it fails for its own reason alone"
@@ -90,3 +95,9 @@ def test_a_fast_test_that_takes_long_fails(pytester: pytest.Pytester) -> None:
     for name, report in failed.items():
         assert f"::{name} took 0." in report.longrepr
         assert report.longrepr.endswith("a fast test has 0.04 s: make it quicker, or mark it slow")
+
+
+def test_linear_algebra_has_one_thread():
+    scipy.linalg.inv([[1.0]])  # loads its own and that of numpy
+    libraries = threadpoolctl.threadpool_info()
+    assert {found["num_threads"] for found in libraries if found["user_api"] == "blas"} == {1}

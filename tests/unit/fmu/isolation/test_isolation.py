@@ -31,7 +31,6 @@ from tests.support.pace import slow_but
 TIME = 0.1 * np.arange(31)
 REACHED = 11  # points until the step that begins at 1 s
 PATIENCE = Limits(step_timeout=20.0, memory=6e8)  # what ends by itself may take its time to do so
-HASTE = Limits(step_timeout=2.0, memory=6e8)
 HURRY = Limits(step_timeout=1.0, memory=6e8)  # what hangs takes a processor until it is ended
 WAYS = {"kernel": {}, "python": {"extrapolation": 1}}
 # one of every place and of every way to end, of which a simulation is shown all
@@ -95,11 +94,16 @@ def response(points):
     return 1.0 - np.exp(-TIME[:points])
 
 
+def limits_for(told):
+    """Limits for an act by what is told of it."""
+    return HURRY if "answer" in told else PATIENCE
+
+
 @pytest.mark.parametrize("name", slow_but(ACTS, *EACH_KIND))
 def test_a_simulation(name, folder, nothing_left):
     where, _, told = ACTS[name]
     call = (str(build(name, folder)), {"u": 1.0})
-    limits = HURRY if told == "no answer within" else PATIENCE
+    limits = limits_for(told)
     if not told:
         found = ppy.simulate(*call, time=TIME, isolate=limits)
         np.testing.assert_allclose(found["x"], response(31), atol=1e-12)
@@ -142,13 +146,14 @@ def test_a_run_of_three(way, name, folder, lag, nothing_left):
     (where, _, told), options = ACTS[name], WAYS[way]
     system = three(lag, build(name, folder))
     expected = run(three(lag, lag), TIME, {"u": np.ones(31)}, **options)
+    limits = limits_for(told)
     if not told:
-        found = run(system, TIME, {"u": np.ones(31)}, isolation=HASTE, **options)
+        found = run(system, TIME, {"u": np.ones(31)}, isolation=limits, **options)
         assert found.complete
         assert found.signals["c.x"].tobytes() == expected.signals["c.x"].tobytes()
         return
     with pytest.raises(UserError) as refused:
-        run(system, TIME, {"u": np.ones(31)}, isolation=HASTE, **options)
+        run(system, TIME, {"u": np.ones(31)}, isolation=limits, **options)
     assert told in str(refused.value)
     assert "\n" not in str(refused.value)
     if name in UNTOLD:
@@ -168,7 +173,7 @@ def test_what_a_member_takes_away_from_its_process_stops_the_run_in_a_line(
     name, folder, lag, nothing_left
 ):
     with pytest.raises(Stopped) as refused:
-        run(three(lag, build(name, folder)), TIME, {"u": np.ones(31)}, isolation=HASTE)
+        run(three(lag, build(name, folder)), TIME, {"u": np.ones(31)}, isolation=PATIENCE)
     assert str(refused.value).startswith("three: ")
     assert "\n" not in str(refused.value)
     left = refused.value.run
