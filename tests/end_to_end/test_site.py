@@ -5,6 +5,7 @@ page, nothing comes from elsewhere, all can be read and reached by keyboard, and
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import pickle
@@ -137,10 +138,9 @@ def test_notebooks_take_less_than_a_minute_and_show_pictures(built: Path) -> Non
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("width", WIDTHS)
-def test_every_page_stands_in_a_browser(tab, built: Path, address: str, width: int) -> None:
-    wrong: dict[str, object] = {}
-    for page in sorted(written() | {"search"}):
+def test_every_page_stands_in_a_browser(tab, built: Path, address: str) -> None:
+    wrong: dict[tuple[str, int], object] = {}
+    for page, width in itertools.product(sorted(written() | {"search"}), WIDTHS):
         tab.open(f"{address}/{page}.html", width)
         overflow = tab.run("document.documentElement.scrollWidth - innerWidth")
         found = SimpleNamespace(
@@ -152,7 +152,7 @@ def test_every_page_stands_in_a_browser(tab, built: Path, address: str, width: i
             unreachable=tab.run(site.UNREACHABLE),
         )
         if any(vars(found).values()):
-            wrong[page] = {name: list_of for name, list_of in vars(found).items() if list_of}
+            wrong[page, width] = {name: list_of for name, list_of in vars(found).items() if list_of}
     assert wrong == {}
 
 

@@ -1,7 +1,8 @@
 """A part of the suite: the tests whose names fall into it, so that several runs make the whole.
 
-``PPY_PART=2/5`` runs the second of five parts. A test function belongs to a part by a checksum of
-its name, with all its cases, on every machine and whatever else is selected.
+``PPY_PART=2/5`` runs the second of five parts. What a module tests with the same parameters is one
+part's, as it may share a costly fixture; which one is decided by a checksum of both names, on every
+machine and whatever else is selected.
 """
 
 from __future__ import annotations
@@ -32,8 +33,9 @@ def parse_part(text: str) -> tuple[int, int]:
 
 def is_in_part(nodeid: str, part: int, parts: int) -> bool:
     """Return whether a test belongs to a part."""
-    function = nodeid.partition("[")[0]
-    return crc32(function.encode()) % parts == part - 1
+    module, _, test = nodeid.partition("::")
+    parameters = test.partition("[")[2]
+    return crc32(f"{module}[{parameters}".encode()) % parts == part - 1
 
 
 def split(items: Sequence[pytest.Item], text: str) -> tuple[list[pytest.Item], list[pytest.Item]]:
