@@ -7,8 +7,10 @@ fast.
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import ctypes
+import functools
 import gc
 import math
 import sys
@@ -316,10 +318,24 @@ def integers(*numbers: int) -> Any:
     return (c_int * len(numbers))(*numbers)
 
 
+@functools.cache
+def _library(fmu: str | Path, changed: int, size: int) -> Library:
+    """Library of an FMU file, unzipped until this process ends.
+
+    The arguments `changed` (time of change of the file, ns) and `size` (bytes) tell one file from
+    another that takes its place.
+    """
+    kept = contextlib.ExitStack()
+    atexit.register(kept.close)
+    return Library(kept.enter_context(unzipped(fmu)))
+
+
 @contextlib.contextmanager
 def instance(fmu: str | Path, **given: Any) -> Iterator[Instance]:
-    """One instance of an FMU file, loaded into this process."""
-    with unzipped(fmu) as folder, Instance(Library(folder), **given) as one:
+    """One instance of an FMU file, whose library is loaded once into this process."""
+    about = Path(fmu).stat()
+    library = _library(fmu, about.st_mtime_ns, about.st_size)
+    with Instance(library, **given) as one:
         assert one.component is not None, one.messages
         yield one
 
