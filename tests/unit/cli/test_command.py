@@ -11,6 +11,7 @@ import pytest
 import typer
 
 from orchestration.api.declaration import options_of
+from orchestration.cli.app import main
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import BridgeCommand, RunCommand, SimulateCommand
 
@@ -81,24 +82,10 @@ def test_a_second_argument_is_the_context():
     assert received == ["COMMANDLINE"]
 
 
-def complete(words, cwd):
-    """Return what bash is offered for the last of some words."""
+def asked(words):
+    """Environment in which bash asks for what the last of some words may become."""
     place = str(len(words.split(" ")) - 1)
-    environment = {
-        **os.environ,
-        "_PPY_COMPLETE": "complete_bash",
-        "COMP_WORDS": words,
-        "COMP_CWORD": place,
-    }
-    done = subprocess.run(
-        [sys.executable, "-m", "orchestration.cli"],
-        cwd=cwd,
-        env=environment,
-        capture_output=True,
-        text=True,
-    )
-    assert done.stderr == ""
-    return done.stdout.split()
+    return {"_PPY_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": place}
 
 
 @pytest.mark.parametrize(
@@ -130,8 +117,21 @@ def complete(words, cwd):
         ("ppy simulate gone.fmu --with s", []),
     ],
 )
-def test_names_are_completed(words, offered, tmp_path):
-    assert complete(words, tmp_path) == offered
+def test_names_are_completed(words, offered, monkeypatch, capsys):
+    for name, value in asked(words).items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(sys, "argv", ["ppy"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 0
+    assert capsys.readouterr().out.split() == offered
+
+
+def test_a_name_is_completed_in_a_process_of_its_own(tmp_path):
+    command = [sys.executable, "-m", "orchestration.cli"]
+    environment = os.environ | asked("ppy info voice")
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert (done.stdout.split(), done.stderr) == (["voice_coil_dma"], "")
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
