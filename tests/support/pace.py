@@ -12,6 +12,8 @@ from fmus import COMPONENTS
 # a small component, and one with samples and all types of variables
 TELLING_NAMES = ("ppy_actuator", "voice_coil_dma")
 _OTHERS = frozenset(COMPONENTS) - set(TELLING_NAMES)
+# they have the laws of the foot, and cost more than all others together
+_FEET = frozenset({"foot_design", "foot_dynamic", "foot_free"})
 
 
 def slow_but(cases: Iterable[Any], *fast: Any) -> list[Any]:
@@ -28,14 +30,14 @@ def slow_but(cases: Iterable[Any], *fast: Any) -> list[Any]:
 
 
 def names_other_components(given: Mapping[str, Any]) -> set[str]:
-    """Components among the values of a case, but for the telling ones."""
+    """Components among the values of a case, effects or not, but for the telling ones."""
     names = (getattr(value, "name", value) for value in given.values())
-    return {name for name in names if isinstance(name, str)} & _OTHERS
+    return {name.partition("_with_")[0] for name in names if isinstance(name, str)} & _OTHERS
 
 
 def is_repetition(given: Mapping[str, Any]) -> bool:
     """Whether a case asks once more what others show: the front-end in Python is one for all
-    components, and the free foot costs as much as all others together.
+    components, and the foot that rests is there for those that move.
     """
     others = names_other_components(given)
-    return "foot_free" in others or (given.get("runtime") == "python" and bool(others))
+    return bool(others & _FEET) or (given.get("runtime") == "python" and bool(others))

@@ -126,7 +126,7 @@ ARGUMENTS = {
 
 @pytest.mark.parametrize(
     "chosen",
-    [(), *((name,) for name in NAMES), NAMES],
+    [(), *(pytest.param((name,), marks=pytest.mark.slow) for name in NAMES), NAMES],
     ids=lambda chosen: "+".join(chosen) or "none",
 )
 def test_the_disturbed_loop_is_that_of_scipy(chosen):

@@ -144,8 +144,8 @@ POSITION = RIGHT.signals["position"]
     ("kind", "values"),
     [
         ("UNSIGNED", np.abs(POSITION - POSITION.mean())),
-        ("RATE", np.gradient(POSITION, RIGHT.time)),
-        ("INTEGRAL", np.cumsum(POSITION) * 0.02),
+        pytest.param("RATE", np.gradient(POSITION, RIGHT.time), marks=pytest.mark.slow),
+        pytest.param("INTEGRAL", np.cumsum(POSITION) * 0.02, marks=pytest.mark.slow),
         ("PACE", np.interp(RIGHT.time / 1.02, RIGHT.time, POSITION)),
         ("LATE", np.append(POSITION[60:], np.full(60, np.nan))),
     ],
