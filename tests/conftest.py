@@ -39,8 +39,8 @@ pytest_plugins = ["pytester"]
 PUBLIC_DATA = Path(os.environ.get("PPY_PUBLIC_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
 
-# an example may take long on a machine that does other work
-settings.register_profile("ppy", deadline=None)
+# an example may take long on a machine that does other work; each run draws other examples
+settings.register_profile("ppy", deadline=None, max_examples=50)
 settings.load_profile("ppy")
 _watch = Watch()
 # where the suite was started in the background nobody hears Ctrl-C, nor does what tests start: they

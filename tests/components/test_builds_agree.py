@@ -358,7 +358,14 @@ def test_length_driven_follows_its_transfer_functions_while_taut(fmu, runtime):
 
 @linux
 @each_front_end
-@pytest.mark.parametrize(("master", "fmi"), [("run_libcosim", 2), ("run_ecos", 2), ("run_ecos", 3)])
+@pytest.mark.parametrize(
+    ("master", "fmi"),
+    slow_but(
+        [("run_libcosim", 2), ("run_ecos", 2), ("run_ecos", 3)],
+        ("run_libcosim", 2),
+        ("run_ecos", 3),
+    ),
+)
 def test_both_builds_run_in_real_masters(fmu, name, runtime, master, fmi):
     # a binary fraction, and a whole number of nanoseconds: every master counts its multiples alike
     time = 2.0 ** np.ceil(np.log2(component(name).experiment[1])) * np.arange(81)

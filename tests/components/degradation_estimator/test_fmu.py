@@ -78,9 +78,11 @@ def test_signals_units_and_types(archive):
     "parameters",
     [
         {},
-        FAST,
+        pytest.param(FAST, marks=pytest.mark.slow),
         FAST | {"instrumental_variable": False, "zero_order_hold": False, "reset_interval": 3.0},
-        FAST | {"sample_period": 0.037, "maximum_trace": 10.0},
+        pytest.param(
+            FAST | {"sample_period": 0.037, "maximum_trace": 10.0}, marks=pytest.mark.slow
+        ),
         FAST | {"track_frequency": True},
     ],
     ids=["default", "fast", "thesis", "bounded", "tracked"],

@@ -41,7 +41,7 @@ def test_the_voltage_reaches_the_current_through_samples_only(archive, runtime):
     [
         {},
         {"potentiostat": True},
-        {"response_time": 5e-4, "control_tolerance": 1e-3},
+        pytest.param({"response_time": 5e-4, "control_tolerance": 1e-3}, marks=pytest.mark.slow),
         {"protection_period": 0.037},
     ],
     ids=["galvanostat", "potentiostat", "options", "period"],

@@ -11,6 +11,9 @@ from demonstrations.thesis.page import target
 from fmus.kit.errors import UserError
 from tests.support.browser import measured
 from tests.support.command import ppy
+from tests.support.pace import slow_but
+
+SHOWN = [i for group in chapters.illustrations().values() for i in group if "4-" not in i.title]
 
 
 @pytest.fixture(scope="module")
@@ -144,7 +147,7 @@ def test_a_refusal_is_one_line_before_any_work(tmp_path):
 
 @pytest.mark.parametrize(
     "illustration",
-    [i for group in chapters.illustrations().values() for i in group if "4-" not in i.title],
+    slow_but(SHOWN, *(i for i in SHOWN if not i.title.startswith("Section"))),
     ids=lambda i: i.title.split(":")[0],
 )
 def test_every_axis_has_a_name_and_a_unit(illustration):

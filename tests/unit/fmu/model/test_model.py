@@ -196,7 +196,7 @@ def test_an_fmu_of_the_laws_of_today_has_its_class_with_the_values_it_has(
     ("added", "what"),
     [
         ((), "of the component"),
-        (("strain_saturation",), "of the component"),
+        pytest.param(("strain_saturation",), "of the component", marks=pytest.mark.slow),
         (("strain_saturation",), "of the effect"),
     ],
 )

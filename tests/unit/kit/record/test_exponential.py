@@ -98,7 +98,7 @@ def followed(cls, values, time, linear=False, tolerance=3e-8):
             assert error < tolerance, (name, parameter, error)
 
 
-@pytest.mark.parametrize("linear", [False, True])
+@pytest.mark.parametrize("linear", slow_but([False, True], True))
 @pytest.mark.parametrize(
     ("cls", "values", "samples"),
     [
