@@ -187,6 +187,7 @@ def test_seconds_are_those_of_who_spent_them(tmp_path, member):
     assert 0.0 < fast < 0.2 * slow
 
 
+@pytest.mark.real_time
 def test_ctrl_c_is_heard_long_before_progress_is_told(tmp_path):
     """Progress is told every 2 s here; an interrupt waits for a pulse, and what was computed
     stays.

@@ -69,6 +69,7 @@ def test_numbers_are_those_in_the_registers(rig: Backend, device: Device) -> Non
     assert device.look(COILS, 1, 1) == b"\1"
 
 
+@pytest.mark.real_time
 @pytest.mark.skipif(sys.platform == "win32", reason="a pseudo-terminal needs POSIX")
 def test_a_device_on_a_line_is_the_same(calibration: Callable[..., str]) -> None:
     with line_device() as device:
