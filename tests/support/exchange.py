@@ -63,4 +63,6 @@ def both_ways(
 
 
 def distance(found, expected):
+    """Largest difference relative to the largest value; true is 1."""
+    found, expected = np.asarray(found, dtype=float), np.asarray(expected, dtype=float)
     return np.abs(found - expected).max() / (np.abs(expected).max() or 1.0)
