@@ -39,7 +39,7 @@ class Fmi3Functions:
 
     def __init__(self, library: ctypes.CDLL):
         self._library = library
-        self._loggers: list[Any] = []  # as long as instances may call them
+        self._loggers: dict[int | None, Any] = {}  # as long as instances may call them
         self._experiments: dict[int, tuple[Any, ...]] = {}
         for name, (new, arguments) in _SAME.items():
             setattr(self, name, self._function(new, arguments))
@@ -81,7 +81,7 @@ class Fmi3Functions:
         def log(environment: Any, status: int, category: bytes, message: bytes) -> None:
             callbacks._obj.logger(environment, name, status, category, message)
 
-        self._loggers.append(_Logger(log))
+        logger = _Logger(log)
         make = self._library.fmi3InstantiateCoSimulation
         make.argtypes = [
             *(c_char_p, c_char_p, c_char_p, c_bool, c_bool, c_bool, c_bool),
@@ -89,14 +89,15 @@ class Fmi3Functions:
         ]
         make.restype = c_void_p
         modes = (False, bool(logging), False, False)
-        made: int | None = make(
-            name, guid, resources, *modes, None, 0, None, self._loggers[-1], None
-        )
+        made: int | None = make(name, guid, resources, *modes, None, 0, None, logger, None)
+        self._loggers[made] = logger
         return made
 
     def fmi2FreeInstance(self, c: int) -> None:
         """Free an instance."""
         self._function("FreeInstance", [])(c)
+        self._loggers.pop(c, None)
+        self._experiments.pop(c, None)
 
     def fmi2SetupExperiment(self, c: int, *experiment: Any) -> int:
         """Keep the experiment for the next call."""
