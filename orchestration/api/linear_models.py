@@ -11,11 +11,12 @@ from orchestration.api.declaration import only, takes
 from orchestration.api.forms import given_names, optional_seconds
 from orchestration.api.options import BlackBoxKeywords, InputsOption, StudyKeywords
 from orchestration.identify.black_box.study import BlackBox, read_columns, study
+from orchestration.records import Arrays
 
 
 @takes(InputsOption, BlackBoxKeywords)
 def black_box(
-    record: str | Path,
+    record: str | Path | Arrays,
     output: str,
     inputs: Sequence[str] = (),
     **options: Unpack[BlackBoxKeywords],
@@ -24,9 +25,9 @@ def black_box(
 
     Parameters
     ----------
-    record : str or Path
-        CSV, Parquet, TDMS, MAT or LabVIEW text; the first column is the time, or a sample count if
-        a step is given.
+    record : str, Path, DataFrame or Mapping of str to array_like, shape (n,)
+        CSV, Parquet, TDMS, MAT or LabVIEW text, or columns by ``name [unit]``; the first column is
+        the time, or a sample count if a step is given.
     output : str
         Name of a column.
 
@@ -58,5 +59,6 @@ def black_box(
     """
     require("threadpoolctl")
     driving = given_names(inputs, "inputs =")
-    columns = read_columns(Path(record), output, driving, optional_seconds(options["step"]))
+    source = Path(record) if isinstance(record, str) else record
+    columns = read_columns(source, output, driving, optional_seconds(options["step"]))
     return study(columns, **only(StudyKeywords, options))

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from fmus.kit.arrays import Mask
 from orchestration.records.formats import read_table
-from orchestration.records.frames import table_of
 from orchestration.records.record import Repair, refuse
 from orchestration.records.runs import column_labels
 from orchestration.records.source import Reading, Source
@@ -36,9 +34,7 @@ def open_table(source: Source) -> Table:
         If it cannot be read, or has none of the rows.
     """
     reading = source.reading
-    data = source.data
-    table = read_table(data, reading) if isinstance(data, Path) else table_of(data)
-    table = _with_rate(table, reading.rate)
+    table = _with_rate(read_table(source.data, reading), reading.rate)
     return _selected(table, reading)
 
 

@@ -24,6 +24,7 @@ from orchestration.records.formats.oscilloscopes import (
 from orchestration.records.formats.spreadsheet import read_spreadsheet
 from orchestration.records.formats.subprocess_reader import in_subprocess
 from orchestration.records.formats.text import EXPECTED, read_text
+from orchestration.records.frames import Arrays, table_of
 from orchestration.records.record import refuse
 from orchestration.records.source import AS_IT_STANDS, Reading
 from orchestration.records.tables import Reader, Table
@@ -49,15 +50,14 @@ _OF_SEVERAL: dict[bytes, Callable[[Path, bytes, Reading], Table]] = {
 """Readers of files with several tables, of which the user names one."""
 
 
-def read_table(path: Path, reading: Reading = AS_IT_STANDS) -> Table:
-    """Read a file of any known format.
+def read_table(data: Path | Arrays, reading: Reading = AS_IT_STANDS) -> Table:
+    """Read a file of any known format, or arrays.
 
     Parameters
     ----------
-    path : Path
-        The file.
+    data : Path, DataFrame or Mapping of str to array_like, shape (n,)
     reading : Reading
-        Names of columns, decimal mark and table of a file that does not tell them.
+        Names of columns, decimal mark and table of a file that does not state them.
 
     Returns
     -------
@@ -67,8 +67,13 @@ def read_table(path: Path, reading: Reading = AS_IT_STANDS) -> Table:
     Raises
     ------
     UserError
-        If the file cannot be opened, is empty, or is of no known format.
+        If the file cannot be opened, is empty, or is of no known format, or arrays have no names.
     """
+    return _read_file(data, reading) if isinstance(data, Path) else table_of(data)
+
+
+def _read_file(path: Path, reading: Reading) -> Table:
+    """Return the table of a file, by the reader of its format."""
     try:
         content = path.read_bytes()
     except OSError as error:

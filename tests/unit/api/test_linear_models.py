@@ -33,6 +33,19 @@ def test_the_pole_is_found(folder, name, options):
     assert found.columns.data.step == 0.25
 
 
+def test_arrays_by_name_are_as_their_file(folder):
+    columns = np.loadtxt(folder / "time.csv", delimiter=",", skiprows=1).T
+    arrays = dict(zip(("time [s]", "u [V]", "y [mm]"), columns, strict=True))
+    found = ppy.black_box(arrays, "y", structures=["OE"], path_orders=[1], delays=1)
+    assert found.model.poles("u") == pytest.approx([0.8], abs=0.01)
+    assert found.columns.units == {"u": "V", "y": "mm"}
+    counted = {"sample": np.arange(400)} | {"u": columns[1], "y": columns[2]}
+    found = ppy.black_box(counted, "y", structures=["OE"], path_orders=[1], delays=1, step="250ms")
+    assert found.model.poles("u") == pytest.approx([0.8], abs=0.01)
+    with pytest.raises(UserError, match=r"an array of shape \(3, 400\) has no names of columns"):
+        ppy.black_box(columns, "y")
+
+
 def test_inputs_are_those_named(folder):
     with pytest.raises(UserError, match="no column 'v'"):
         ppy.black_box(folder / "time.csv", "y", ["v"])

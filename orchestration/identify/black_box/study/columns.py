@@ -1,4 +1,4 @@
-"""Input-output data read from the columns of a file, at a fixed sample period."""
+"""Input-output data read from the columns of a file or from arrays, at a fixed sample period."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.units import convert
 from orchestration.identify.black_box.data import InputOutputData, input_output_data
-from orchestration.records import read_record
+from orchestration.records import Arrays, read_record
 from orchestration.records.formats import read_table
 from orchestration.records.sampling import UNEVEN, sample_period
 from orchestration.records.tables import Column, Table, numbers
@@ -26,6 +26,7 @@ class Columns:
     Attributes
     ----------
     path : Path
+        The file, or the name of arrays in messages.
     data : InputOutputData
         In the units of the file.
     units : dict of str to str
@@ -41,15 +42,15 @@ class Columns:
 
 
 def read_columns(
-    path: Path, output: str, inputs: Sequence[str] = (), step: float | None = None
+    data: Path | Arrays, output: str, inputs: Sequence[str] = (), step: float | None = None
 ) -> Columns:
-    """Read the input-output data of a black-box model from a file.
+    """Read the input-output data of a black-box model from a file or arrays.
 
     Parameters
     ----------
-    path : Path
-        CSV, Parquet, TDMS, MAT or LabVIEW text; the first column is the time, or counts samples if
-        a step is given.
+    data : Path, DataFrame or Mapping of str to array_like, shape (n,)
+        CSV, Parquet, TDMS, MAT or LabVIEW text, or columns by name; the first column is the time,
+        or counts samples if a step is given.
     output : str
         Column of the output.
     inputs : sequence of str, optional
@@ -67,13 +68,13 @@ def read_columns(
         If the file is refused, has no such column, its samples are not equally spaced, or it has a
         time and a step is given.
     """
-    table = read_table(path)
+    table = read_table(data)
     chosen = _input_columns(table, output, inputs, _non_inputs(table, output, inputs, step))
     used = (output, *chosen)
     units = {column.name: column.unit or "1" for column in table.columns if column.name in used}
     if step is None:
-        record = read_record(path, units, required=list(units), inputs=chosen)
-        period = sample_period(path, record.time, "a black-box model")
+        record = read_record(data, units, required=list(units), inputs=chosen)
+        period = sample_period(table.path, record.time, "a black-box model")
         values = record.signals
         notes = tuple(repair.message for repair in record.repairs)
     else:
@@ -82,8 +83,8 @@ def read_columns(
         values = {c.name: numbers(table, c) for c in table.columns if c.name in units}
         notes = ()
     stacked = np.column_stack([values[name] for name in chosen])
-    data = input_output_data(stacked, values[output], period, chosen, output)
-    return Columns(path, data, units, notes)
+    sampled = input_output_data(stacked, values[output], period, chosen, output)
+    return Columns(table.path, sampled, units, notes)
 
 
 def _non_inputs(table: Table, output: str, inputs: Sequence[str], step: float | None) -> list[str]:
