@@ -1,11 +1,10 @@
-"""Claims: of a cell with two RC pairs and hysteresis, and a model with one pair, ``ppy diagnose``
-tells of a second pair first, and the same beside busy processes.
+"""Claims: of a cell with two RC pairs and hysteresis, and a model with one pair and no effects of
+its own, ``ppy diagnose`` names a second pair first, and the same beside busy processes.
 
 The oracle is the cell that made the record (`tests.support.cell_record`).
 """
 
 import json
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +22,7 @@ from tests.support.cell_record import (
 from tests.support.command import ppy
 from tests.support.processes import busy
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "battery_cell.py"
+FAMILY = Path(__file__).parents[2] / "examples" / "lithium_cell.py"
 # a lag of what drives the first pair, or of its voltage, beside it or ahead of it
 SECOND_PAIRS = {
     f"{law}({signal})"
@@ -34,11 +33,12 @@ SECOND_PAIRS = {
 
 def diagnosed(folder, seed, clock=IN_SECONDS):
     """What the default command writes down of a drawn record."""
-    shutil.copy(EXAMPLE, folder / "cell.py")
+    family = FAMILY.read_text(encoding="utf-8")
+    (folder / "cell.py").write_text(f"{family}\nEFFECTS.clear()\n", encoding="utf-8")
     current, voltage, _ = record(seed)
     write_german(folder / "record.csv", current, voltage, clock)
     columns = ("--map", "Strom=current", "--map", "Spannung=voltage")
-    model = ("--model", "cell.py:BatteryCell")
+    model = ("--model", "cell.py:LithiumCell")
     done = ppy("diagnose", "record.csv", *model, *columns, "--json", "cell.json", cwd=folder)
     assert done.returncode == 0, done.stderr
     return json.loads((folder / "cell.json").read_text(encoding="utf-8"))

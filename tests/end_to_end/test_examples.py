@@ -234,7 +234,7 @@ def test_a_cell_has_the_parameters_that_it_was_made_with():
     random = np.random.default_rng(3)
     current = pulses(random)
     voltage = cell.voltage(current) + 5e-4 * random.standard_normal(current.size)
-    cls, _ = example("battery_cell.py:BatteryCell")
+    cls, _ = example("lithium_cell.py:LithiumCell")
     names = ["capacity", "R0", "R1", "C1", "charge_start"]
     time = np.arange(float(current.size))
     found = fit_grey_box(cls, time, {"current": current}, {"voltage": voltage}, names).values
