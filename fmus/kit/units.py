@@ -61,7 +61,7 @@ _INVERSE = re.compile(r"1/([A-Za-z]+)(?:\^(\d+))?")
 _MICRO = re.compile(r"(?<![A-Za-z])u(?=[A-Za-zΩ])")
 _WITH_POWER_OF_TEN = 1e6  # smallest number that is written with a power of ten
 _SINGLE_CHARACTERS = str.maketrans({"℃": "°C", "℉": "°F", "\u2126": "Ω", "\u212b": "Å"})
-_SIGNS = {"ohm": "Ω", "degC": "°C", "deg": "°", "percent": "%"}
+_SIGNS = {"ohm": "Ω", "degC": "°C", "degF": "°F", "deg": "°", "percent": "%"}
 _LARGEST_POWER_OF_TEN = 300  # of a factor, which must be a float
 # names that may have an SI prefix
 _PREFIXED = ("m", "s", "A", "N", "J", "W", "Pa", "V", "ohm", "C", "F", "Hz", "H")
@@ -630,7 +630,7 @@ def _write_digits(number: float, digits: int) -> str:
 def printed(unit: str) -> str:
     """Write a unit in typographic form, such as ``N·s/m``, ``mΩ`` or ``C⁻²``."""
     inverse = _INVERSE.fullmatch(unit)
-    product = f"{inverse[1]}^-{inverse[2] or 1}" if inverse else unit
+    product = f"{inverse[1]}^-{inverse[2] or 1}" if inverse else unit.translate(_SINGLE_CHARACTERS)
     text = _POWER.sub(lambda power: power[1].translate(_SUPERSCRIPTS), product)
     for name, sign in _SIGNS.items():
         text = re.sub(rf"(?<![A-Za-z])([numkMG]?){name}(?![A-Za-z])", rf"\g<1>{sign}", text)

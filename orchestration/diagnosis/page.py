@@ -8,7 +8,6 @@ import numpy as np
 
 from fmus.kit.arrays import Array
 from fmus.kit.titles import capitalised
-from fmus.kit.units import printed
 from orchestration.diagnosis import view
 from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.engine import Diagnosis
@@ -178,7 +177,6 @@ def _add_experiment(page: Page, shown: view.DiagnosisView) -> None:
 
 def _add_course(page: Page, course: view.CourseView) -> None:
     """Add a chart of an output above its residuals."""
-    bracket = "" if course.unit == "1" else f" [{printed(course.unit)}]"
     time, measured = _array(course.time), _array(course.measured)
     above = [Trace(course.measured_as, time, measured, pictures.MEASURED, 3.5)]
     below = []
@@ -191,8 +189,8 @@ def _add_course(page: Page, course: view.CourseView) -> None:
     if course.unseen_from is not None:
         boundary = Boundary(course.unseen_from, course.before, "unseen")
     panels = [
-        Panel(f"{course.output}{bracket}", _HEIGHT, above),
-        Panel(f"measured − simulated{bracket}", _RESIDUAL_HEIGHT, below),
+        Panel(pictures.with_unit(course.output, course.unit), _HEIGHT, above),
+        Panel(pictures.with_unit("measured − simulated", course.unit), _RESIDUAL_HEIGHT, below),
     ]
     page.chart(stacked(panels, "time [s]", boundary=boundary), course.caption)
 

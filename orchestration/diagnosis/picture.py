@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmus.kit import UserError
-from fmus.kit.titles import capitalised, in_words
+from fmus.kit.titles import capitalised, law_title
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.law_map import LawMap
 from orchestration.diagnosis.report import curves, wording
-from orchestration.diagnosis.term_names import sentence, unit_of
+from orchestration.diagnosis.term_names import seen_title, seen_unit, sentence, unit_of
 from orchestration.reporting import draw, pictures
 
 if TYPE_CHECKING:
@@ -66,14 +66,14 @@ def draw_curve(law_map: LawMap) -> Figure:
         raise UserError("no law is found to lack anything, so there is no curve to draw")
     term = curve.term
     title = capitalised(sentence(cls, term))
-    signal_unit = unit_of(cls, term.signal)
-    below = in_words(term.signal) + ("" if signal_unit == "1" else f" [{signal_unit}]")
+    below = pictures.with_unit(seen_title(cls, term), seen_unit(cls, term))
     figure, (axis,) = pictures.panels(1, title, below, height=3.0)
     axis.plot(curve.signal, curve.addition, color=pictures.FITTED)
     samples = curve.samples[:: max(1, len(curve.samples) // _MARKS)]
     floor = np.full(samples.shape, float(curve.addition.min()))
     axis.plot(samples, floor, "|", color=pictures.MEASURED, label="samples of the record")
-    added = f"part of {in_words(term.factor)}" if term.factor else f"added to {in_words(term.law)}"
+    title = law_title(cls, term.factor or term.law)
+    added = f"part of {title}" if term.factor else f"added to {title}"
     pictures.label(axis, added, "1" if term.factor else unit_of(cls, term.law))
     axis.legend(frameon=False)
     return figure

@@ -283,16 +283,23 @@ def sentence(cls: type[Component], term: Term, value: float | None = None) -> st
         return f"an offset of {law}"
     if term.signal == "time" and term.shape is Shape.STEP:
         return f"{law} changes at {term.width * term.scale:.4g} s"
-    signal = "time" if term.signal == "time" else within_sentence(law_title(cls, term.signal))
-    seen = MEMORIES[term.memory].text.format(signal)
+    seen = seen_title(cls, term)
     if term.law in fed_laws(cls):
-        return f"{law} {_of_port(cls, term, seen.replace('simulated ', ''), value)}"
+        return f"{law} {_of_port(cls, term, seen, value)}"
     if not term.factor:
         return f"{law} over {seen}"
     if term.factor == term.law:
         return f"{law} times a function of {seen}"
     factor = within_sentence(law_title(cls, term.factor))
     return f"{law} over {factor} times a function of {seen}"
+
+
+def seen_title(cls: type[Component], term: Term) -> str:
+    """Return what the shape of a term sees of its signal, for people; of an FMU by its port."""
+    signal = "time" if term.signal == "time" else within_sentence(law_title(cls, term.signal))
+    if term.law in fed_laws(cls):
+        signal = signal.removeprefix("simulated ")
+    return MEMORIES[term.memory].text.format(signal)
 
 
 def fed_laws(cls: type[Component]) -> frozenset[str]:

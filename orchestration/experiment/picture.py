@@ -51,7 +51,7 @@ def draw_experiment(data: ExperimentResult) -> Figure:
         first = data[signals[name][0]]  # all variants have its type and unit
         pictures.fit_values(panel, first.attrs.get("type") == "boolean")
         pictures.label(panel, name, displayed(first)[1])
-    panels[-1].set_xlabel(over.replace("_", " ") + ("" if unit == "1" else f" [{unit}]"))
+    panels[-1].set_xlabel(pictures.with_unit(over.replace("_", " "), unit))
     return figure
 
 

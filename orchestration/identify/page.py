@@ -10,7 +10,7 @@ import numpy as np
 
 from fmus.kit import UserError, quoting, units
 from fmus.kit.titles import capitalised, in_words, law_title, variable_title
-from fmus.kit.units import format_prefixed, printed, unit_of_differences, write_prefixed
+from fmus.kit.units import format_prefixed, unit_of_differences, write_prefixed
 from orchestration.identify import presentation
 from orchestration.identify.comparison import Comparison, GoodnessOfFit, JointComparison
 from orchestration.identify.grey_box import Fit
@@ -181,30 +181,27 @@ def _panels_of_output(comparison: Comparison, output: str) -> list[Panel]:
     before = comparison.before[output]
     after = comparison.latest[output]
     signal = comparison.model.outputs[output]
+    unit = comparison.record.display_unit(output, signal)
     difference = unit_of_differences(signal)
-    measured = units.convert(before.measured, signal.unit, signal.display)
+    measured = units.convert(before.measured, signal.unit, unit)
     traces = [Trace("measured", time, measured, pictures.MEASURED, 3.5)]
     residuals = []
     runs = [(_BEFORE, before, pictures.MODEL), (_FITTED, after, pictures.FITTED)]
     for label, goodness, colour in runs:
         is_fitted = label == _FITTED
-        values = units.convert(goodness.simulated, signal.unit, signal.display)
+        values = units.convert(goodness.simulated, signal.unit, unit)
         residual = units.convert(goodness.residual, signal.unit, difference)
         traces.append(Trace(label, time, values, colour, makes_room=is_fitted))
         residuals.append(Trace(label, time, residual, colour, makes_room=is_fitted))
     return [
-        Panel(_with_unit(_title(comparison, output), signal.display), _HEIGHT, traces),
-        Panel(_with_unit("measured − simulated", difference), _RESIDUAL_HEIGHT, residuals),
+        Panel(pictures.with_unit(_title(comparison, output), unit), _HEIGHT, traces),
+        Panel(pictures.with_unit("measured − simulated", difference), _RESIDUAL_HEIGHT, residuals),
     ]
 
 
 def _is_logarithmic(time: np.ndarray) -> bool:
     steps = np.diff(time)
     return bool(time[0] > 0.0 and len(steps) and steps.max() > 1000.0 * steps.min())
-
-
-def _with_unit(title: str, unit: str) -> str:
-    return title if unit == "1" else f"{title} [{printed(unit)}]"
 
 
 def _next_steps(comparison: Comparison, fit: Fit) -> list[str]:

@@ -69,24 +69,25 @@ def _draw_estimate(axis: Axes, name: str, estimate: Estimate, declared: Describe
     shown = [x if math.isfinite(x) else edge for x, edge in zip(ends, edges, strict=True)]
     axis.plot(shown, [0.0, 0.0], color=pictures.FITTED, lw=2, label="95 % interval", zorder=1)
     pictures.name_ticks(axis.yaxis, [0.0], [name.replace("_", " ")])
-    axis.set_xlabel("" if unit == "1" else f"[{unit}]")
+    axis.set_xlabel(pictures.with_unit("", unit, ""))
 
 
 def _draw_output(comparison: Comparison, output: str, over: Axes, below: Axes) -> None:
     """Draw one output above its residual."""
     time = comparison.record.time
     signal = comparison.model.outputs[output]
+    unit = comparison.record.display_unit(output, signal)
     difference = unit_of_differences(signal)
     before = comparison.before[output]
     after = comparison.latest[output]
-    measured = units.convert(before.measured, signal.unit, signal.display)
+    measured = units.convert(before.measured, signal.unit, unit)
     over.plot(time, measured, color=pictures.MEASURED, lw=2.5, label="measured")
     # the residual of the fit would not be visible with a much larger one before it
     hidden = before.rms > _MUCH_LARGER * after.rms
     colours = (pictures.MODEL, pictures.FITTED)
     for (label, run), colour in zip(runs(comparison).items(), colours, strict=False):
         goodness = run[output]
-        values = units.convert(goodness.simulated, signal.unit, signal.display)
+        values = units.convert(goodness.simulated, signal.unit, unit)
         over.plot(time, values, color=colour, label=f"{label}: {goodness.fit_percent:.1f} % fit")
         if not hidden or goodness is after:
             residual = units.convert(goodness.residual, signal.unit, difference)
@@ -94,5 +95,5 @@ def _draw_output(comparison: Comparison, output: str, over: Axes, below: Axes) -
     over.legend(
         loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1
     )
-    pictures.label(over, output, signal.display)
+    pictures.label(over, output, unit)
     pictures.label(below, "residual (fitted)" if hidden else "residual", difference)

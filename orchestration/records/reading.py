@@ -261,7 +261,9 @@ def _unrepaired_samples(
             if in_words is None
             else read_words(table, match.column, in_words)
         )
-    return Samples(table.path, time, values, table.rows, table.repairs)
+    scales = {m.signal: m.unit or m.column.unit for m in others if signals[m.signal] == "K"}
+    stated = {name: unit for name, unit in scales.items() if unit}
+    return Samples(table.path, time, values, table.rows, table.repairs, stated)
 
 
 def time_in_seconds(table: Table, match: Match, discard: float = 0.0) -> np.ndarray:
@@ -305,7 +307,15 @@ def _repaired_record(
         repair_holes(samples, inputs, required)
         signal_units = {name: signals[name] or "1" for name in samples.values}
         notice_channels(samples, signal_units, inputs)
-    return Record(samples.time, samples.values, signal_units, samples.path, samples.repairs, label)
+    return Record(
+        samples.time,
+        samples.values,
+        signal_units,
+        samples.path,
+        samples.repairs,
+        label,
+        samples.scales,
+    )
 
 
 def _column_in_unit(table: Table, match: Match, unit: str) -> np.ndarray:

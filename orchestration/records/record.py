@@ -14,6 +14,7 @@ import numpy as np
 
 from fmus.kit import UserError, quoting
 from fmus.kit.arrays import Array
+from fmus.kit.units import Described, convert
 from orchestration.reporting import Displayable, one_line, option
 
 if TYPE_CHECKING:
@@ -92,6 +93,8 @@ class Record(Displayable):
         Repairs and notices in the order of reading.
     label : str
         Label of the run, if the file has several; else empty.
+    scales : dict of str to str
+        Scale of the file by signal that is a temperature: degC, degF or K.
     """
 
     time: Array
@@ -100,6 +103,11 @@ class Record(Displayable):
     source: Path
     repairs: list[Repair] = field(default_factory=list)
     label: str = ""
+    scales: dict[str, str] = field(default_factory=dict)
+
+    def display_unit(self, name: str, signal: Described) -> str:
+        """Return the unit in which a signal is displayed: of a temperature that of the file."""
+        return self.scales.get(name) or signal.display or signal.unit
 
     def __str__(self) -> str:
         signals = ", ".join(f"{name} [{self.units[name]}]" for name in self.signals)
@@ -127,11 +135,12 @@ class Record(Displayable):
         columns = ("smallest", "largest", "missing")
         table = plain_table(None, "signal", "unit", *columns, right=columns)
         for name, values in self.signals.items():
-            finite = values[np.isfinite(values)]
+            unit = self.scales.get(name, self.units[name])
+            finite = convert(values[np.isfinite(values)], self.units[name], unit)
             smallest = f"{finite.min():.6g}" if finite.size else ""
             largest = f"{finite.max():.6g}" if finite.size else ""
             missing = f"{values.size - finite.size}"
-            table.add_row(name, self.units[name], smallest, largest, missing)
+            table.add_row(name, unit, smallest, largest, missing)
         yield self._extent
         yield table
         yield from self._repair_lines

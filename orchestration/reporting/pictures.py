@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from fmus.kit import UserError, files
 from fmus.kit.arrays import Array
 from fmus.kit.extras import optional
+from fmus.kit.units import printed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -118,8 +119,12 @@ def label(axis: Axes, name: str, unit: str) -> None:
     lines: list[str] = []
     for part in name.splitlines():
         lines += wrap(part.replace("_", " "), _LABEL_WIDTH)
-    text = "\n".join(lines)
-    axis.set_ylabel(text if unit == "1" else f"{text}\n[{unit}]")
+    axis.set_ylabel(with_unit("\n".join(lines), unit, "\n"))
+
+
+def with_unit(title: str, unit: str, between: str = " ") -> str:
+    """Return a title with its unit in brackets, which the unit 1 does not have."""
+    return title if unit == "1" else f"{title}{between}[{printed(unit)}]"
 
 
 def fit_values(axis: Axes, boolean: bool = False) -> None:

@@ -62,7 +62,7 @@ def draw_curves(data: xarray.Dataset) -> Figure:
         pictures.label(panel, name, value_unit)
     if 1 < _count_curves(data[names[0]], first) <= MOST:
         panels[0].legend()
-    panels[-1].set_xlabel(first + ("" if unit == "1" else f" [{unit}]"))
+    panels[-1].set_xlabel(pictures.with_unit(first, unit))
     return figure
 
 

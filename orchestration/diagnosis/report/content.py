@@ -21,12 +21,13 @@ from orchestration.diagnosis.report import curves, wording
 from orchestration.diagnosis.report.tried import tried_sets
 from orchestration.diagnosis.term_names import (
     memory_text,
+    seen_title,
     seen_unit,
     sentence,
     shape_text,
     unit_of,
 )
-from orchestration.diagnosis.terms import MEMORIES, Term
+from orchestration.diagnosis.terms import Term
 from orchestration.diagnosis.view import (
     Answer,
     ChangesView,
@@ -40,7 +41,7 @@ from orchestration.diagnosis.view import (
 )
 from orchestration.identify.changes import Change, change_rows, describe_changes
 from orchestration.records import Record
-from orchestration.reporting import flag
+from orchestration.reporting import flag, pictures
 from orchestration.reporting.html import facts_about
 
 _SETS = 12  # that are listed
@@ -234,9 +235,7 @@ def _parameter_rows(diagnosis: Diagnosis) -> Iterator[tuple[str, ...]]:
 def _places(cls: type[Component], terms: Mapping[str, Term]) -> dict[str, str]:
     """Return the value that a curve sees at each knot, by the name of its parameter."""
     seen = {
-        stem: _with_unit(
-            MEMORIES[term.memory].text.format(law_title(cls, term.signal)), seen_unit(cls, term)
-        )
+        stem: pictures.with_unit(seen_title(cls, term), seen_unit(cls, term))
         for stem, term in terms.items()
     }
     return {
@@ -310,8 +309,8 @@ def _curve(diagnosis: Diagnosis, curve: curves.TermCurve) -> CurveView:
     places = np.quantile(curve.samples, np.linspace(0.0, 1.0, _MARKS))
     places = places[(places >= curve.signal[0]) & (places <= curve.signal[-1])]
     return CurveView(
-        added=_with_unit(added, unit),
-        signal=_with_unit(law_title(cls, term.signal), unit_of(cls, term.signal)),
+        added=pictures.with_unit(added, unit),
+        signal=pictures.with_unit(seen_title(cls, term), seen_unit(cls, term)),
         caption=(
             f"{capitalised(sentence(cls, term))}: {shape_text(term)}, where x is the signal below."
         ),
@@ -319,7 +318,3 @@ def _curve(diagnosis: Diagnosis, curve: curves.TermCurve) -> CurveView:
         y=_numbers(curve.addition),
         samples=_numbers(places),
     )
-
-
-def _with_unit(title: str, unit: str) -> str:
-    return title if unit == "1" else f"{title} [{unit}]"

@@ -27,7 +27,7 @@ class OutputCourse:
     ----------
     output, record : str
     unit : str
-        That of the output's display, unless that has an offset.
+        That of the output's display; of a temperature that of the file.
     time, measured, before, after : ndarray, shape (n,)
         Simulated without terms, and by the final model; NaN where a run left its bounds. With
         another reading of the files `measured` is what they mean by it; the model without terms,
@@ -94,7 +94,7 @@ def output_courses(diagnosis: Diagnosis) -> list[OutputCourse]:
     courses = []
     for j, output in enumerate(subject.problem.model.outputs):
         if np.isfinite(record.outputs[:, j]).any():
-            unit = output.display or output.unit
+            unit = diagnosis.records[0].display_unit(output.name, output)
             runs = (record.outputs, before, after)
             measured, first, last = (convert(run[:, j], output.unit, unit) for run in runs)
             of = output.name, record.label, unit

@@ -107,7 +107,6 @@ def _draw_nyquist(axis: Axes, response: Response) -> None:
     axis.margins(0.2)
     axis.locator_params(axis="x", nbins=5)
     parts = ("storage", "loss") if response.is_stiffness else ("real part", "imaginary part")
-    unit = "" if response.unit == "1" else f" [{response.unit}]"
-    axis.set_xlabel(f"{parts[0]}{unit}")
-    axis.set_ylabel(f"{parts[1]}{unit}")
+    axis.set_xlabel(pictures.with_unit(parts[0], response.unit))
+    axis.set_ylabel(pictures.with_unit(parts[1], response.unit))
     axis.set_aspect("equal", adjustable="datalim")

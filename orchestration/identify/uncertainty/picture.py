@@ -66,7 +66,7 @@ def _shown_samples(posterior: Posterior, name: str) -> Array:
 
 def _axis_title(name: str, declared: Described) -> str:
     unit = declared.display or declared.unit
-    return name.replace("_", " ") + ("" if unit == "1" else f" [{unit}]")
+    return pictures.with_unit(name.replace("_", " "), unit)
 
 
 def draw_profiles(profiles: Sequence[Profile]) -> Figure:

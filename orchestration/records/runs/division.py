@@ -137,6 +137,7 @@ def _select_runs(samples: Samples, masks: Mapping[str, Mask]) -> list[tuple[str,
             samples.values,
             samples.rows,
             [] if runs else samples.repairs,
+            samples.scales,
         )
         run.keep(mask)
         runs.append((label, run))

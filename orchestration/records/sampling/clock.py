@@ -1,6 +1,6 @@
 """Clock of a record: repair of missing, unordered and repeated times, restarts, and gaps."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +41,8 @@ class Samples(Repaired):
         Row number of every sample in the file.
     repairs : list of Repair
         Repairs so far.
+    scales : dict of str to str
+        See `Record.scales`.
     """
 
     path: Path
@@ -48,6 +50,7 @@ class Samples(Repaired):
     values: dict[str, Array]
     rows: NDArray[np.int64]
     repairs: list[Repair]
+    scales: dict[str, str] = field(default_factory=dict)
 
     def keep(self, selection: Mask | NDArray[np.int64]) -> None:
         """Keep a selection of the samples, in its order.

@@ -188,7 +188,7 @@ def _draw_bars(panel: Any, effects: xarray.Dataset, name: str) -> None:
     panel.axvline(start, color="black", lw=0.8)
     labels = [_range_label(effects, parameter) for parameter in ranked]
     pictures.name_ticks(panel.yaxis, range(len(ranked)), labels)
-    panel.set_xlabel(name.replace("_", " ") + (f" [{unit}]" if unit != "1" else ""))
+    panel.set_xlabel(pictures.with_unit(name.replace("_", " "), unit))
 
 
 def _range_label(effects: xarray.Dataset, parameter: str) -> str:

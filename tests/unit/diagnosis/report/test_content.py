@@ -60,7 +60,7 @@ def test_values_of_a_curve_say_where_they_are(dry):
     }
     way = replace(curve, memory=Memory.INTEGRAL, places=(0.0,))
     assert content._places(dry.subject.problem.model.cls, {"bend": way}) == {
-        "bend_at_0": " (the integral of velocity [(m/s)*s] = 1)"
+        "bend_at_0": " (the integral of velocity [(m/s)·s] = 1)"
     }
 
 

@@ -81,6 +81,16 @@ def test_courses_are_in_the_unit_in_which_their_output_is_shown(dry, monkeypatch
     assert np.std(course.measured - course.after) == pytest.approx(1.0, rel=0.2)
 
 
+def test_courses_are_in_the_scale_of_the_record(dry, monkeypatch):
+    """Whatever the model displays."""
+    (output,) = dry.subject.problem.model.outputs
+    monkeypatch.setattr(output, "display", "mm")
+    monkeypatch.setitem(dry.records[0].scales, "position", "cm")
+    (course,) = output_courses(dry)
+    assert course.unit == "cm"
+    assert course.measured == pytest.approx(1e2 * dry.records[0].signals["position"])
+
+
 def test_a_misread_input_is_shown_with_the_model_of_the_file_as_it_was_read(flipped):
     (course,) = output_courses(flipped)
     assert course.measured == pytest.approx(flipped.records[0].signals["position"])
