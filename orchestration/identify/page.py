@@ -96,7 +96,8 @@ def _make_page(comparisons: Sequence[Comparison], fit: Fit, command: str) -> Pag
             " difference of both.",
         )
     page.heading("What to do next")
-    page.items([*dict.fromkeys(step for one in comparisons for step in _next_steps(one, fit))])
+    steps = (step for one in comparisons for step in _next_steps(one, fit, command))
+    page.items([*dict.fromkeys(steps)])
     page.heading("How sure this is")
     _add_parameters(page, fit)
     _add_correlations(page, fit)
@@ -204,8 +205,8 @@ def _is_logarithmic(time: np.ndarray) -> bool:
     return bool(time[0] > 0.0 and len(steps) and steps.max() > 1000.0 * steps.min())
 
 
-def _next_steps(comparison: Comparison, fit: Fit) -> list[str]:
-    """Return the next steps: warnings of the fit, then advice by the whiteness of residuals."""
+def _next_steps(comparison: Comparison, fit: Fit, command: str) -> list[str]:
+    """Return what to do after a command: by warnings of the fit, then by whiteness of residuals."""
     tests = {output: goodness.whiteness for output, goodness in comparison.latest.items()}
     coloured = [output for output, test in tests.items() if test and not test.is_white]
     steps = [*fit.all_warnings]
@@ -216,7 +217,8 @@ def _next_steps(comparison: Comparison, fit: Fit) -> list[str]:
         )
     else:
         steps.append("What is left is noise: nothing in this record asks for another model.")
-    steps.append("Write the values for any system with --ssv values.ssv.")
+    if flag("ssv") not in command:
+        steps.append("Write the values for any system: ppy identify --ssv values.ssv.")
     steps.append("Hold them against a record that was not fitted to: ppy compare.")
     return steps
 

@@ -16,7 +16,7 @@ from matplotlib.ticker import LogFormatter
 
 from fmus.kit import quoting
 
-_LONGEST, LONGEST_AT_TICK = 120, 44  # characters of a line
+_LONGEST, LONGEST_AT_TICK = 160, 44  # characters of a line
 
 
 class ShownFigure(Figure):

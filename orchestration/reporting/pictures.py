@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 FORMATS = (".png", ".svg", ".pdf")
 MEASURED, MODEL, FITTED = "#8a97a3", "#0b6aa2", "#d1495b"
 _LABEL_WIDTH = 26  # characters along the height of a panel
-_TITLE_LINES = 4  # more has only the name of a file
+_TITLE_LINES = 2
 _TITLE_DENSITY = 8.7  # characters of a title in an inch, most of them wide
+_TITLE_SIZE, _SMALLEST_TITLE = 10.8, 6.0  # points
 _ROUNDING = 1e-12  # relative variation below which a line is drawn as constant
 _BOOLEAN_MARGIN = 0.1  # space below false and above true
 _STYLE = {
@@ -103,8 +104,22 @@ def _new_figure(title: str, width: float, height: float) -> Iterator[ShownFigure
     with matplotlib.style.context(_STYLE):
         figure = ShownFigure(figsize=(width, height), layout="constrained")
         yield figure
-    lines = wrap(title, int(_TITLE_DENSITY * width), max_lines=_TITLE_LINES, placeholder=" …")
-    figure.suptitle("\n".join(lines), x=0.01, ha="left", fontweight="bold")
+    lines, size = _title_lines(title, width)
+    figure.suptitle("\n".join(lines), x=0.01, ha="left", fontweight="bold", fontsize=size)
+
+
+def _title_lines(title: str, width: float) -> tuple[list[str], float]:
+    """Return a title in lines for a width in inches, and the size of its letters in points.
+
+    A title for which two lines are too short has smaller letters, and one of the smallest letters
+    that are read more lines.
+    """
+    size = _TITLE_SIZE
+    lines = wrap(title, int(_TITLE_DENSITY * width))
+    while len(lines) > _TITLE_LINES and size > _SMALLEST_TITLE:
+        size -= 0.4
+        lines = wrap(title, int(_TITLE_DENSITY * width * _TITLE_SIZE / size))
+    return lines, size
 
 
 def name_ticks(axis: Axis, places: ArrayLike, names: Sequence[str]) -> None:

@@ -312,7 +312,8 @@ def _next_of_start(diagnosis: Diagnosis, written: Mapping[str, str]) -> str:
 def _next_of_ambiguous(diagnosis: Diagnosis, written: Mapping[str, str]) -> str:
     """Return the experiment that would tell the causes of a group apart."""
     told = f" {diagnosis.experiment.sentence}" if diagnosis.experiment else ""
-    return f"{_experiment(diagnosis, written)}, and diagnose both records together.{told}"
+    records = "both records" if len(diagnosis.records) == 1 else "all records"
+    return f"{_experiment(diagnosis, written)}, and diagnose {records} together.{told}"
 
 
 def _next_of_unexplained(diagnosis: Diagnosis, written: Mapping[str, str]) -> str:

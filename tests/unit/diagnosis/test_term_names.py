@@ -13,6 +13,7 @@ from fmus.kit.units import powers_of_names
 from orchestration.diagnosis.extension import extended_component
 from orchestration.diagnosis.term_names import (
     estimates,
+    seen_title,
     sentence,
     shape_text,
     stems,
@@ -103,6 +104,8 @@ def test_what_an_fmu_gets_is_told_in_words_of_its_ports(signal, shape, value, sa
     assert sentence(Shaft, term, value).removesuffix(" friction") == said.removesuffix(" friction")
     late = replace(term, memory=Memory.LAG)
     assert sentence(Shaft, late, value) == f"torque that depends on lagging {signal}"
+    assert seen_title(Shaft, term) == signal
+    assert seen_title(Shaft, replace(term, law="omega")) == f"simulated {signal}"
 
 
 def test_a_logarithm_of_an_effects_parameter_is_that_of_its_value():

@@ -52,6 +52,13 @@ def page(compared, tmp_path_factory):
     return compared.report(tmp_path_factory.mktemp("page") / "fit.html")
 
 
+def test_what_the_command_has_written_is_not_advised(compared, tmp_path):
+    advice = "Write the values for any system"
+    for command, is_advised in (("ppy compare r.csv --fit R", True), ("ppy identify --ssv x", False)):
+        page = compared.report(tmp_path / "fit.html", command)
+        assert (advice in page.read_text(encoding="utf-8")) == is_advised
+
+
 def test_the_first_sentences_have_the_values_and_the_errors(page):
     text = page.read_text(encoding="utf-8")
     title = words_of(re.search("<h1>.*?</h1>", text)[0])

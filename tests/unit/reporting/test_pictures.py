@@ -146,3 +146,4 @@ def test_a_title_is_not_cut_at_the_edge(title):
         assert box.y1 <= figure.bbox.y1
         words = "".join(figure.get_suptitle().split())
         assert words == "".join(title.split())
+        assert figure.get_suptitle().count("\n") == 1

@@ -31,7 +31,10 @@ def test_headline_gives_each_cause_its_percent_and_the_rest(dry):
         "82 % friction over velocity; 15 % friction over elongation; 3 % something else"
     )
     step = wording.next_step(ambiguous)
-    assert "velocity and elongation do not move together" in step
+    assert "velocity and elongation do not move together, such" in step
+    assert step.endswith("and diagnose both records together.")
+    several = replace(ambiguous, records=2 * ambiguous.records)
+    assert wording.next_step(several).endswith("and diagnose all records together.")
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 12])
