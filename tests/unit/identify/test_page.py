@@ -54,7 +54,10 @@ def page(compared, tmp_path_factory):
 
 def test_what_the_command_has_written_is_not_advised(compared, tmp_path):
     advice = "Write the values for any system"
-    for command, is_advised in (("ppy compare r.csv --fit R", True), ("ppy identify --ssv x", False)):
+    for command, is_advised in (
+        ("ppy compare r.csv --fit R", True),
+        ("ppy identify --ssv x", False),
+    ):
         page = compared.report(tmp_path / "fit.html", command)
         assert (advice in page.read_text(encoding="utf-8")) == is_advised
 

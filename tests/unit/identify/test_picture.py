@@ -66,7 +66,7 @@ def test_a_temperature_is_drawn_in_the_unit_of_the_record(head, first, shown, tm
     assert [axis.get_ylabel() for axis in drawn] == [f"temperature\n[{shown}]", "residual\n[K]"]
     assert drawn[0].lines[0].get_ydata() == pytest.approx(first)
     (table,) = [part for part in record.overview() if hasattr(part, "columns")]
-    assert [[*column.cells][0] for column in table.columns[1:3]] == [head, f"{first:g}"]
+    assert [next(iter(column.cells)) for column in table.columns[1:3]] == [head, f"{first:g}"]
 
 
 def test_a_fit_is_drawn_with_its_intervals(model, record):
