@@ -285,6 +285,8 @@ def sentence(cls: type[Component], term: Term, value: float | None = None) -> st
         return f"{law} changes at {term.width * term.scale:.4g} s"
     seen = seen_title(cls, term)
     if term.law in fed_laws(cls):
+        if seen == law and term.shape is Shape.LINEAR and not term.middle:
+            return f"another gain of {law}"
         return f"{law} {_of_port(cls, term, seen, value)}"
     if not term.factor:
         return f"{law} over {seen}"

@@ -108,6 +108,13 @@ def test_what_an_fmu_gets_is_told_in_words_of_its_ports(signal, shape, value, sa
     assert seen_title(Shaft, replace(term, law="omega")) == f"simulated {signal}"
 
 
+def test_a_port_in_proportion_to_itself_has_another_gain():
+    gain = Term("torque_in_fmu", "torque", Shape.LINEAR)
+    assert sentence(Shaft, gain, -0.1) == sentence(Shaft, gain) == "another gain of torque"
+    curve = replace(gain, shape=Shape.CURVE)
+    assert sentence(Shaft, curve, -0.1) == "torque that depends on torque"
+
+
 def test_a_logarithm_of_an_effects_parameter_is_that_of_its_value():
     released = Released("drag_time", "s", Scale(True, 20.0), 0.1, 1e3)
     term = NamedTerm("friction", "velocity", Shape.LINEAR, effect="drag", released=(released,))
