@@ -237,6 +237,16 @@ def test_the_readme_is_two_screens() -> None:
     assert len(lines) <= 80
 
 
+def test_the_readme_begins_with_a_claim_a_picture_and_two_commands() -> None:
+    """Within half a screen, before any section."""
+    first = (ROOT / "README.md").read_text(encoding="utf-8").partition("\n## ")[0]
+    assert len(first.splitlines()) <= 25
+    parts = [first.index(begin) for begin in ("**Your ", "![", "```sh\n")]
+    assert parts == sorted(parts)
+    (commands,) = re.findall(r"```sh\n(.*?)```", first, re.S)
+    assert len(commands.splitlines()) == 2
+
+
 @pytest.mark.slow
 def test_the_commands_of_the_readme_run(tmp_path: Path) -> None:
     section = (ROOT / "README.md").read_text(encoding="utf-8").split("## Use it")[1].split("## ")[0]
