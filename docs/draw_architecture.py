@@ -33,7 +33,7 @@ _IMPORT = re.compile(r"^ *((?:from [.\w]+ )?import (?:\([^)]*\)|.*))", re.M)
 
 @dataclass(frozen=True)
 class Plan:
-    """What is drawn.
+    """A picture of rooms and the imports between them.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ def _named(text: str) -> list[tuple[int, str]]:
 
 
 def arrows(boxes: dict[str, str]) -> set[tuple[str, str]]:
-    """Who imports whom.
+    """Return the pairs of boxes of which the first imports the second.
 
     Parameters
     ----------

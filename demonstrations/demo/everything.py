@@ -77,7 +77,7 @@ def run(out: Path) -> Path:
             f"on the unseen record: {name} {before.before[name].fit_percent:.1f} % ->"
             f" {judged.fit_percent:.1f} % fit"
         )
-    print(f"\nthe same rig, but its films stop growing around {_GROWN:g} C, and no model was told")
+    print(f"\nthe same rig, but its films stop growing around {_GROWN:g} C, which no model has")
     with screen.progress() as tell:
         diagnosed = _diagnose(out, truth, tell)
     print(diagnosed)

@@ -393,8 +393,8 @@ class ToleranceOption(UnitsOption, total=False):
     tolerance: Annotated[
         float | None,
         Option(
-            "Relative tolerance that the FMU is told; default the one that it declares.",
-            "Relative tolerance that the FMU is told; by default the one that it declares.",
+            "Relative tolerance that is passed to the FMU; default the one that it declares.",
+            "Relative tolerance that is passed to the FMU; by default the one that it declares.",
             metavar="NUMBER",
         ),
     ]
@@ -551,7 +551,7 @@ class FittedOption(TypedDict, total=False):
 
 
 class AssumptionOptions(RunsOptions, total=False):
-    """What a fit assumes beyond the parameters that it searches."""
+    """Assumptions of a fit beyond the parameters that it searches."""
 
     bounds: Annotated[
         Mapping[str, Any] | None,
@@ -989,7 +989,7 @@ class ControlledSignalsOptions(TypedDict, total=False):
 
 
 class ControllerOptions(ControlledSignalsOptions, total=False):
-    """What a designed control loop should do."""
+    """Requirements of a designed control loop."""
 
     controller: Annotated[
         str,

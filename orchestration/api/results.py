@@ -373,7 +373,7 @@ class DiagnosisResult(Diagnosed):
 
     @property
     def is_interrupted(self) -> bool:
-        """Whether Ctrl-C ended the search, so that it is the best answer so far."""
+        """True if Ctrl-C ended the search, so that it is the best answer so far."""
         return self._diagnosis.is_interrupted
 
     @property

@@ -96,7 +96,7 @@ def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
     def experiment(path: Path, tell: Callable[[str], None]) -> list[Path]:
         if result.experiment is None:
             is_open = result.verdict in ("ambiguous", "unexplained")
-            reason = "there is no experiment" if is_open else "nothing is to be told apart"
+            reason = "there is no experiment" if is_open else "there are no causes to distinguish"
             note(f"{reason}: {path} was not written")
             return []
         return [result.experiment.to_toml(path)]

@@ -116,7 +116,7 @@ class Diagnosis:
 
     @property
     def is_interrupted(self) -> bool:
-        """Whether Ctrl-C ended the search."""
+        """True if Ctrl-C ended the search."""
         return _INTERRUPTED in self.notes
 
     @cached_property
@@ -527,7 +527,8 @@ def _coarse(found: Found) -> Iterator[Note]:
     names = " and ".join(undersampled(found.base))
     text = (
         f"{names}: sampled too coarsely: from sample to sample the model moves by about as much as"
-        " it leaves, so that noise cannot be told from what it lacks; record more samples a second"
+        " it leaves, so that noise cannot be distinguished from what it lacks; record more samples"
+        " a second"
     )
     if names:
         yield "coarse", names, text

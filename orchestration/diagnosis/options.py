@@ -194,7 +194,7 @@ class Deadline:
 
     @property
     def interrupted(self) -> bool:
-        """Whether Ctrl-C was pressed where it is taken for the end."""
+        """True if Ctrl-C was pressed where it is taken for the end."""
         return self._interrupt.pressed
 
     @contextmanager

@@ -414,7 +414,7 @@ def fit_model(
 def _checked_names(model: Model, words: Sequence[str], fit: str = "") -> list[str]:
     """Return the parameters to fit; refuse some that cannot be, before any work is done.
 
-    A tolerance, too, which nothing but an FMU is told.
+    A tolerance, too, which only an FMU takes.
     """
     known = model.constants
     names = join_names(words, known)

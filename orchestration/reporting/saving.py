@@ -39,7 +39,7 @@ class ShownPage(BaseModel):
 
 
 class Shown(BaseModel):
-    """What is shown of a result.
+    """Displays of a result that are saved with it.
 
     Attributes
     ----------

@@ -99,7 +99,7 @@ class DiscriminatingExperiment:
     def sentence(self) -> str:
         """The alternatives that the experiment separates, with the probability."""
         if not self.expected:
-            return "An experiment in which every input moves tells what can be told."
+            return "An experiment in which every input moves shows all that a record can show."
         if self.probabilities:
             return " ".join([self._probabilities_sentence(), *self._alike_sentences()])
         hardest = min(self.expected, key=lambda e: e.bic)

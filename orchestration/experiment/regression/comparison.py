@@ -25,7 +25,7 @@ _ROUNDING = 1e-9  # of the duration, by which ends may be apart
 
 
 class Deviation(NamedTuple):
-    """How a signal of a result deviates from the reference.
+    """Deviation of a signal of a result from the reference.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class Deviation(NamedTuple):
 
     @property
     def message(self) -> str:
-        """Why the result is refused, with the worst place; empty if it is not."""
+        """Reason for which the result is refused, with the worst place; empty if it is not."""
         if not self.outside:
             return self.fault
         k = self.worst

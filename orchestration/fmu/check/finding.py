@@ -18,7 +18,7 @@ _MOST_LISTED = 8
 
 
 class Rule(NamedTuple):
-    """What a code stands for: a line of the FMU contract, and what breaking it means.
+    """Meaning of a code: a line of the FMU contract, and the severity of breaking it.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class Finding:
 
     @property
     def severity(self) -> Severity:
-        """Whether it is an error, a warning or a note, as `Rule` has them."""
+        """Severity of its rule: an error, a warning or a note."""
         return RULES[self.code].severity
 
 

@@ -158,7 +158,7 @@ class Model(Displayable):
         return f"{self.name} is an FMU without equations"
 
     def with_tolerance(self, tolerance: float | None) -> Model:
-        """Return the model with a relative tolerance that its FMU is told, if one is given.
+        """Return the model with a relative tolerance that is passed to its FMU, if one is given.
 
         Raises
         ------

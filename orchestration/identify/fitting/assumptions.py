@@ -1,4 +1,4 @@
-"""What a fit assumes beyond the parameters that it searches, such as bounds and priors."""
+"""Assumptions of a fit beyond the parameters that it searches, such as bounds and priors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SCALES = ("logarithmic", "linear")
 
 @dataclass(frozen=True)
 class Assumptions:
-    """What a fit assumes beyond the parameters that it searches.
+    """Assumptions of a fit beyond the parameters that it searches.
 
     Attributes
     ----------

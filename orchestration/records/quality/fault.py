@@ -70,7 +70,7 @@ FAULTS = {
     "constant_input": _Description(
         "still",
         "constant at {value:.6g} throughout: what only answers to its changes cannot be judged, and"
-        " effects that need them cannot be told apart",
+        " effects that need them cannot be distinguished",
     ),
     "no_excitation": _Description(
         "still",
