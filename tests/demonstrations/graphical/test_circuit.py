@@ -138,7 +138,7 @@ def test_it_is_told_drawn_and_written(tmp_path):
     assert reading.noise == pytest.approx(NOISE, rel=0.1)
     figure = reading.plot(tmp_path / "circuit.png")
     assert (tmp_path / "circuit.png").read_bytes().startswith(PNG)
-    assert [axis.get_ylabel() for axis in figure.axes] == ["R1\n[ohm]", "R2\n[ohm]", "C\n[F]"]
+    assert [axis.get_ylabel() for axis in figure.axes] == ["R1\n[Ω]", "R2\n[Ω]", "C\n[F]"]
     parameters = {p.name: p for p in component("ppy_actuator").layout.parameters}
     parameter_set.write(tmp_path / "circuit.ssv", reading.values, parameters, "200 s")
     named = [

@@ -29,4 +29,4 @@ def test_least_squares_comes_to_what_row_9_says():
 
 def test_it_is_drawn_with_the_truth():
     figure = impedance.illustrations()[0].draw()
-    assert [axis.get_ylabel() for axis in figure.axes] == ["R1\n[ohm]", "R2\n[ohm]", "C\n[F]"]
+    assert [axis.get_ylabel() for axis in figure.axes] == ["R1\n[Ω]", "R2\n[Ω]", "C\n[F]"]

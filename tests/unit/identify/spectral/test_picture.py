@@ -29,7 +29,7 @@ def test_a_response_is_drawn_over_frequency_and_in_the_plane(count):
     assert magnitude.get_ylabel() == "magnitude\n[N/m]"
     assert (phase.get_xlabel(), phase.get_ylabel()) == ("frequency [Hz]", "phase\n[°]")
     assert (plane.get_xlabel(), plane.get_ylabel()) == ("storage [N/m]", "loss [N/m]")
-    assert others[1].get_xlabel() == "real part [ohm]"
+    assert others[1].get_xlabel() == "real part [Ω]"
     model = next(line for line in magnitude.lines if line.get_label() == "model")
     assert model.get_ydata() == pytest.approx(1.1 * np.abs(one.values))
     model = next(line for line in phase.lines if line.get_label() == "model")
