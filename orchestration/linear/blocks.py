@@ -11,7 +11,7 @@ to cut a loop at a state and to remove states that are on no path are operations
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 
@@ -146,21 +146,9 @@ class LinearBlocks:
         UserError
             If an algebraic loop has no solution.
         """
-        received = {str(c.target): c.factor * self.signals[str(c.source)] for c in connections}
+        received = self._received(connections)
+        solution, substitute = self._eliminated(received)
         names = tuple(received)
-        connected = [self.columns.index(name) for name in names]
-        rows = np.array(list(received.values())).reshape(len(names), len(self.columns))
-        loop_matrix = np.eye(len(names)) - rows[:, connected]  # I - F
-        if names and np.linalg.cond(loop_matrix) > 1.0 / np.finfo(float).eps:
-            raise UserError(f"{', '.join(names)}: an algebraic loop without a solution")
-        is_other = np.ones(len(self.columns))  # columns z
-        is_other[connected] = 0.0
-        solution = np.linalg.solve(loop_matrix, rows * is_other)
-
-        def substitute(row: Array) -> Array:
-            """Return a row with the connected inputs at a communication point eliminated."""
-            return row * is_other + row[connected] @ solution
-
         first = len(self.discretes)
         indices = tuple(range(first, first + len(names)))
         exchange = SampledUpdate("the communication step", step, 0.0, indices, solution)
@@ -172,6 +160,64 @@ class LinearBlocks:
             signals={name: substitute(row) for name, row in self.signals.items()},
         )
         return blocks._with_columns_from(self)
+
+    def connected(self, connections: Sequence[Connection]) -> LinearBlocks:
+        """Return the blocks with inputs that follow the outputs to which they are connected.
+
+        Raises
+        ------
+        UserError
+            If an algebraic loop has no solution.
+        """
+        return self._following(self._received(connections))
+
+    def fed_by(self, inputs: Mapping[str, Sequence[str]]) -> LinearBlocks:
+        """Return the blocks with new inputs, by the names of the inputs that each of them feeds."""
+        blocks = replace(self, inputs=(*self.inputs, *inputs))._with_columns_from(self)
+        sources = {fed: name for name, targets in inputs.items() for fed in targets}
+        return blocks._following({fed: blocks.signals[name] for fed, name in sources.items()})
+
+    def _received(self, connections: Sequence[Connection]) -> dict[str, Array]:
+        """Return the row, shape (n,), of what each connected input receives."""
+        return {str(c.target): c.factor * self.signals[str(c.source)] for c in connections}
+
+    def _following(self, received: Mapping[str, Array]) -> LinearBlocks:
+        """Return the blocks without inputs that receive what is in a row, shape (n,)."""
+        _, substitute = self._eliminated(received)
+        blocks = replace(
+            self,
+            inputs=tuple(name for name in self.inputs if name not in received),
+            rates=substitute(self.rates),
+            updates=tuple(replace(u, matrix=substitute(u.matrix)) for u in self.updates),
+            signals={name: substitute(row) for name, row in self.signals.items()},
+        )
+        return blocks._with_columns_from(self)
+
+    def _eliminated(
+        self, received: Mapping[str, Array]
+    ) -> tuple[Array, Callable[[Array], Array]]:
+        """Return the solution of inputs for what they receive, and how rows are without them.
+
+        Returns
+        -------
+        solution : ndarray, shape (inputs, n)
+        substitute : callable
+            Takes and returns an array of shape (..., n).
+        """
+        names = tuple(received)
+        connected = [self.columns.index(name) for name in names]
+        rows = np.array(list(received.values())).reshape(len(names), len(self.columns))
+        loop_matrix = np.eye(len(names)) - rows[:, connected]  # I - F
+        if names and np.linalg.cond(loop_matrix) > 1.0 / np.finfo(float).eps:
+            raise UserError(f"{', '.join(names)}: an algebraic loop without a solution")
+        is_other = np.ones(len(self.columns))  # columns z
+        is_other[connected] = 0.0
+        solution = np.linalg.solve(loop_matrix, rows * is_other)
+
+        def substitute(row: Array) -> Array:
+            return np.asarray(row * is_other + row[..., connected] @ solution)
+
+        return solution, substitute
 
     def between(self, inputs: Sequence[str], outputs: Sequence[str]) -> LinearBlocks:
         """Return the blocks with only these inputs and the states between them and these outputs.
@@ -263,6 +309,25 @@ class LinearBlocks:
             updates=tuple(replace(u, matrix=arrange(u.matrix)) for u in self.updates),
             signals=signals,
         )
+
+
+def joined(parts: Sequence[LinearBlocks]) -> LinearBlocks:
+    """Return the blocks of models side by side, whose names differ."""
+    states = tuple(name for part in parts for name in part.states)
+    discretes = tuple(name for part in parts for name in part.discretes)
+    inputs = tuple(name for part in parts for name in part.inputs)
+    rates = []
+    updates: list[SampledUpdate] = []
+    signals: dict[str, Array] = {}
+    first = 0
+    for part in parts:
+        widened = replace(part, states=states, discretes=discretes, inputs=inputs)
+        wide = widened._with_columns_from(part)
+        rates.append(wide.rates)
+        updates += (replace(u, rows=tuple(first + row for row in u.rows)) for u in wide.updates)
+        signals |= wide.signals
+        first += len(part.discretes)
+    return LinearBlocks(states, discretes, inputs, np.vstack(rates), tuple(updates), signals)
 
 
 def _closure(start: set[str], edges: Mapping[str, set[str]]) -> set[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import casadi as ca
@@ -16,6 +16,7 @@ from fmus.kit.symbolic import Graph
 from orchestration.reporting import option
 
 _AT_REST = 1e-3  # largest way to the equilibrium that is none, of a state's magnitude
+_MOST_LISTED = 6  # signals in a note
 _INTEGRATES = 1e-9  # of the fastest pole, below which a pole is that of an integrator
 
 
@@ -31,6 +32,8 @@ class OperatingPoint:
         In the units of the model.
     outputs : dict of str to float
         In the units of the model.
+    rates : dict of str to float
+        Rates of continuous states, in their unit per second, where they are computed.
     trimmed : bool
         True if it is an equilibrium.
     drift : dict of str to float
@@ -45,6 +48,7 @@ class OperatingPoint:
     states: dict[str, float]
     discretes: dict[str, float]
     outputs: dict[str, float] = field(default_factory=dict)
+    rates: dict[str, float] = field(default_factory=dict)
     trimmed: bool = False
     drift: dict[str, float] = field(default_factory=dict)
     undetermined: tuple[str, ...] = ()
@@ -77,10 +81,10 @@ class OperatingPoint:
 
 
 def rest_notes(
-    states: Mapping[str, float],
-    rates: Array,
-    nominal: Array,
+    point: OperatingPoint,
     by_states: Array,
+    names: Sequence[str],
+    nominal: Mapping[str, float],
     units: Mapping[str, str],
 ) -> tuple[str, ...]:
     """Return a note on states that move at an operating point, of which a linear model is then not.
@@ -89,33 +93,50 @@ def rest_notes(
 
     Parameters
     ----------
-    states : Mapping of str to float
-    rates : ndarray, shape (n,)
-        Their rates, in their unit per second.
-    nominal : ndarray, shape (n,)
-        Their magnitudes.
+    point : OperatingPoint
     by_states : ndarray, shape (n, n)
-        Derivatives of the rates.
+        Derivatives of the rates of states.
+    names : sequence of str, length n
+        Names of the states.
+    nominal : Mapping of str to float
+        Magnitudes of states.
     units : Mapping of str to str
         Units of states, where they are known.
     """
-    poles = np.abs(np.linalg.eigvals(by_states)) if states else np.zeros(0)
+    poles = np.abs(np.linalg.eigvals(by_states)) if names else np.zeros(0)
     slowest = min(poles[poles > _INTEGRATES * poles.max(initial=0.0)], default=1.0)
-    values = zip(states.items(), rates, nominal, strict=True)
-    moving = [
-        f"{name} changes by {rate:.3g} {units.get(name) or '1'} per second"
-        for (name, value), rate, size in values
-        if abs(rate) > _AT_REST * slowest * max(abs(value), size)
-    ]
-    return (f"not at rest here: {', '.join(moving)}",) if moving else ()
+    moving = []
+    for name in names:
+        rate = point.rates.get(name, 0.0)
+        if abs(rate) > _AT_REST * slowest * max(abs(point.values[name]), nominal[name]):
+            moving.append(motion(name, rate, units))
+    return (not_at_rest(moving),) if moving else ()
+
+
+def motion(name: str, rate: float, units: Mapping[str, str]) -> str:
+    """Return in words how a signal moves, with its rate in its unit per second."""
+    unit = units.get(name) or "1"
+    return f"{name} changes by {rate:.3g}{'' if unit == '1' else f' {unit}'} per second"
+
+
+def not_at_rest(moving: Sequence[str]) -> str:
+    """Return the note on signals that move, each in words."""
+    rest = len(moving) - _MOST_LISTED
+    more = f" and {rest} more" if rest > 0 else ""
+    return f"not at rest here: {', '.join(moving[:_MOST_LISTED])}{more}"
 
 
 @uninterrupted()
 def with_outputs(graph: Graph, point: OperatingPoint) -> OperatingPoint:
-    """Return an operating point with outputs, which are computed from its other values."""
-    values = ca.Function("outputs", graph.arguments, [graph.outputs])(*point.arguments(graph))
-    names = [v.name for v in graph.layout.outputs]
-    return replace(point, outputs=dict(zip(names, values.full().ravel().tolist(), strict=True)))
+    """Return an operating point with outputs and rates, which are computed from other values."""
+    laws = ca.Function("laws", graph.arguments, [graph.outputs, graph.rates])
+    outputs, rates = (law.full().ravel().tolist() for law in laws.call(point.arguments(graph)))
+    layout = graph.layout
+    return replace(
+        point,
+        outputs=dict(zip((v.name for v in layout.outputs), outputs, strict=True)),
+        rates=dict(zip((v.name for v in layout.states), rates, strict=True)),
+    )
 
 
 def start_point(graph: Graph, settings: Mapping[str, float]) -> OperatingPoint:

@@ -1,8 +1,9 @@
-"""Linearisation of a component or a system of components by its equations."""
+"""Linearisation of models about operating points, and of components and systems by equations."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -17,55 +18,74 @@ from fmus.kit.symbolic import Graph, trace
 from orchestration.linear.blocks import LinearBlocks, blocks_of, jacobians
 from orchestration.linear.discretisation import Matrices, assemble
 from orchestration.linear.model import LinearModel
-from orchestration.linear.operating_point import OperatingPoint, with_outputs
+from orchestration.linear.operating_point import OperatingPoint, rest_notes, with_outputs
 from orchestration.master.reference import fuse
 from orchestration.reporting import option
 from orchestration.system import Connection, System
 
-_BY_LAWS = "Jacobians of the laws"
+BY_LAWS = "Jacobians of the laws"
+_SAME = 1e-9  # relative difference of periods due to rounding
 
 
-@dataclass(frozen=True)
-class LinearSubject:
-    """Equations of a component or a system, for linearisation.
+class LinearSubject(ABC):
+    """A model that can be linearised, cut or not.
 
     Attributes
     ----------
     name : str
-    graph : Graph
-    outputs : dict of str to str
-        Signal of the graph by output: the same name for a component, ``member.variable`` for a
+    outputs : Mapping of str to str
+        Signal of the blocks by output: the same name for a component, ``member.variable`` for a
         system.
     system : System, optional
-    cls : type[Component], optional
-        The class of a component.
     """
 
     name: str
-    graph: Graph
-    outputs: dict[str, str]
-    system: System | None = None
-    cls: type[Component] | None = None
-    # by the connections that a graph is without
-    _graphs: dict[tuple[Connection, ...], tuple[Graph, ca.Function]] = field(
-        default_factory=dict, repr=False, compare=False
-    )
+    outputs: Mapping[str, str]
+    system: System | None
 
     @property
-    def inputs(self) -> list[str]:
+    @abstractmethod
+    def inputs(self) -> Sequence[str]:
         """Names of the inputs that are real numbers."""
-        return _real(self.graph.layout.inputs)
 
     @property
+    @abstractmethod
+    def states(self) -> Sequence[str]:
+        """Names of continuous and discrete states."""
+
+    @property
+    @abstractmethod
     def units(self) -> dict[str, str]:
         """Units of all signals, by name."""
-        units = {v.name: v.unit for v in self.graph.layout.variables}
-        units |= dict(self.graph.layout.derivatives)
-        units |= {f"next({v.name})": v.unit for v in self.graph.layout.discretes}
-        for member in self.system.members if self.system else ():
-            declared = member.cls.layout.inputs if member.cls else ()
-            units |= {f"{member.name}.{v.name}": v.unit for v in declared}
-        return units | {name: units[signal] for name, signal in self.outputs.items()}
+
+    @property
+    @abstractmethod
+    def nominal(self) -> Mapping[str, float]:
+        """Magnitudes of continuous states, by name."""
+
+    @property
+    @abstractmethod
+    def method(self) -> str:
+        """Origin of the derivatives."""
+
+    @abstractmethod
+    def complete(self, point: OperatingPoint) -> OperatingPoint:
+        """Return an operating point with outputs and rates, also by their names in the system."""
+
+    @abstractmethod
+    def blocks(
+        self, point: OperatingPoint, cuts: Sequence[Connection], step: float
+    ) -> LinearBlocks:
+        """Return the blocks about an operating point, without some connections.
+
+        Parameters
+        ----------
+        point : OperatingPoint
+        cuts : sequence of Connection
+            Connections to remove; their targets become inputs.
+        step : float
+            Communication step of all other connections, s; 0 for a continuous exchange.
+        """
 
     def linearise(
         self,
@@ -94,28 +114,18 @@ class LinearSubject:
         Raises
         ------
         UserError
-            If there is no signal of a name, a derivative is not finite, or the clocks have no
-            common hyper-period.
+            If there is no input, no signal of a name, a derivative is not finite, or the clocks
+            have no common hyper-period.
         """
         sources = tuple(inputs or self.inputs)
         targets = tuple(outputs or self.outputs)
-        blocks = self._with_output_names(self._blocks(point, (), step)).prescribing(sources)
-        return LinearModel(
-            self.name,
-            assemble(blocks.between(sources, targets), targets, step),
-            sources,
-            targets,
-            self.units,
-            self._complete(point),
-            _BY_LAWS,
-            notes=_notes(point),
-        )
-
-    def _complete(self, point: OperatingPoint) -> OperatingPoint:
-        """Return an operating point with outputs, also by their names in the system."""
-        computed = with_outputs(self.graph, point)
-        named = {name: computed.values[signal] for name, signal in self.outputs.items()}
-        return replace(computed, outputs=named | computed.outputs)
+        if not sources:
+            raise UserError(
+                f"{self.name}: has no real input; a linear model goes from inputs to outputs"
+            )
+        blocks = self._with_output_names(self.blocks(point, (), step)).prescribing(sources)
+        path = blocks.between(sources, targets)
+        return self._model(point, path, assemble(path, targets, step), sources, targets)
 
     def _with_output_names(self, blocks: LinearBlocks) -> LinearBlocks:
         """Return blocks whose signals also have their names as outputs of the system."""
@@ -123,47 +133,6 @@ class LinearSubject:
         for name, signal in self.outputs.items():
             signals.setdefault(name, signals[signal])
         return replace(blocks, signals=signals)
-
-    def _blocks(
-        self, point: OperatingPoint, cuts: Sequence[Connection], step: float
-    ) -> LinearBlocks:
-        """Return the blocks about an operating point, without some connections.
-
-        Parameters
-        ----------
-        point : OperatingPoint
-        cuts : sequence of Connection
-            Connections to remove; their targets become inputs.
-        step : float
-            Communication step of all other connections, s; 0 for a continuous exchange.
-        """
-        if self.system is None or not (step or cuts):
-            graph, function = self._graph_without(())
-            return blocks_of(graph, point, function)
-        # connected inputs are variables of a graph without their connections
-        values = self._complete(point).values
-        connections = self.system.connections
-        inputs = {str(c.target): c.factor * values[str(c.source)] + c.offset for c in connections}
-        at = replace(point, inputs=point.inputs | inputs)
-        graph, function = self._graph_without(connections if step else tuple(cuts))
-        blocks = blocks_of(graph, at, function)
-        others = [c for c in connections if c not in cuts]
-        return blocks.exchanging(others, step) if step else blocks
-
-    def _graph_without(self, dropped: tuple[Connection, ...]) -> tuple[Graph, ca.Function]:
-        """Return the graph without some connections, and the function of its Jacobians."""
-        if dropped not in self._graphs:
-            graph = self.graph
-            if self.system and dropped:
-                others = tuple(c for c in self.system.connections if c not in dropped)
-                graph = fuse(replace(self.system, connections=others))
-            self._graphs[dropped] = graph, jacobians(graph)
-        return self._graphs[dropped]
-
-    @cached_property
-    def compiled(self) -> CompiledModel:
-        """Compiled equations, for simulations up to operating points."""
-        return CompiledModel(self.graph)
 
     def loop(self, point: OperatingPoint, cut: str, step: float = 0.0) -> LinearModel:
         """Return the loop transfer function L of a loop that is cut at a signal.
@@ -191,12 +160,12 @@ class LinearSubject:
         input = f"cut({cut})"
         cuts = self._connections(cut)
         if cuts:
-            blocks = self._blocks(point, cuts, step)
+            blocks = self.blocks(point, cuts, step)
             factors = {str(c.target): c.factor for c in cuts}
             output = str(cuts[0].source)
         else:
             self._check_state(cut)
-            blocks = self._blocks(point, (), step).cut_at(cut)
+            blocks = self.blocks(point, (), step).cut_at(cut)
             factors = {input: 1.0}
             output = cut
         path = blocks.between(list(factors), [output])
@@ -205,18 +174,28 @@ class LinearSubject:
         column = np.array(list(factors.values()))[:, None]
         loop = replace(matrices, B=matrices.B @ column, C=-matrices.C, D=-matrices.D @ column)
         acts_between_samples = bool(path.rates[:, -len(factors) :].any())
-        notes = (*_notes(point), *_loop_notes(cut, matrices, acts_between_samples))
+        is_held = matrices.period <= step * (1.0 + _SAME)  # in the closed loop as well
+        notes = tuple(_loop_notes(cut, matrices, acts_between_samples and not is_held))
+        model = self._model(point, path, loop, (input,), (output,))
         units = self.units | {input: self.units.get(cut, self.units.get(output, ""))}
+        return replace(model, units=units, loop=cut, notes=(*model.notes, *notes))
+
+    def _model(
+        self,
+        point: OperatingPoint,
+        path: LinearBlocks,
+        matrices: Matrices,
+        inputs: tuple[str, ...],
+        outputs: tuple[str, ...],
+    ) -> LinearModel:
+        """Return the linear model of matrices about an operating point, with its notes."""
+        there = self.complete(point)
+        by_states = path.rates[:, : len(path.states)]
+        notes = _notes(point)
+        if not point.trimmed:
+            notes += rest_notes(there, by_states, path.states, self.nominal, self.units)
         return LinearModel(
-            self.name,
-            loop,
-            (input,),
-            (output,),
-            units,
-            self._complete(point),
-            _BY_LAWS,
-            loop=cut,
-            notes=notes,
+            self.name, matrices, inputs, outputs, self.units, there, self.method, notes=notes
         )
 
     def _connections(self, cut: str) -> list[Connection]:
@@ -226,16 +205,105 @@ class LinearSubject:
 
     def _check_state(self, cut: str) -> None:
         """Raise if there is no state of a name."""
-        layout = self.graph.layout
-        if cut in [v.name for v in (*layout.states, *layout.discretes)]:
+        if cut in self.states:
             return
         connections = self.system.connections if self.system else ()
-        known = [*(str(c.target) for c in connections), *(v.name for v in layout.variables)]
+        known = [*(str(c.target) for c in connections), *self.units]
         advice = f"; connections are {', '.join(map(str, connections))}" if connections else ""
         raise UserError(
             f"{self.name}: {option('cut', cut)}: no state and no connection of this name"
             f"{suggestion(cut, known)}{advice}"
         )
+
+
+@dataclass(frozen=True)
+class Equations(LinearSubject):
+    """Equations of a component or a system, for linearisation.
+
+    Attributes
+    ----------
+    name : str
+    graph : Graph
+    outputs : dict of str to str
+        Signal of the graph by output: the same name for a component, ``member.variable`` for a
+        system.
+    system : System, optional
+    cls : type[Component], optional
+        The class of a component.
+    """
+
+    name: str
+    graph: Graph
+    outputs: dict[str, str]
+    system: System | None = None
+    cls: type[Component] | None = None
+    # by the connections that a graph is without
+    _graphs: dict[tuple[Connection, ...], tuple[Graph, ca.Function]] = field(
+        default_factory=dict, repr=False, compare=False
+    )
+
+    @property
+    def inputs(self) -> list[str]:
+        return _real(self.graph.layout.inputs)
+
+    @property
+    def states(self) -> list[str]:
+        layout = self.graph.layout
+        return [v.name for v in (*layout.states, *layout.discretes)]
+
+    @property
+    def nominal(self) -> dict[str, float]:
+        return {v.name: v.nominal for v in self.graph.layout.states}
+
+    @property
+    def method(self) -> str:
+        return BY_LAWS
+
+    @property
+    def units(self) -> dict[str, str]:
+        units = {v.name: v.unit for v in self.graph.layout.variables}
+        units |= dict(self.graph.layout.derivatives)
+        units |= {f"next({v.name})": v.unit for v in self.graph.layout.discretes}
+        for member in self.system.members if self.system else ():
+            declared = member.cls.layout.inputs if member.cls else ()
+            units |= {f"{member.name}.{v.name}": v.unit for v in declared}
+        return units | {name: units[signal] for name, signal in self.outputs.items()}
+
+    def complete(self, point: OperatingPoint) -> OperatingPoint:
+        computed = with_outputs(self.graph, point)
+        named = {name: computed.values[signal] for name, signal in self.outputs.items()}
+        return replace(computed, outputs=named | computed.outputs)
+
+    def blocks(
+        self, point: OperatingPoint, cuts: Sequence[Connection], step: float
+    ) -> LinearBlocks:
+        if self.system is None or not (step or cuts):
+            graph, function = self._graph_without(())
+            return blocks_of(graph, point, function)
+        # connected inputs are variables of a graph without their connections
+        values = self.complete(point).values
+        connections = self.system.connections
+        inputs = {str(c.target): c.factor * values[str(c.source)] + c.offset for c in connections}
+        at = replace(point, inputs=point.inputs | inputs)
+        graph, function = self._graph_without(connections if step else tuple(cuts))
+        blocks = blocks_of(graph, at, function)
+        others = [c for c in connections if c not in cuts]
+        return blocks.exchanging(others, step) if step else blocks
+
+    def _graph_without(self, dropped: tuple[Connection, ...]) -> tuple[Graph, ca.Function]:
+        """Return the graph without some connections, and the function of its Jacobians."""
+        if dropped not in self._graphs:
+            graph = self.graph
+            if self.system and dropped:
+                others = tuple(c for c in self.system.connections if c not in dropped)
+                graph = fuse(replace(self.system, connections=others))
+            self._graphs[dropped] = graph, jacobians(graph)
+        return self._graphs[dropped]
+
+    @cached_property
+    def compiled(self) -> CompiledModel:
+        """Compiled equations, for simulations up to operating points."""
+        return CompiledModel(self.graph)
 
 
 def _notes(point: OperatingPoint) -> tuple[str, ...]:
@@ -264,7 +332,7 @@ def _loop_notes(cut: str, matrices: Matrices, acts_between_samples: bool) -> Ite
         yield f"nothing comes back to the cut: no loop goes through {cut} here"
 
 
-def subject_of(model: type[Component] | System, name: str = "") -> LinearSubject:
+def subject_of(model: type[Component] | System, name: str = "") -> Equations:
     """Return the equations of a component or a system of components, for linearisation.
 
     Parameters
@@ -275,7 +343,7 @@ def subject_of(model: type[Component] | System, name: str = "") -> LinearSubject
 
     Returns
     -------
-    LinearSubject
+    Equations
 
     Raises
     ------
@@ -288,11 +356,11 @@ def subject_of(model: type[Component] | System, name: str = "") -> LinearSubject
                 _check_laws(member.cls, f"system {model.name}: {member.name}")
         graph = fuse(model)
         outputs = {alias: str(port) for alias, port in model.outputs.items()}
-        return LinearSubject(name or model.name, graph, outputs, model)
+        return Equations(name or model.name, graph, outputs, model)
     _check_laws(model, name or model.name)
     graph = trace(model)
     outputs = {n: n for n in _real(model.layout.measurable)}
-    return LinearSubject(name or model.name, graph, outputs, cls=model)
+    return Equations(name or model.name, graph, outputs, cls=model)
 
 
 def _check_laws(cls: type[Component], name: str) -> None:

@@ -204,9 +204,9 @@ def test_a_sampled_loop_is_as_far_from_instability_as_its_gain_margin_says():
 def test_a_loop_whose_cut_is_read_between_samples_says_so():
     subject = subject_of(library.system("dma_bench"))
     point = point_at(subject.graph, 1.0, {"force_reference": 1.0})
-    (line,) = subject.loop(point, "bench.tension").notes
-    assert "acts between samples" in line
-    assert subject.loop(point, "bench.force_filtered").notes == ()
+    told = "acts between samples"
+    assert told in subject.loop(point, "bench.tension").notes[-1]
+    assert told not in " ".join(subject.loop(point, "bench.force_filtered").notes)
 
 
 def test_a_cut_through_which_no_loop_goes_says_so():
