@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -21,15 +21,15 @@ from orchestration.api.options import LineariseKeywords
 from orchestration.api.simulation import Inputs, as_declared, inputs_over, values_of
 from orchestration.api.sweeping import ranges_over
 from orchestration.experiment.subjects import with_classes
-from orchestration.fmu import Model, read_description
+from orchestration.experiment.system_model import system_model
+from orchestration.fmu import Model, Value, read_description
 from orchestration.fmu.signal import declared_signal, numeric, read_setting
 from orchestration.linear import (
-    FmuRequest,
+    Equations,
+    ForeignSubject,
     LinearModel,
-    LinearSubject,
     OperatingPoint,
     TrimRequest,
-    linearise_fmu,
     point_at,
     subject_of,
     trim,
@@ -84,45 +84,51 @@ def linearise(
     """
     require("control")
     with _subject(model) as subject:
-        if isinstance(subject, Model):
+        if isinstance(subject, ForeignSubject):
             return _linearise_without_equations(subject, stimulus or {}, options)
         return _linearise_equations(subject, stimulus or {}, options)
 
 
 @contextmanager
-def _subject(model: Any) -> Iterator[LinearSubject | Model]:
-    """Yield the equations to linearise, or an FMU without equations; unpack an archive for it."""
+def _subject(model: Any) -> Iterator[Equations | ForeignSubject]:
+    """Yield equations, or what has a part without them; unpack an archive for it."""
     if isinstance(model, str | Path) and Path(model).suffix.lower() in _ENDINGS:
         with scratch.folder("ssp") as folder:
-            yield subject_of(with_classes(ssp.read(Path(model), folder)))
+            yield _system_subject(ssp.read(Path(model), folder))
         return
     name = str(model) if isinstance(model, Path) else model
     if isinstance(name, str) and name in NAMES:
         name = library.system(name)
     if isinstance(name, System):
-        yield subject_of(with_classes(name))
+        yield _system_subject(name)
         return
     declared = as_declared(name)
-    yield declared if declared.cls is None else subject_of(declared.cls, declared.title)
+    if declared.cls is None:
+        yield ForeignSubject(declared)
+    else:
+        yield subject_of(declared.cls, declared.title)
+
+
+def _system_subject(system: System) -> Equations | ForeignSubject:
+    """Return the equations of a system, or its parts where laws of a member are not known."""
+    known = with_classes(system)
+    if all(member.cls is not None for member in known.members):
+        return subject_of(known)
+    return ForeignSubject(system_model(known), known)
 
 
 # --- equations -----------------------------------------------------------------------------------
 
 
 def _linearise_equations(
-    subject: LinearSubject, stimulus: Inputs, options: LineariseKeywords
+    subject: Equations, stimulus: Inputs, options: LineariseKeywords
 ) -> LinearModel:
-    """Linearise equations at every point in time, and the models of a band at the first one."""
+    """Linearise equations about equilibria, or about what is reached in time."""
     model = _signals_of(subject)
     settings = values_of(model, options["settings"], options["preset"])
     constants, driven, points = _split_inputs(model, stimulus, options)
     known = numeric(settings) | constants
     step = _step(options) or 0.0
-    times = [seconds(time) for time in options["at"]] or [0.0]
-    if driven and points is not None and max(times) > points[-1]:
-        raise UserError(
-            f"{option('at', f'{max(times):g}')}: the inputs that vary end at {points[-1]:g} s"
-        )
     begin = 0.0 if points is None else points[0]
     request = _trim_request(subject, model, options)
 
@@ -136,10 +142,42 @@ def _linearise_equations(
             return subject.loop(point, options["cut"], step)
         return subject.linearise(point, options["inputs"], options["outputs"], step)
 
+    return _at_all_points(linear_at, model, known, points if driven else None, options)
+
+
+def _at_all_points(
+    linear_at: Callable[[float, Mapping[str, float]], LinearModel],
+    model: Model,
+    known: Mapping[str, Value],
+    points: Array | None,
+    options: LineariseKeywords,
+) -> LinearModel:
+    """Return the models at every point in time, and variations of parameters at the first one.
+
+    Parameters
+    ----------
+    linear_at : callable
+        Takes a time, s, and values of parameters and inputs.
+    model : Model
+        With the signals that are varied.
+    known : Mapping of str to float or str
+        Settings.
+    points : ndarray, shape (n,), optional
+        Times of inputs that vary, s.
+    options : LineariseKeywords
+    """
     if options["cut"] is not None and (options["inputs"] or options["outputs"]):
         raise UserError(f"{option('cut', options['cut'])} has its own input and output")
+    times = [seconds(time) for time in options["at"]] or [0.0]
+    if points is not None and max(times) > points[-1]:
+        raise UserError(
+            f"{option('at', f'{max(times):g}')}: the inputs that vary end at {points[-1]:g} s"
+        )
     first, *further = (linear_at(time, {}) for time in times)
-    variations = tuple(linear_at(times[0], case) for case in _band_cases(model, known, options))
+    variations = tuple(
+        replace(linear_at(times[0], case), case=case)
+        for case in _band_cases(model, numeric(known), options)
+    )
     return replace(first, further=tuple(further), variations=variations)
 
 
@@ -151,7 +189,7 @@ def _step(options: LineariseKeywords) -> float | None:
     return step
 
 
-def _signals_of(subject: LinearSubject) -> Model:
+def _signals_of(subject: Equations) -> Model:
     """Return a model with the variables of the equations, for settings with units."""
     layout = subject.graph.layout
     inputs, outputs, parameters = (
@@ -182,7 +220,7 @@ def _varies(values: Any) -> bool:
 
 
 def _trim_request(
-    subject: LinearSubject, model: Model, options: LineariseKeywords
+    subject: Equations, model: Model, options: LineariseKeywords
 ) -> TrimRequest | None:
     """Return the conditions of an equilibrium; None if the operating point need not be one."""
     fixed = options["fix"] or {}
@@ -241,35 +279,38 @@ def _band_cases(
 
 
 def _linearise_without_equations(
-    model: Model, stimulus: Inputs, options: LineariseKeywords
+    subject: ForeignSubject, stimulus: Inputs, options: LineariseKeywords
 ) -> LinearModel:
-    """Linearise an FMU at every point in time, with inputs that are constant until then."""
-    for name in ("trim", "fix", "free", "drift", "cut", "over", "fitted", "samples", "preset"):
+    """Linearise an FMU, or a system in which one is a member, about what is reached in time."""
+    model = subject.model
+    for name in ("trim", "fix", "free", "drift", "preset"):
         if options[name]:
             raise UserError(
                 f"{model.without_equations}; {option(name)} needs the equations of a component: an"
                 " FMU without them is linearised at a time"
             )
-    varying = next((name for name, values in stimulus.items() if _varies(values)), None)
-    if varying is not None:
-        raise UserError(f"{model.name}: {varying} varies; inputs of an FMU without equations stay")
-    settings = values_of(model, options["settings"]) | {
-        name: float(np.asarray(value)) for name, value in stimulus.items()
-    }
-    own = read_description(model.path).defaultExperiment
-    step = _step(options)
-    pulse = step or float(getattr(own, "stepSize", None) or 1e-3)
-    inputs = tuple(options["inputs"] or _names_of_reals(model.inputs))
-    outputs = tuple(options["outputs"] or _names_of_reals(model.outputs))
-    first, *further = (
-        linearise_fmu(
-            FmuRequest(model, seconds(time), settings, inputs, outputs, pulse),
-            sampled=step is not None,
-        )
-        for time in options["at"] or [0.0]
-    )
-    return replace(first, further=tuple(further), notes=(*model.notes, *first.notes))
+    constants, driven, points = _split_inputs(model, stimulus, options)
+    known = values_of(model, options["settings"]) | constants
+    given = _step(options)
+    step = given or _own_step(subject)
+    signals = (options["inputs"], options["outputs"])
+    drive = (np.zeros(1) if points is None else points, driven)
+
+    def linear_at(time: float, changed: Mapping[str, float]) -> LinearModel:
+        there = subject.at(time, {**known, **changed}, drive, signals, step)
+        held = step if there.is_held else given or 0.0
+        if options["cut"] is not None:
+            found = there.loop(there.point, options["cut"], held)
+        else:
+            found = there.linearise(there.point, *signals, held)
+        return replace(found, notes=(*model.notes, *found.notes, *there.remarks))
+
+    return _at_all_points(linear_at, model, known, points if driven else None, options)
 
 
-def _names_of_reals(signals: Mapping[str, Any]) -> list[str]:
-    return [name for name, signal in signals.items() if signal.type == "real"]
+def _own_step(subject: ForeignSubject) -> float:
+    """Return the communication step that a system or an FMU declares, s; else a millisecond."""
+    if subject.system is not None:
+        return subject.system.step
+    own = read_description(subject.model.path).defaultExperiment
+    return float(getattr(own, "stepSize", None) or 1e-3)

@@ -2,13 +2,12 @@ from .equilibrium import TrimRequest as TrimRequest
 from .equilibrium import trim as trim
 from .feedback import ControllerDesign as ControllerDesign
 from .feedback import sampled_plant as sampled_plant
-from .fmu_derivatives import FmuRequest as FmuRequest
-from .fmu_derivatives import linearise_fmu as linearise_fmu
+from .foreign import ForeignSubject as ForeignSubject
 from .model import LinearModel as LinearModel
 from .model import LoopMargins as LoopMargins
 from .model import linear_model_of as linear_model_of
 from .model import w_plane as w_plane
 from .operating_point import OperatingPoint as OperatingPoint
 from .operating_point import point_at as point_at
-from .subject import LinearSubject as LinearSubject
+from .subject import Equations as Equations
 from .subject import subject_of as subject_of

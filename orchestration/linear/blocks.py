@@ -193,9 +193,7 @@ class LinearBlocks:
         )
         return blocks._with_columns_from(self)
 
-    def _eliminated(
-        self, received: Mapping[str, Array]
-    ) -> tuple[Array, Callable[[Array], Array]]:
+    def _eliminated(self, received: Mapping[str, Array]) -> tuple[Array, Callable[[Array], Array]]:
         """Return the solution of inputs for what they receive, and how rows are without them.
 
         Returns
@@ -395,11 +393,11 @@ def blocks_of(
         signals |= zip(names, update.matrix, strict=True)
     signals |= {v.name: row for v, row in zip(layout.outputs, outputs, strict=True)}
     blocks = LinearBlocks(states, discretes, inputs, rates, updates, signals)
-    _check_finite(blocks, graph.name, point)
+    check_finite(blocks, graph.name, point)
     return blocks
 
 
-def _check_finite(blocks: LinearBlocks, model: str, point: OperatingPoint) -> None:
+def check_finite(blocks: LinearBlocks, model: str, point: OperatingPoint) -> None:
     """Raise UserError if a derivative of a signal is not finite."""
     for name, row in blocks.signals.items():
         for column, derivative in zip(blocks.columns, row, strict=True):

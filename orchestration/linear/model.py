@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf, pi
 from pathlib import Path
@@ -76,7 +76,9 @@ class LinearModel(Displayable):
     further : tuple of LinearModel
         Models at other operating points.
     variations : tuple of LinearModel
-        Models with other values of parameters, which make a band.
+        Models with other values of parameters and inputs, a family or a band.
+    case : dict of str to float
+        Those values, of a variation.
     """
 
     name: str
@@ -90,6 +92,7 @@ class LinearModel(Displayable):
     notes: tuple[str, ...] = ()
     further: tuple[LinearModel, ...] = ()
     variations: tuple[LinearModel, ...] = ()
+    case: dict[str, float] = field(default_factory=dict)
 
     @property
     def states(self) -> tuple[str, ...]:

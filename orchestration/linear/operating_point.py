@@ -16,7 +16,7 @@ from fmus.kit.symbolic import Graph
 from orchestration.reporting import option
 
 _AT_REST = 1e-3  # largest way to the equilibrium that is none, of a state's magnitude
-_MOST_LISTED = 6  # signals in a note
+MOST_LISTED = 6  # signals in a note
 _INTEGRATES = 1e-9  # of the fastest pole, below which a pole is that of an integrator
 
 
@@ -121,9 +121,9 @@ def motion(name: str, rate: float, units: Mapping[str, str]) -> str:
 
 def not_at_rest(moving: Sequence[str]) -> str:
     """Return the note on signals that move, each in words."""
-    rest = len(moving) - _MOST_LISTED
+    rest = len(moving) - MOST_LISTED
     more = f" and {rest} more" if rest > 0 else ""
-    return f"not at rest here: {', '.join(moving[:_MOST_LISTED])}{more}"
+    return f"not at rest here: {', '.join(moving[:MOST_LISTED])}{more}"
 
 
 @uninterrupted()

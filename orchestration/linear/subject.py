@@ -60,7 +60,7 @@ class LinearSubject(ABC):
 
     @property
     @abstractmethod
-    def nominal(self) -> Mapping[str, float]:
+    def nominal(self) -> dict[str, float]:
         """Magnitudes of continuous states, by name."""
 
     @property
@@ -244,23 +244,28 @@ class Equations(LinearSubject):
 
     @property
     def inputs(self) -> list[str]:
-        return _real(self.graph.layout.inputs)
+        """Names of the inputs that are real numbers."""
+        return real_names(self.graph.layout.inputs)
 
     @property
     def states(self) -> list[str]:
+        """Names of continuous and discrete states."""
         layout = self.graph.layout
         return [v.name for v in (*layout.states, *layout.discretes)]
 
     @property
     def nominal(self) -> dict[str, float]:
+        """Magnitudes of continuous states, by name."""
         return {v.name: v.nominal for v in self.graph.layout.states}
 
     @property
     def method(self) -> str:
+        """Origin of the derivatives."""
         return BY_LAWS
 
     @property
     def units(self) -> dict[str, str]:
+        """Units of all signals, by name."""
         units = {v.name: v.unit for v in self.graph.layout.variables}
         units |= dict(self.graph.layout.derivatives)
         units |= {f"next({v.name})": v.unit for v in self.graph.layout.discretes}
@@ -270,6 +275,7 @@ class Equations(LinearSubject):
         return units | {name: units[signal] for name, signal in self.outputs.items()}
 
     def complete(self, point: OperatingPoint) -> OperatingPoint:
+        """Return an operating point with outputs and rates, also by their names in the system."""
         computed = with_outputs(self.graph, point)
         named = {name: computed.values[signal] for name, signal in self.outputs.items()}
         return replace(computed, outputs=named | computed.outputs)
@@ -277,6 +283,7 @@ class Equations(LinearSubject):
     def blocks(
         self, point: OperatingPoint, cuts: Sequence[Connection], step: float
     ) -> LinearBlocks:
+        """Return the blocks about an operating point, without some connections."""
         if self.system is None or not (step or cuts):
             graph, function = self._graph_without(())
             return blocks_of(graph, point, function)
@@ -316,7 +323,8 @@ def _notes(point: OperatingPoint) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def _real(variables: Sequence[Declaration]) -> list[str]:
+def real_names(variables: Sequence[Declaration]) -> list[str]:
+    """Return the names of variables that are real numbers."""
     return [v.name for v in variables if v.type == "real"]
 
 
@@ -359,7 +367,7 @@ def subject_of(model: type[Component] | System, name: str = "") -> Equations:
         return Equations(name or model.name, graph, outputs, model)
     _check_laws(model, name or model.name)
     graph = trace(model)
-    outputs = {n: n for n in _real(model.layout.measurable)}
+    outputs = {n: n for n in real_names(model.layout.measurable)}
     return Equations(name or model.name, graph, outputs, cls=model)
 
 
