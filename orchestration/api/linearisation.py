@@ -286,8 +286,8 @@ def _linearise_without_equations(
     for name in ("trim", "fix", "free", "drift", "preset"):
         if options[name]:
             raise UserError(
-                f"{model.without_equations}; {option(name)} needs the equations of a component: an"
-                " FMU without them is linearised at a time"
+                f"{_reason(subject)}; {option(name, options[name])} needs the equations of a"
+                " component: an FMU without them is linearised at a time"
             )
     constants, driven, points = _split_inputs(model, stimulus, options)
     known = values_of(model, options["settings"]) | constants
@@ -306,6 +306,14 @@ def _linearise_without_equations(
         return replace(found, notes=(*model.notes, *found.notes, *there.remarks))
 
     return _at_all_points(linear_at, model, known, points if driven else None, options)
+
+
+def _reason(subject: ForeignSubject) -> str:
+    """Return the part of a message that equations are unknown."""
+    if subject.system is None:
+        return subject.model.without_equations
+    names = [member.name for member in subject.system.members if member.cls is None]
+    return f"{subject.model.name}: equations of {', '.join(names)} are not known"
 
 
 def _own_step(subject: ForeignSubject) -> float:

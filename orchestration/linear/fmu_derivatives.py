@@ -153,11 +153,13 @@ class LinearPart(NamedTuple):
     blocks : LinearBlocks
     point : OperatingPoint
     method : str
-        Origin of the derivatives.
+        Origin of the derivatives, with the sizes of differences.
     nominal : dict of str to float
         Magnitudes of continuous states.
     notes : tuple of str
-        Sizes of differences, and outputs that move.
+        Remarks for the user.
+    is_held : bool
+        Whether it is known only for inputs that are held over the communication step.
     """
 
     blocks: LinearBlocks
@@ -165,11 +167,7 @@ class LinearPart(NamedTuple):
     method: str
     nominal: dict[str, float]
     notes: tuple[str, ...] = ()
-
-    @property
-    def is_held(self) -> bool:
-        """Whether its inputs are held over the communication step."""
-        return self.method == _PULSES
+    is_held: bool = False
 
 
 def linearise_fmu(request: FmuRequest) -> LinearPart:
@@ -224,10 +222,8 @@ def _by_laws(request: FmuRequest, directional: bool) -> LinearPart | None:
             for k, name in enumerate(knowns)
         }
         jacobian = np.column_stack([one.slope for one in found.values()])
-        note = _words_of_sizes(request, "differences", found)
-        return LinearPart(
-            _blocks(request, fmu.states, jacobian), point, _DIFFERENCES, nominal, (note,)
-        )
+        method = f"{_DIFFERENCES} ({_words_of_sizes(request, found)})"
+        return LinearPart(_blocks(request, fmu.states, jacobian), point, method, nominal)
 
 
 def _point(request: FmuRequest, fmu: ExchangeFmu, centre: Array, values: Array) -> OperatingPoint:
@@ -316,15 +312,34 @@ def _slope(values: Callable[[float], Array], sizes: Array) -> _Slope:
     sizes : ndarray, shape (m,)
         Falling.
     """
-    shape = values(0.0).shape
 
     def difference(size: float) -> Array:
         try:
             return (values(size) - values(-size)) / (2.0 * size)
         except UserError:  # too far, where it refuses a value
-            return np.full(shape, np.nan)
+            return np.full_like(values(0.0), np.nan)
 
-    slopes = np.array([difference(size) for size in sizes.tolist()])
+    slopes = [difference(sizes[0])]
+    for size in sizes[1:].tolist():
+        slopes.append(difference(size))
+        errors = _errors(np.array(slopes))
+        if errors.min() <= _EXACT:
+            break
+    best = int(np.argmin(errors))
+    return _Slope(slopes[best], float(sizes[best]), float(errors[best]))
+
+
+def _errors(slopes: Array) -> Array:
+    """Return the largest change from each of some slopes to the next, of the largest in its row.
+
+    Parameters
+    ----------
+    slopes : ndarray, shape (m, rows, n)
+
+    Returns
+    -------
+    ndarray, shape (m - 1,)
+    """
     with np.errstate(invalid="ignore"):
         changes = np.abs(np.diff(slopes, axis=0)).max(axis=2)
     extents = np.abs(slopes).max(axis=2)
@@ -334,12 +349,10 @@ def _slope(values: Callable[[float], Array], sizes: Array) -> _Slope:
     largest = extents.max(axis=0)
     errors = changes / np.where(largest > 0.0, largest, 1.0)
     errors[is_lost[:-1] | is_lost[1:] | ~np.isfinite(changes)] = np.inf
-    worst = errors.max(axis=1)
-    best = int(np.argmax(worst <= max(worst.min(), _EXACT)))
-    return _Slope(slopes[best], float(sizes[best]), float(worst[best]))
+    return np.asarray(errors.max(axis=1))
 
 
-def _words_of_sizes(request: FmuRequest, what: str, found: Mapping[str, _Slope]) -> str:
+def _words_of_sizes(request: FmuRequest, found: Mapping[str, _Slope]) -> str:
     """Return the sizes of differences, and their error, in words."""
     signals = {**request.model.inputs, **request.model.outputs}
     words = []
@@ -347,12 +360,9 @@ def _words_of_sizes(request: FmuRequest, what: str, found: Mapping[str, _Slope])
         unit = f" {signals[name].unit}" if name in signals and signals[name].unit != "1" else ""
         words.append(f"{request.prefix}{name} ±{one.size:.1g}{unit}")
     rest = len(found) - len(words)
-    more = f" and {rest} more" if rest else ""
     error = max(one.error for one in found.values())
-    return (
-        f"{what} of {', '.join(words)}{more}: a tenth of them gives slopes that are the same within"
-        f" {100.0 * error:.1g} %"
-    )
+    sizes = ", ".join(words) + (f" and {rest} more" if rest else "")
+    return f"{sizes}; a tenth changes slopes by {100.0 * error:.1g} %"
 
 
 def _nominal(fmu: Fmu, name: str) -> float:
@@ -370,12 +380,11 @@ def _by_pulses(request: FmuRequest) -> LinearPart:
     at_rest = _response(request, {}, 0)
     found = {name: _pulsed(request, name, scale) for name, scale in nominal.items()}
     blocks = _sampled_blocks(request, *_realised(request, found))
-    notes = [_words_of_sizes(request, "pulses", found)]
     moving = _moving(request, at_rest)
-    if moving:
-        notes.append(not_at_rest(moving))
+    notes = (not_at_rest(moving),) if moving else ()
     point = request.point({}, {}, at_rest[:, 0])
-    return LinearPart(blocks, point, _PULSES, {}, tuple(notes))
+    method = f"{_PULSES} ({_words_of_sizes(request, found)})"
+    return LinearPart(blocks, point, method, {}, notes, is_held=True)
 
 
 def _pulsed(request: FmuRequest, name: str, nominal: float) -> _Slope:
@@ -472,8 +481,10 @@ def _realisation_order(responses: Array, noise: float) -> tuple[int, float]:
     The order is the number of singular values of the Hankel matrix of the responses above its
     noise; the error is the first singular value after it. Both are relative to the largest one.
     """
-    rows = responses.shape[2] // 2
-    hankel = np.block([[responses[:, :, i + j] for j in range(rows)] for i in range(rows)])
+    outputs, inputs, steps = responses.shape
+    rows = np.arange(steps // 2)
+    blocks = responses[:, :, np.add.outer(rows, rows)]
+    hankel = blocks.transpose(2, 0, 3, 1).reshape(rows.size * outputs, rows.size * inputs)
     sizes = np.linalg.svd(hankel, compute_uv=False)
     largest = sizes.max(initial=0.0)
     if largest == 0.0:

@@ -70,12 +70,16 @@ class PartsAtPoint(LinearSubject):
     def inputs(self) -> list[str]:
         """Names of the inputs that are real numbers."""
         connected = {str(c.target) for c in self._connected}
-        return [name for name in self._joined.inputs if name not in connected]
+        known = self.model.inputs
+        free = [name for name in self._joined.inputs if name not in connected]
+        return [name for name in free if known[name].type == "real"]
 
     @property
     def states(self) -> list[str]:
         """Names of continuous and discrete states."""
-        return [*self._joined.states, *self._joined.discretes]
+        # those of a realisation have no meaning
+        known = [part.blocks for part in self.parts if not part.is_held]
+        return [name for blocks in known for name in (*blocks.states, *blocks.discretes)]
 
     @property
     def units(self) -> dict[str, str]:

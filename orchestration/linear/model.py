@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 _MATLAB = ".mat"
+FAMILY = 8  # most variations of parameters that are shown one by one; more are a band
+_NOTES_BESIDE = 3  # notes on other operating points and variations that are printed
 _UNITY = 1e-6  # largest error of the gain at a crossover
 _POINTS = 4000  # frequencies between which margins are interpolated
 _DECADES = 1.0  # of frequencies beyond the slowest and the fastest pole or zero
@@ -93,6 +95,21 @@ class LinearModel(Displayable):
     further: tuple[LinearModel, ...] = ()
     variations: tuple[LinearModel, ...] = ()
     case: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def words(self) -> str:
+        """Text for tables and legends: the operating point, or the values of a variation."""
+        values = []
+        for name, value in self.case.items():
+            unit = self.units.get(name, "1")
+            values.append(f"{name} = {value:.6g}" + ("" if unit == "1" else f" {unit}"))
+        return ", ".join(values) or self.point.words
+
+    @property
+    def beside(self) -> tuple[LinearModel, ...]:
+        """Models that are shown beside this one: other operating points, and a small family."""
+        family = self.variations if len(self.variations) <= FAMILY else ()
+        return (*self.further, *family)
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -277,11 +294,16 @@ class LinearModel(Displayable):
         yield f"{self.name} {self.point.words}, {time}, by {self.method}"
         if self.loop:
             yield f"loop transfer function, cut at {self.loop}: {margin_words(self.margins())}"
-        for one in self.further:
-            margins = f": {margin_words(one.margins())}" if one.loop else ""
-            yield f"also {one.point.words}{margins}"
-        points = [self.point, *(one.point for one in self.further)]
-        heads = [one.words for one in points] if self.further else ["operating point"]
+        for one in self.beside if self.loop else ():
+            yield f"also {one.words}: {margin_words(one.margins())}"
+        if self.loop and len(self.variations) > FAMILY:
+            phases = [one.margins().phase for one in self.variations]
+            yield (
+                f"over {len(phases)} values of parameters: phase margin {min(phases):.1f} to"
+                f" {max(phases):.1f}°"
+            )
+        points = [self.point, *(one.point for one in self.beside)]
+        heads = [one.words for one in (self, *self.beside)] if self.beside else ["operating point"]
         table = plain_table(None, "signal", "is", *heads, "unit", right=heads)
         for kind in ("inputs", "states", "outputs"):
             for name in getattr(self, kind):
@@ -292,10 +314,19 @@ class LinearModel(Displayable):
         if self.matrices.states:
             yield poles_table(self.matrices.A, self.period)
         yield from self.notes
-        for one in self.further:
-            yield from (
-                f"{one.point.words}: {note}" for note in one.notes if note not in self.notes
-            )
+        yield from self._notes_beside()
+
+    def _notes_beside(self) -> Iterator[str]:
+        """Yield the first notes on models beside this one, and the number of others."""
+        notes = [
+            f"{one.words}: {note}"
+            for one in self.beside
+            for note in one.notes
+            if note not in self.notes
+        ]
+        yield from notes[:_NOTES_BESIDE]
+        if len(notes) > _NOTES_BESIDE:
+            yield f"{len(notes) - _NOTES_BESIDE} more notes on these are in the JSON"
 
     def __repr__(self) -> str:
         ends = f"{', '.join(self.inputs)} -> {', '.join(self.outputs)}"
@@ -317,7 +348,7 @@ class LinearModel(Displayable):
             "B": m.B.tolist(),
             "C": m.C.tolist(),
             "D": m.D.tolist(),
-            "poles": [[float(p.real), float(p.imag)] for p in np.atleast_1d(self.poles()) + 0j],
+            "poles": self._pole_pairs(),
             "operating_point": {
                 "time": point.time,
                 "trimmed": point.trimmed,
@@ -331,7 +362,18 @@ class LinearModel(Displayable):
             result["margins"] = self.margins()._asdict()
         if self.further:
             result["further"] = [one.to_dict() for one in self.further]
+        if self.variations:
+            result["variations"] = [one.summary() for one in self.variations]
         return result
+
+    def _pole_pairs(self) -> list[list[float]]:
+        return [[float(p.real), float(p.imag)] for p in np.atleast_1d(self.poles()) + 0j]
+
+    def summary(self) -> dict[str, Any]:
+        """Return what varies, poles, margins of a loop, and notes, for JSON."""
+        margins = {"margins": self.margins()._asdict()} if self.loop else {}
+        poles = self._pole_pairs()
+        return {"case": self.case, "poles": poles, "notes": list(self.notes), **margins}
 
     def to_mat(self, path: str | Path) -> Path:
         """Write A, B, C, D, the sample period Ts, names and units to a MATLAB file.

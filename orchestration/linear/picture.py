@@ -3,7 +3,7 @@
 A model has Bode diagram, step response, poles and zeros; a controller its loop, sensitivities, and
 responses to steps of reference and load.
 
-Operating points are lines of different shades; variations of parameters make a band.
+Operating points, and a few values of parameters, are lines; more values make a band.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from fmus.kit.arrays import Array
 from orchestration.linear.feedback import ControllerDesign, StepResponse
-from orchestration.linear.model import FAR, LinearModel, margin_words
+from orchestration.linear.model import FAMILY, FAR, LinearModel, margin_words
 from orchestration.reporting import draw, pictures
 
 if TYPE_CHECKING:
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 _POINTS = 500  # of a curve
 _SLOWEST = 5.0  # duration of a step response, in time constants of the slowest pole
 _CYCLES = 3.0  # duration of a closed loop's step response, in periods of the crossover frequency
-_PALEST = 0.35
 
 
 @draw.register(LinearModel)
@@ -36,11 +35,12 @@ def draw_linear_model(model: LinearModel) -> Figure:
     figure, (gain, phase, step, plane) = pictures.panels(
         4, f"{model.name}: {content}", height=2.0, shared=False
     )
-    frequencies = model.frequencies(_POINTS)
+    models = (model, *model.beside)
+    ends = np.concatenate([one.frequencies(2) for one in models])
+    frequencies = np.geomspace(ends.min(), ends.max(), _POINTS)
     _draw_band(model, frequencies, gain, phase, step)
-    models = (model, *model.further)
-    for one, shade in zip(models, np.linspace(1.0, _PALEST, len(models)), strict=True):
-        _draw_model(one, frequencies, float(shade), (gain, phase, step, plane))
+    for one, color in zip(models, pictures.colors(len(models)), strict=True):
+        _draw_model(one, frequencies, color, (gain, phase, step, plane))
     _label(model, gain, phase, step, plane)
     if len(models) > 1 or model.variations:
         gain.legend(fontsize=8)
@@ -48,13 +48,13 @@ def draw_linear_model(model: LinearModel) -> Figure:
 
 
 def _draw_model(
-    model: LinearModel, frequencies: Array, shade: float, axes: tuple[Axes, Axes, Axes, Axes]
+    model: LinearModel, frequencies: Array, color: Any, axes: tuple[Axes, Axes, Axes, Axes]
 ) -> None:
     """Draw all curves, poles and zeros of the model at one operating point."""
     gain, phase, step, plane = axes
     decibel, degrees = _bode(model, frequencies)
-    style: dict[str, Any] = {"color": pictures.MODEL, "alpha": shade}
-    gain.semilogx(frequencies, decibel, label=model.point.words, **style)
+    style: dict[str, Any] = {"color": color}
+    gain.semilogx(frequencies, decibel, label=model.words, **style)
     phase.semilogx(frequencies, degrees, **style)
     if model.loop:
         margins = model.margins()
@@ -77,7 +77,7 @@ def _draw_model(
 
 def _draw_band(model: LinearModel, frequencies: Array, gain: Axes, phase: Axes, step: Axes) -> None:
     """Shade the band of the variations of a model."""
-    if not model.variations:
+    if len(model.variations) <= FAMILY:
         return
 
     label = f"{len(model.variations)} values of parameters"

@@ -178,7 +178,8 @@ class LinearSubject(ABC):
         notes = tuple(_loop_notes(cut, matrices, acts_between_samples and not is_held))
         model = self._model(point, path, loop, (input,), (output,))
         units = self.units | {input: self.units.get(cut, self.units.get(output, ""))}
-        return replace(model, units=units, loop=cut, notes=(*model.notes, *notes))
+        there = _with_cut(model.point, cut, cuts, output)
+        return replace(model, point=there, units=units, loop=cut, notes=(*model.notes, *notes))
 
     def _model(
         self,
@@ -311,6 +312,16 @@ class Equations(LinearSubject):
     def compiled(self) -> CompiledModel:
         """Compiled equations, for simulations up to operating points."""
         return CompiledModel(self.graph)
+
+
+def _with_cut(
+    point: OperatingPoint, cut: str, cuts: Sequence[Connection], output: str
+) -> OperatingPoint:
+    """Return an operating point with the value behind a cut."""
+    behind = point.values[output]
+    if cuts and cut != output:
+        behind = cuts[0].factor * behind + cuts[0].offset
+    return replace(point, inputs=point.inputs | {f"cut({cut})": behind})
 
 
 def _notes(point: OperatingPoint) -> tuple[str, ...]:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from orchestration.reporting.figure import ShownFigure
 
 FORMATS = (".png", ".svg", ".pdf")
+_LIGHTEST = 0.9  # of a scale of colours that ends in yellow
 MEASURED, MODEL, FITTED = "#8a97a3", "#0b6aa2", "#d1495b"
 _LABEL_WIDTH = 26  # characters along the height of a panel
 _TITLE_LINES = 2
@@ -120,6 +121,15 @@ def _title_lines(title: str, width: float) -> tuple[list[str], float]:
         size -= 0.4
         lines = wrap(title, int(_TITLE_DENSITY * width * _TITLE_SIZE / size))
     return lines, size
+
+
+def colors(count: int) -> list[Any]:
+    """Return colours of lines in an order, from dark to light; that of a model for one line."""
+    from matplotlib import colormaps
+
+    if count == 1:
+        return [MODEL]
+    return [colormaps["viridis"](share) for share in np.linspace(0.0, _LIGHTEST, count)]
 
 
 def name_ticks(axis: Axis, places: ArrayLike, names: Sequence[str]) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fmus.kit import Component, Input, Output, State, UserError, sqrt
 from fmus.kit.symbolic import trace
-from orchestration.linear.blocks import LinearBlocks, SampledUpdate, blocks_of
+from orchestration.linear.blocks import LinearBlocks, SampledUpdate, blocks_of, joined
 from orchestration.linear.operating_point import start_point
 from orchestration.system import Port, connect
 from orchestration.system.model import Connection
@@ -111,6 +113,40 @@ def test_a_held_connection_has_its_factor():
     held = blocks.exchanging(wires, 0.1)
     by_name = dict(zip(held.discretes, held.updates[0].matrix[:, 0], strict=True))
     assert by_name == {"a.u": pytest.approx(-0.5), "b.u": pytest.approx(1.0)}
+
+
+def test_models_side_by_side_are_connected_and_fed():
+    # p' = -p + p.u, q = d with d = 2 q.u at a sample; p -> q.u, 3 q -> p.u, and w feeds p.v
+    sampled = SampledUpdate("c", 1.0, 0.0, (0,), np.array([[0.0, 2.0]]))
+    first = LinearBlocks(
+        ("p.x",),
+        (),
+        ("p.u", "p.v"),
+        np.array([[-1.0, 1.0, 5.0]]),
+        (),
+        dict(zip(("p.x", "p.u", "p.v"), np.eye(3), strict=True)),
+    )
+    second = LinearBlocks(
+        (),
+        ("q.d",),
+        ("q.u",),
+        np.zeros((0, 2)),
+        (sampled,),
+        dict(zip(("q.d", "q.u"), np.eye(2), strict=True)),
+    )
+    both = joined([first, second]).fed_by({"w": ["p.v"]})
+    assert both.columns == ("p.x", "q.d", "p.u", "q.u", "w")
+    wires = (
+        Connection(Port("p", "x"), Port("q", "u")),
+        Connection(Port("q", "d"), Port("p", "u"), 3.0),
+    )
+    closed = both.connected(wires)
+    assert closed.columns == ("p.x", "q.d", "w")
+    np.testing.assert_array_equal(closed.rates, [[-1.0, 3.0, 5.0]])
+    np.testing.assert_array_equal(closed.updates[0].matrix, [[2.0, 0.0, 0.0]])
+    np.testing.assert_array_equal(closed.signals["p.v"], [0.0, 0.0, 1.0])
+    twice = joined([second, replace(second, discretes=("r.d",), inputs=("r.u",))])
+    assert [update.rows for update in twice.updates] == [(0,), (1,)]
 
 
 def test_unknown_signals_and_infinite_derivatives_are_refused():

@@ -148,3 +148,26 @@ def test_the_text_tells_margins_poles_and_the_operating_point():
     assert "also at 3 s: phase margin" in text
     assert "gain margin 1.5 at 0.2251 Hz" in text
     assert repr(third_order(2.0)) == "<LinearModel m at 1 s: a.u -> y>"
+
+
+def test_a_family_has_its_values_margins_and_notes_each_and_a_band_its_range():
+    gains = (1.0, 2.0, 4.0)
+    point = OperatingPoint(0.0, {}, {}, {}, {})
+    varied = tuple(
+        replace(third_order(k), case={"k": k}, notes=(f"note {k}",), point=point) for k in gains
+    )
+    family = replace(third_order(2.0), variations=varied, units={"k": "V/m"})
+    varied = tuple(replace(one, units={"k": "V/m"}) for one in varied)
+    text = str(replace(family, variations=varied))
+    assert "also k = 4 V/m: phase margin" in text
+    assert "k = 4 V/m: note 4.0" in text
+    summaries = family.to_dict()["variations"]
+    assert [one["case"] for one in summaries] == [{"k": k} for k in gains]
+    assert [one["margins"]["gain"] for one in summaries] == pytest.approx([6.0, 3.0, 1.5])
+    many = str(replace(family, variations=varied * 3))
+    phases = [one.margins().phase for one in varied]
+    words = f"over 9 values of parameters: phase margin {min(phases):.1f} to {max(phases):.1f}°"
+    assert words in many
+    assert "also" not in many
+    busy = tuple(replace(one, notes=("a", "b")) for one in varied)
+    assert "3 more notes on these are in the JSON" in str(replace(family, variations=busy))

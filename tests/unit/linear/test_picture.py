@@ -9,7 +9,7 @@ import pytest
 
 from fmus.kit import UserError
 from orchestration.linear.discretisation import Matrices
-from orchestration.linear.model import LinearModel
+from orchestration.linear.model import FAMILY, LinearModel
 from orchestration.linear.operating_point import OperatingPoint
 from orchestration.linear.picture import draw_linear_model as draw
 
@@ -30,10 +30,11 @@ def lag(rate, time=0.0, loop="", period=0.0):
 
 
 def test_operating_points_and_the_band_of_values():
-    first = replace(lag(1.0), further=(lag(2.0, 5.0),), variations=(lag(0.5), lag(1.0), lag(2.0)))
+    varied = (lag(0.5), *(lag(1.0) for _ in range(FAMILY)), lag(2.0))
+    first = replace(lag(1.0), further=(lag(2.0, 5.0),), variations=varied)
     gain, phase, step, plane = draw(first).axes
     texts = [text.get_text() for text in gain.get_legend().get_texts()]
-    assert texts == ["3 values of parameters", "at 0 s", "at 5 s"]
+    assert texts == ["10 values of parameters", "at 0 s", "at 5 s"]
     frequencies, decibel = gain.lines[0].get_data()
     exact = -10.0 * np.log10(1.0 + (2.0 * np.pi * frequencies) ** 2)
     np.testing.assert_allclose(decibel, exact, atol=1e-9)
@@ -47,6 +48,19 @@ def test_operating_points_and_the_band_of_values():
     assert plane.lines[0].get_xdata().tolist() == [-1.0]
     assert "[dB re V/A]" in gain.get_ylabel()
     assert phase.get_xlabel() == "frequency [Hz]"
+
+
+def test_a_few_values_of_parameters_are_a_family_of_lines():
+    few = tuple(replace(lag(rate), case={"rate": rate}) for rate in (0.1, 10.0))
+    gain, *_ = draw(replace(lag(1.0), variations=few)).axes
+    texts = [text.get_text() for text in gain.get_legend().get_texts()]
+    assert texts == ["at 0 s", "rate = 0.1", "rate = 10"]
+    assert len({line.get_color() for line in gain.lines}) == 3
+    for line, rate in zip(gain.lines, (1.0, 0.1, 10.0), strict=True):
+        frequencies, decibel = line.get_data()
+        exact = -10.0 * np.log10(1.0 + (2.0 * np.pi * frequencies / rate) ** 2)
+        np.testing.assert_allclose(decibel, exact, atol=1e-9)
+        assert frequencies[0] < rate / (2.0 * np.pi) < frequencies[-1]
 
 
 def test_a_loop_shows_where_its_gain_is_one_and_its_step_when_closed():

@@ -230,3 +230,16 @@ def test_what_has_no_laws_or_no_such_connection_is_refused_in_a_line(loop):
     alone = subject_of(component("ppy_actuator"))
     with pytest.raises(UserError, match="no state and no connection of this name"):
         alone.loop(start_point(alone.graph, {}), "voltage")
+
+
+def test_a_component_that_moves_at_its_operating_point_is_said_to():
+    """The charge of an actuator at constant current; at rest, and in an equilibrium, nothing."""
+    subject = subject_of(component("ppy_actuator"))
+    moving = start_point(subject.graph, {"current": 0.5})
+    rate = 0.5 * R2 / (R1 + R2)
+    told = subject.linearise(moving, ["current"], ["voltage"]).notes
+    assert told == (f"not at rest here: charge changes by {rate:.3g} C per second",)
+    resting = start_point(subject.graph, {})
+    assert subject.linearise(resting, ["current"], ["voltage"]).notes == ()
+    trimmed = replace(moving, trimmed=True)
+    assert subject.linearise(trimmed, ["current"], ["voltage"]).notes == ()
