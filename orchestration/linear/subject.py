@@ -173,9 +173,8 @@ class LinearSubject(ABC):
         # one input feeds all inputs behind the cut, each by its factor
         column = np.array(list(factors.values()))[:, None]
         loop = replace(matrices, B=matrices.B @ column, C=-matrices.C, D=-matrices.D @ column)
-        acts_between_samples = bool(path.rates[:, -len(factors) :].any())
-        is_held = matrices.period <= step * (1.0 + _SAME)  # in the closed loop as well
-        notes = tuple(_loop_notes(cut, matrices, acts_between_samples and not is_held))
+        acts_between = _acts_between_samples(path, len(factors), matrices.period, step)
+        notes = tuple(_loop_notes(cut, matrices, acts_between))
         model = self._model(point, path, loop, (input,), (output,))
         units = self.units | {input: self.units.get(cut, self.units.get(output, ""))}
         there = _with_cut(model.point, cut, cuts, output)
@@ -337,6 +336,17 @@ def _notes(point: OperatingPoint) -> tuple[str, ...]:
 def real_names(variables: Sequence[Declaration]) -> list[str]:
     """Return the names of variables that are real numbers."""
     return [v.name for v in variables if v.type == "real"]
+
+
+def _acts_between_samples(path: LinearBlocks, count: int, period: float, step: float) -> bool:
+    """Return whether the last inputs are read more often than once in the period of a model, s.
+
+    What reads them all the time does so once in a communication step, s, if there is one.
+    """
+    longest = period * (1.0 - _SAME)
+    reads_always = step < longest and bool(path.rates[:, -count:].any())
+    faster = [u.matrix[:, -count:] for u in path.updates if u.period < longest]
+    return reads_always or any(bool(matrix.any()) for matrix in faster)
 
 
 def _loop_notes(cut: str, matrices: Matrices, acts_between_samples: bool) -> Iterator[str]:

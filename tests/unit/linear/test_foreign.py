@@ -164,6 +164,14 @@ def test_a_loop_around_an_fmu_that_shows_its_states_is_continuous(folder, direct
     np.testing.assert_allclose(closed.response(s.imag / (2.0 * np.pi)), exact, rtol=1e-6)
 
 
+def test_a_step_that_is_no_part_of_the_sample_period_is_said_to_cut_another_loop(lag):
+    system = around(Member("plant", lag), "u", "x")
+    found = ppy.linearise(system, cut="plant.u", step=0.075)
+    assert found.period == pytest.approx(0.3)
+    (note,) = found.notes
+    assert note.startswith("plant.u also acts between samples, but behind the cut it is constant")
+
+
 def test_parameters_of_a_loop_make_a_family(lag):
     """The lag's time constant, with another gain of the controller; each has its margins."""
     system = around(Member("plant", lag), "u", "x")
