@@ -303,7 +303,10 @@ def _linearise_without_equations(
             found = there.loop(there.point, options["cut"], held)
         else:
             found = there.linearise(there.point, *signals, held)
-        return replace(found, notes=(*model.notes, *found.notes, *there.remarks))
+        notes = (*model.notes, *found.notes, *there.remarks)
+        if there.is_held and subject.system is not None:
+            notes += (f"values are exchanged every {step:g} s, and act a step later (Jacobi)",)
+        return replace(found, notes=notes)
 
     return _at_all_points(linear_at, model, known, points if driven else None, options)
 

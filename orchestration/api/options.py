@@ -962,8 +962,9 @@ class LineariseKeywords(LineariseOptions, BandOptions, PointsOption, total=False
     over: Annotated[
         "Mapping[str, str | Sequence[float]] | None",
         Option(
-            doc='Band of parameters: ranges, such as ``{"k1": "4e3..8e3"}``, in which values are'
-            " drawn, or values as in `sweep`.",
+            doc="Family or band of parameters and constant inputs: values as in `sweep`, or ranges,"
+            ' such as ``{"k1": "4e3..8e3"}``, in which values are drawn. Up to eight are shown one'
+            " by one.",
             kind="Mapping of str to str or sequence of float, optional",
         ),
     ]

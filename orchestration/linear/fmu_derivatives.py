@@ -48,6 +48,7 @@ _MOST_ORDER = 20
 # largest error of a realisation, relative to the largest singular value, and largest change of a
 # response that begins a step later
 _FAITHFUL = 1e-4
+_SOON = 1e-3  # of a communication step, after which a sampler has answered
 _AT_REST = 1e-3  # largest change of an output at constant inputs, of its magnitude
 
 
@@ -379,12 +380,14 @@ def _by_pulses(request: FmuRequest) -> LinearPart:
         nominal = {name: _nominal(probe, name) for name in request.inputs}
     at_rest = _response(request, {}, 0)
     found = {name: _pulsed(request, name, scale) for name, scale in nominal.items()}
-    blocks = _sampled_blocks(request, *_realised(request, found))
+    A, B, C, D = _realised(request, found)
+    blocks = _sampled_blocks(request, A, B, C, D)
+    is_sampler = len(A) > 0 and _answers_at_once(request, found)
     moving = _moving(request, at_rest)
     notes = (not_at_rest(moving),) if moving else ()
     point = request.point({}, {}, at_rest[:, 0])
     method = f"{_PULSES} ({_words_of_sizes(request, found)})"
-    return LinearPart(blocks, point, method, {}, notes, is_held=True)
+    return LinearPart(blocks, point, method, {}, notes, not is_sampler)
 
 
 def _pulsed(request: FmuRequest, name: str, nominal: float) -> _Slope:
@@ -418,6 +421,40 @@ def _realised(
         )
     A, B, C = _realisation(scaled, order)
     return A, B, C * scale[:, :, 0], scaled[:, :, 0] * scale[:, :, 0]
+
+
+def _answers_at_once(request: FmuRequest, found: Mapping[str, _Slope]) -> bool:
+    """Return whether outputs step after an input at a communication point, and then stay.
+
+    So does a sampler, such as a controller. An FMU of which steps of one size are required cannot
+    be asked.
+    """
+    for name, one in found.items():
+        level = request.levels[name]
+        try:
+            high = _soon_after(request, {name: level + one.size})
+            low = _soon_after(request, {name: level - one.size})
+        except UserError:
+            return False
+        difference = np.abs((high - low) / (2.0 * one.size) - one.slope[:, 1])
+        largest = np.abs(one.slope).max(axis=1)
+        feedthrough = np.abs(one.slope[:, 0])
+        if (np.maximum(difference, feedthrough) > _FAITHFUL * largest).any():
+            return False
+    return True
+
+
+def _soon_after(request: FmuRequest, pulse: Mapping[str, float]) -> Array:
+    """Return the outputs, shape (outputs,), soon after inputs are set at the operating point."""
+    now = {**request.levels, **pulse}
+    outputs = np.empty(len(request.outputs))
+    with request.opened(Fmu) as fmu:
+        request.start(fmu)
+        request.advance(fmu)
+        fmu.writer(list(now))(np.array(list(now.values())))
+        fmu.step(request.time, _SOON * request.step)
+        fmu.reader(request.outputs)(outputs)
+    return outputs
 
 
 def _delayed(request: FmuRequest, name: str, found: _Slope) -> Array:

@@ -5,6 +5,8 @@ Oracles: a lag and a PI law on paper, python-control, thesis eq. 3.9, sweeps of 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -210,3 +212,42 @@ def test_different_inputs_are_a_family_of_operating_points(lag):
     family = ppy.linearise(str(lag), at=1.0, step=0.1, over={"u": [1.0, 3.0]})
     reached = [one.point.outputs["x"] for one in family.variations]
     assert reached == pytest.approx([u * (1.0 - np.exp(-1.0)) for u in (1.0, 3.0)], rel=1e-9)
+
+
+@pytest.fixture(scope="module")
+def unknown_loop(folder):
+    """A designed controller around the actuator, and their loop as FMUs that tell no origin."""
+    found = ppy.design(
+        "ppy_actuator", command="current", measured="displacement", sample_period="20ms"
+    )
+    unknown = []
+    for member in found.system.members:
+        path = folder / f"{member.name}.fmu"
+        edited(member.fmu, path, anonymous)
+        unknown.append(Member(member.name, path, member.parameters))
+    return found, replace(found.system, members=tuple(unknown))
+
+
+@pytest.mark.slow
+def test_a_sampled_controller_whose_laws_are_not_known_acts_at_its_samples(unknown_loop):
+    """The margins are those of the design, which knows both laws."""
+    found, system = unknown_loop
+    cut = ppy.linearise(system, cut="controller.measured")
+    assert "Jacobians" not in cut.method
+    np.testing.assert_allclose(cut.margins(), found.margins(), rtol=1e-5)
+
+
+@pytest.mark.slow
+def test_a_sine_sweep_of_a_sampled_loop_agrees_with_the_usual_master(unknown_loop):
+    """Within 0.2 dB and 2 degrees; members step one after another, the controller first."""
+    _, system = unknown_loop
+    loop = ppy.linearise(system, cut="controller.measured")
+    crossover = loop.margins().crossover
+    frequencies = crossover * np.array([0.5, 1.0, 2.0])
+    sweep = SineSweep(frequencies, 1e-7, loop.period, system.step)
+    opened = system.disconnected("controller.measured", 0.0)
+    wire = "controller.measured"
+    swept = sine_sweep(opened, wire, ["plant.displacement"], sweep, {wire: 0.0})
+    ratio = -swept["plant.displacement"] / loop.response(frequencies)
+    assert np.abs(20.0 * np.log10(np.abs(ratio))).max() < 0.2
+    assert np.abs(np.degrees(np.angle(ratio))).max() < 2.0
