@@ -87,6 +87,9 @@ class PartsAtPoint(LinearSubject):
         model = self.model
         signals = {**model.parameters, **model.others, **model.outputs, **model.inputs}
         units = {name: signal.unit for name, signal in signals.items()}
+        for member in self.system.members if self.system else ():
+            for name, signal in interface(member).others.items():
+                units[f"{member.name}.{name}"] = signal.unit
         for connection in self._connected:
             source = str(connection.source)
             units.setdefault(str(connection.target), units.get(source, "1"))
