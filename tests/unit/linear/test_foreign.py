@@ -161,6 +161,7 @@ def test_a_loop_around_an_fmu_that_shows_its_states_is_continuous(folder, direct
     assert found.period == 0.0
     assert ("directional derivatives" in found.method) == directional
     assert found.units["plant.charge"] in ("C", "A*s")
+    assert found.point.values["law.command"] == pytest.approx(-500.0 * 1e-4, rel=1e-9)
     assert found.point.values["cut(law.measured)"] == pytest.approx(1e-4, rel=1e-9)
     closed = ppy.linearise(system, inputs="reference", outputs="plant.displacement")
     exact = 500.0 * slope / (1.0 + 1e3 * slope)
