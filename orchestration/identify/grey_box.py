@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
+from itertools import count as counting
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -64,6 +65,8 @@ _COUPLED = 0.9  # correlation beyond which an interval of one parameter alone is
 _CLEARLY = 3.0
 # share of the expected rise of the deviance at the end of an interval, below which it is too narrow
 _FLAT = 0.8
+_ONE_STEP = 2  # trial points of a search, of which the first is its start
+_TO_THE_END = 200  # trial points of a search
 _FEW = 50  # independent values below which the colour of a residual is not known well enough
 
 
@@ -144,12 +147,7 @@ class Fit(Displayable):
                 f"no profile of {name}: it was not fitted; there are {', '.join(self.estimates)}"
             )
         if name not in self.profiles:
-            if self.likelihood is None:
-                raise UserError(
-                    f"no profile of {name}: this is a copy of a fit, without its model; fit again"
-                    " for one"
-                )
-            self.profiles[name] = self.likelihood.profile(name, progress)
+            self.profiles[name] = self._model_for(f"profile of {name}").profile(name, progress)
         return self.profiles[name]
 
     def posterior(
@@ -177,11 +175,15 @@ class Fit(Displayable):
             If the record does not determine a parameter, the fit is a copy or was pickled, or emcee
             is not installed.
         """
+        return self._model_for("posterior").posterior(count, seed, progress)
+
+    def _model_for(self, purpose: str) -> Likelihood:
+        """Return the fitted problem; UserError in a copy, which has none."""
         if self.likelihood is None:
             raise UserError(
-                "no posterior: this is a copy of a fit, without its model; fit again for one"
+                f"no {purpose}: this is a copy of a fit, without its model; fit again for one"
             )
-        return self.likelihood.posterior(count, seed, progress)
+        return self.likelihood
 
     def plot_profiles(self, path: str | Path | None = None) -> Figure:
         """Draw the profiles that were made, with parabolas and intervals of the linearised fit.
@@ -224,13 +226,9 @@ class Fit(Displayable):
         """Estimates of the parameters that are a multiple of a fitted one."""
         tied = {}
         for name, (factor, source) in self.ties.items():
-            for fitted, one in self.estimates.items():
-                plain, at, record = fitted.partition("@")
-                if plain == source:
-                    ends = [factor * end for end in one.interval]
-                    tied[f"{name}{at}{record}"] = Estimate(
-                        factor * one.value, factor * one.nominal, (min(ends), max(ends)), one.unit
-                    )
+            one = self.estimates[source]
+            value, nominal, *ends = (factor * x for x in (one.value, one.nominal, *one.interval))
+            tied[name] = Estimate(value, nominal, (min(ends), max(ends)), one.unit)
         return tied
 
     @property
@@ -333,8 +331,7 @@ class Fit(Displayable):
         }
         if self.ties:
             figures["tied"] = {
-                name: e.to_dict() | {"factor": self.ties[name.partition("@")[0]][0]}
-                for name, e in self.tied.items()
+                name: e.to_dict() | {"factor": self.ties[name][0]} for name, e in self.tied.items()
             }
         if self.profiles:
             figures["profiles"] = {name: p.to_dict() for name, p in self.profiles.items()}
@@ -379,80 +376,75 @@ class Likelihood:
             standard_error=float(self.spread.standard_errors[i]),
         )
 
-    def colour(self, i: int) -> float:
-        """Return the factor by which the deviance rises too fast along a coordinate."""
+    def rise(self, i: int, start: Array, trials: int) -> tuple[Array, float]:
+        """Fit the others with coordinate i held, from a point within the ranges.
+
+        Parameters
+        ----------
+        i : int
+        start : ndarray, shape (p,)
+        trials : int
+            Points that the search tries.
+
+        Returns
+        -------
+        point : ndarray, shape (p,)
+        rise : float
+            Of the deviance, over the level at which the interval ends, and over the factor by which
+            colour makes it rise too fast.
+        """
+        problem = self.problem
+        noise = self.fitted.noise
+        problem.held = [i]
+        try:
+            q, deviance = fit_in_noise(problem, np.clip(start, *problem.bounds()), noise, trials)
+        finally:
+            problem.held = []
         white = self.white_covariance[i, i]
-        return float(self.spread.matrix[i, i] / white) if white > 0.0 else 1.0
+        colour = float(self.spread.matrix[i, i] / white) if white > 0.0 else 1.0
+        least = problem.deviance(noise, self.fitted.residual)
+        return q, (deviance - least) / (colour * LEVEL)
 
     def narrow_warnings(self) -> list[str]:
         """Return a warning for each end of an interval that is clearly too narrow.
 
-        At that end of the ellipse's interval the deviance, with the others fitted by one
-        Gauss-Newton step, is then well below the level, so that the profile reaches farther. It
-        takes two simulations for each end.
+        At that end of the ellipse's interval the deviance, with the others fitted by one step, is
+        then well below the level, so that the profile reaches farther. It takes two simulations for
+        each end.
         """
-        names = self.problem.names
-        half = float(np.sqrt(LEVEL)) * self.spread.standard_errors
         warnings = []
-        for i in map(int, np.flatnonzero(np.isfinite(half) & (half > 0.0))):
-            tangent = self.white_covariance[i] / self.white_covariance[i, i]
-            for word, side in (("below", -half[i]), ("above", half[i])):
-                if self._rise(i, self.fitted.q + side * tangent) < _FLAT * LEVEL:
+        for i, name in enumerate(self.problem.names):
+            at = self.coordinate(i)
+            half = float(np.sqrt(LEVEL)) * at.standard_error
+            for word, side in (("below", -half), ("above", half)):
+                if 0.0 < half < np.inf and self._is_flat(at, self.fitted.q + side * at.tangent):
                     warnings.append(
-                        f"the interval of {names[i]} is too narrow {word}: the model is not linear"
+                        f"the interval of {name} is too narrow {word}: the model is not linear"
                         " there; a profile tells how far it reaches"
                     )
         return warnings
 
-    def _rise(self, i: int, point: Array) -> float:
-        """Return the rise of the deviance with coordinate i held, others fitted by one step.
-
-        Infinite where the model fails, or at the end of a range.
-        """
-        low, high = self.problem.bounds()
-        noise = self.fitted.noise
-        others = np.arange(len(point)) != i
-        least = self.problem.deviance(noise, self.fitted.residual)
+    def _is_flat(self, along: Coordinate, end: Array) -> bool:
+        """Return whether the deviance at an end of an interval is clearly below the level."""
         try:
-            residual, jacobian = self.problem.evaluate(point)
-            rows = np.concatenate([jacobian[name] / one.deviation for name, one in noise.items()])
-            error = np.concatenate([residual[name] / one.deviation for name, one in noise.items()])
-            if not (np.isfinite(rows).all() and np.isfinite(error).all()):
-                return np.inf
-            point = point.copy()
-            point[others] -= np.linalg.lstsq(rows[:, others], error)[0]
-            if (point < low).any() or (point > high).any():
-                return np.inf
-            deviance = self.problem.deviance(noise, self.problem.evaluate(point)[0])
+            inside = along.low <= end[along.index] <= along.high
+            return inside and self.rise(along.index, end, _ONE_STEP)[1] < _FLAT
         except UserError:
-            return np.inf
-        return (deviance - least) / self.colour(i)
+            return False
 
     def profile(self, name: str, progress: Callable[[str], None]) -> Profile:
         """Profile one of the parameters; see `Fit.profile`."""
-        problem = self.problem
-        i = problem.names.index(name)
-        low, high = problem.bounds()
-        colour = self.colour(i)
-        coordinate = self.coordinate(i)
-        least = problem.deviance(self.fitted.noise, self.fitted.residual)
-        fits = 0
+        i = self.problem.names.index(name)
+        fits = counting(1)
 
         def refit(start: Array) -> tuple[Array, float]:
-            nonlocal fits
-            fits += 1
-            progress(f"profile of {name}, fit {fits}")
-            q, deviance = fit_in_noise(problem, np.clip(start, low, high), self.fitted.noise)
-            return q, (deviance - least) / (colour * LEVEL)
+            progress(f"profile of {name}, fit {next(fits)}")
+            return self.rise(i, start, _TO_THE_END)
 
-        problem.held = [i]
-        try:
-            with _opened(self.subject):
-                return profile_likelihood(
-                    name, problem.declared[name], refit, self.fitted.q, coordinate
-                )
-        finally:
-            problem.held = []
+        with _opened(self.subject):
+            return profile_likelihood(
+                name, self.problem.declared[name], refit, self.fitted.q, self.coordinate(i)
+            )
 
     def posterior(self, count: int, seed: int, progress: Callable[[str], None]) -> Posterior:
         """Sample the posterior; see `Fit.posterior`."""
@@ -561,6 +553,7 @@ def fit_records(
     searches = fit_from_starts(problem, start, assumptions.starts)
     fitted = searches.best
     spread = _coloured_covariance(problem, fitted)
+    ties = dict(problem.assumptions.ties)
     intervals = problem.intervals(fitted.q, spread.standard_errors)
     estimates = {}
     for name in problem.names:
@@ -570,14 +563,11 @@ def fit_records(
         estimates=estimates,
         evaluations=problem.evaluations,
         warnings=[
-            *_start_warnings(searches),
-            *_search_warnings(problem, fitted),
+            *_search_warnings(problem, searches),
             *_weak_warnings(problem, fitted, spread),
-            *_slow_warnings(problem, fitted),
             *_noise_warnings(problem, fitted),
-            *_limit_warnings(problem, fitted),
         ],
-        declared=_declared(problem, assumptions),
+        declared={name: problem.declared[name] for name in (*problem.names, *ties)},
         correlations=spread.correlations(problem.names),
         logarithmic=tuple(
             name
@@ -588,19 +578,8 @@ def fit_records(
         samples=problem.samples,
         deviance=problem.deviance(fitted.noise, fitted.residual),
         searches=searches.made,
-        ties=dict(assumptions.ties),
+        ties=ties,
     )
-
-
-def _declared(problem: Problem, assumptions: Assumptions) -> dict[str, Described]:
-    """Return the declarations of fitted parameters, and of those that are tied to them."""
-    declared = {name: problem.declared[name] for name in problem.names}
-    for name, (_, source) in assumptions.ties.items():
-        for fitted in problem.names:
-            plain, at, record = fitted.partition("@")
-            if plain == source:
-                declared[f"{name}{at}{record}"] = problem.declared[name]
-    return declared
 
 
 def _problem_of(
@@ -651,59 +630,55 @@ def _coloured_covariance(problem: Problem, fitted: FitResult) -> Covariance:
     return sandwich_covariance(fitted.covariance, weighted, noise)
 
 
-def _weak_warnings(problem: Problem, fitted: FitResult, spread: Covariance) -> list[str]:
-    """Return a warning for each kind of parameters that the record determines badly."""
+def _search_warnings(problem: Problem, searches: Searches) -> Iterator[str]:
+    """Yield warnings of other minima, of a search without an end or a way, and of ranges."""
+    fitted = searches.best
+    if searches.gain > 0.0:
+        yield (
+            "the error has several minima: from the start the search ends at one whose deviance is"
+            f" {searches.gain:.3g} higher; these values are the best of {searches.made} searches"
+        )
+    if not fitted.converged:
+        yield "the search stopped before it converged; the values are the best found"
+    if np.array_equal(fitted.q, problem.position(problem.start)):
+        yield "the search has not left its start: no other value nearby fits better"
+    low, high = problem.bounds()
+    for i in np.flatnonzero((fitted.q <= low) | (fitted.q >= high)):
+        yield f"{problem.names[i]} ended at the limit of its range"
+
+
+def _weak_warnings(problem: Problem, fitted: FitResult, spread: Covariance) -> Iterator[str]:
+    """Yield a warning for each kind of parameters that the record determines badly."""
     silent = np.diag(fitted.information) == 0.0
-    together = spread.unidentifiable & ~silent
+    open_ended = spread.unidentifiable
     logarithmic = np.array([scale.logarithmic for scale in problem.scales])
-    wide = logarithmic & (spread.standard_errors > _VAGUE) & ~spread.unidentifiable
-    warnings = []
+    wide = logarithmic & (spread.standard_errors > _VAGUE) & ~open_ended
     for weak, text in (
         (silent, "this record does not determine {}"),
-        (together, "this record does not determine {} separately"),
+        (open_ended & ~silent, "this record does not determine {} separately"),
         (wide, "this record hardly determines {}: the interval spans more than a factor of 100"),
     ):
         if weak.any():
-            warnings.append(text.format(", ".join(problem.names[i] for i in np.flatnonzero(weak))))
-    return warnings
+            yield text.format(", ".join(problem.names[i] for i in np.flatnonzero(weak)))
 
 
-def _slow_warnings(problem: Problem, fitted: FitResult) -> list[str]:
-    """Return a warning for each output whose residual is too slow for its colour to be known.
+def _noise_warnings(problem: Problem, fitted: FitResult) -> Iterator[str]:
+    """Yield warnings of residuals too slow for their colour to be known, or larger than the noise.
 
     Residuals of the size of rounding errors are left out.
     """
-    warnings = []
     for output, y in problem.measured.items():
         residual = fitted.residual[output]
-        measured = y[problem.present[output]]
-        if _effective_samples(residual) < _FEW and np.std(residual) > 1e-6 * np.std(measured):
-            warnings.append(f"the residual of {output} varies slowly: the intervals are too narrow")
-    return warnings
-
-
-def _noise_warnings(problem: Problem, fitted: FitResult) -> list[str]:
-    """Return a warning for each output whose residual is clearly larger than its known noise."""
-    warnings = []
-    for output in problem.assumptions.noise:
-        innovation = fitted.innovation[output]
-        ratio = float(np.sqrt(np.mean(innovation**2)))
-        if ratio > 1.0 + _CLEARLY / np.sqrt(2.0 * len(innovation)):
-            warnings.append(
+        spread = np.std(y[problem.present[output]])
+        if _effective_samples(residual) < _FEW and np.std(residual) > 1e-6 * spread:
+            yield f"the residual of {output} varies slowly: the intervals are too narrow"
+        ratio = float(np.sqrt(np.mean(fitted.innovation[output] ** 2)))
+        known = output in problem.assumptions.noise
+        if known and ratio > 1.0 + _CLEARLY / np.sqrt(2.0 * len(residual)):
+            yield (
                 f"the residual of {output} is {ratio:.2g} times the noise that was given: the"
                 " intervals are too narrow"
             )
-    return warnings
-
-
-def _start_warnings(searches: Searches) -> list[str]:
-    """Return a warning if the search from the start ended in another minimum than the best."""
-    if searches.gain == 0.0:
-        return []
-    return [
-        f"the error has several minima: from the start the search ends at one whose deviance is"
-        f" {searches.gain:.3g} higher; these values are the best of {searches.made} searches"
-    ]
 
 
 def _effective_samples(residual: Array) -> float:
@@ -714,24 +689,3 @@ def _effective_samples(residual: Array) -> float:
     power = float(residual @ residual)
     lag_one = float(residual[:-1] @ residual[1:]) / power if power > 0.0 else 0.0
     return len(residual) * (1.0 - lag_one) / (1.0 + lag_one)
-
-
-def _search_warnings(problem: Problem, fitted: FitResult) -> list[str]:
-    """Return warnings if the search did not converge, or has not left its start."""
-    warnings = []
-    if not fitted.converged:
-        warnings.append("the search stopped before it converged; the values are the best found")
-    if np.array_equal(fitted.q, problem.position(problem.start)):
-        warnings.append("the search has not left its start: no other value nearby fits better")
-    return warnings
-
-
-def _limit_warnings(problem: Problem, fitted: FitResult) -> list[str]:
-    """Return a warning for each parameter that ended at the limit of its range."""
-    low, high = problem.bounds()
-    at_limit = (fitted.q <= low) | (fitted.q >= high)
-    return [
-        f"{name} ended at the limit of its range"
-        for name, at in zip(problem.names, at_limit, strict=True)
-        if at
-    ]

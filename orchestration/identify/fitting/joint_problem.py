@@ -17,6 +17,7 @@ from orchestration.identify.fitting.assumptions import NO_ASSUMPTIONS, Assumptio
 from orchestration.identify.fitting.problem import Problem, Subject
 
 Number = TypeVar("Number", bound=np.generic)
+Value = TypeVar("Value")
 
 
 class FitData(NamedTuple):
@@ -61,54 +62,47 @@ class JointProblem(Problem):
         fixed: Mapping[str, float],
         assumptions: Assumptions = NO_ASSUMPTIONS,
     ):
-        self._members = [
-            Problem(
-                cls,
-                record.time,
-                record.inputs,
-                record.measured,
-                names,
-                fixed,
-                assumptions=_without_unmeasured(assumptions, record.measured),
-            )
+        assumptions.check(names, {output for record in records for output in record.measured})
+        self._members = [_member(cls, record, names, fixed, assumptions) for record in records]
+        vars(self).update(vars(self._members[0]))
+        ties = assumptions.ties
+        each = {name for name in names if name in assumptions.each or self.declared[name].starts}
+        each |= {name for name, (_, source) in ties.items() if source in each}
+        # by record: joint name by that of the model
+        self._joint_names = [
+            {name: f"{name}@{record.label}" if name in each else name for name in (*names, *ties)}
             for record in records
         ]
-        first = self._members[0]
-        each = [name for name in names if name in assumptions.each or first.declared[name].starts]
-        labels = [record.label for record in records]
-        self.names = [name for name in names if name not in each]
-        self._joint_names: list[dict[str, str]] = []  # by record: joint name by the model's
-        for label in labels:
-            own = {name: f"{name}@{label}" for name in each}
-            self.names += own.values()
-            self._joint_names.append({name: own.get(name, name) for name in names})
-        self.assumptions = assumptions
-        self.model = first.model
-        self._step = first._step
-        self._adopt(first)
+        scales = self._by_joint_name(dict(zip(names, self.scales, strict=True)))
+        self.scales = [*scales.values()]
+        self.names = [*scales]
+        self.declared = self.declared | self._by_joint_name(self.declared)
+        self.start = self.start | self._by_joint_name(self.start)
+        joint_ties = {
+            joint[name]: (factor, joint[source])
+            for joint in self._joint_names
+            for name, (factor, source) in ties.items()
+        }
+        self.assumptions = replace(
+            assumptions,
+            bounds=self._by_joint_name(assumptions.bounds),
+            priors=self._by_joint_name(assumptions.priors),
+            ties=joint_ties,
+        )
+        self.given = self.assumptions.given
         self.measured = _joined([m.measured for m in self._members])
         self.present = _joined([m.present for m in self._members])
         self.noise_samples = _joined([m.noise_samples for m in self._members])
-        self.evaluations = 0
-        self.held = []
-        self._at = None
 
-    def _adopt(self, member: Problem) -> None:
-        """Take over declarations, starts, scales and priors of a member, by the joint names."""
-        self.declared = dict(member.declared)
-        self.start = dict(member.start)
-        by_name = dict(zip(member.names, member.scales, strict=True))
-        priors = {}
-        for names in self._joint_names:
-            for name, joint in names.items():
-                self.declared[joint] = member.declared[name]
-                self.start[joint] = member.start[name]
-                by_name[joint] = by_name[name]
-                if name in self.assumptions.priors:
-                    priors[joint] = self.assumptions.priors[name]
-        self.scales = [by_name[name] for name in self.names]
-        self.assumptions = replace(self.assumptions, priors=priors)
-        self.given = self.assumptions.given
+    def _by_joint_name(self, values: Mapping[str, Value]) -> dict[str, Value]:
+        """Return values that are known by the model's names, those that are shared first."""
+        by_name = {
+            joint: values[name]
+            for names in self._joint_names
+            for name, joint in names.items()
+            if name in values
+        }
+        return dict(sorted(by_name.items(), key=lambda item: "@" in item[0]))
 
     def simulate(self, values: Mapping[str, float]) -> tuple[dict[str, Array], dict[str, Array]]:
         """Return residuals (m,) of all records, and derivatives (m, p) of the simulations.
@@ -121,21 +115,28 @@ class JointProblem(Problem):
         residuals = []
         sensitivities = []
         for member, joint_names in zip(self._members, self._joint_names, strict=True):
-            residual, by_value = member.simulate(
-                {name: values[joint] for name, joint in joint_names.items()}
+            joint = [joint_names[name] for name in member.names]
+            residual, slopes = member.simulate(
+                {name: values[one] for name, one in zip(member.names, joint, strict=True)}
             )
-            columns = [self.names.index(joint) for joint in joint_names.values()]
             residuals.append(residual)
-            sensitivities.append(
-                {output: self._widened(slopes, columns) for output, slopes in by_value.items()}
-            )
+            columns = np.eye(len(self.names))[[self.names.index(one) for one in joint]]
+            sensitivities.append({output: by_own @ columns for output, by_own in slopes.items()})
         return _joined(residuals), _joined(sensitivities)
 
-    def _widened(self, slopes: Array, columns: Sequence[int]) -> Array:
-        """Return derivatives (m, p) by all joint parameters from those (m, k) by some."""
-        wide = np.zeros((len(slopes), len(self.names)))
-        wide[:, columns] = slopes
-        return wide
+
+def _member(
+    cls: Subject,
+    record: FitData,
+    names: Sequence[str],
+    fixed: Mapping[str, float],
+    assumptions: Assumptions,
+) -> Problem:
+    """Return the problem of one record, in which some outputs may be missing."""
+    time, inputs, measured, _ = record
+    noise = {output: d for output, d in assumptions.noise.items() if output in measured}
+    assumptions = replace(assumptions, noise=noise)
+    return Problem(cls, time, inputs, measured, names, fixed, assumptions=assumptions)
 
 
 def _joined(parts: Sequence[Mapping[str, NDArray[Number]]]) -> dict[str, NDArray[Number]]:
@@ -145,9 +146,3 @@ def _joined(parts: Sequence[Mapping[str, NDArray[Number]]]) -> dict[str, NDArray
         output: np.concatenate([part[output] for part in parts if output in part])
         for output in outputs
     }
-
-
-def _without_unmeasured(assumptions: Assumptions, measured: Signals) -> Assumptions:
-    """Return assumptions for a record in which some outputs may be missing."""
-    noise = {output: d for output, d in assumptions.noise.items() if output in measured}
-    return replace(assumptions, noise=noise)

@@ -62,7 +62,7 @@ def fit_from_starts(problem: Problem, start: Array, count: int | None) -> Search
     best = first
     if count is None:
         count = 1 if _is_white(problem, first) else _STARTS
-    for point in _points(problem, start, count - 1):
+    for point in _points(problem, start, count - 1) if count > 1 else []:
         try:
             found = fit_output_error(problem, point)
         except UserError:
@@ -85,17 +85,15 @@ def _is_white(problem: Problem, fitted: FitResult) -> bool:
 
 def _points(problem: Problem, start: Array, count: int) -> list[Array]:
     """Return the points with the least error of a Latin hypercube over the ranges."""
-    if count < 1:
-        return []
     low, high = problem.bounds()
     reach = np.array([_REACH[scale.logarithmic] for scale in problem.scales])
-    given = [name.partition("@")[0] in problem.assumptions.bounds for name in problem.names]
+    given = [name in problem.assumptions.bounds for name in problem.names]
     low = np.where(given & np.isfinite(low), low, np.maximum(low, start - reach))
     high = np.where(given & np.isfinite(high), high, np.minimum(high, start + reach))
-    drawn = _DRAWN * count
-    random = np.random.default_rng(0)
-    cells = np.array([random.permutation(drawn) for _ in start]).T
-    points = low + (high - low) * (cells + random.random(cells.shape)) / drawn
+    from scipy.stats.qmc import LatinHypercube
+
+    drawn = LatinHypercube(len(start), rng=0).random(_DRAWN * count)
+    points = low + (high - low) * drawn
     errors = [error_at(problem, point) for point in points]
     best = np.argsort(errors)[:count]
     return [points[i] for i in best if np.isfinite(errors[i])]

@@ -123,7 +123,9 @@ def _move_off_bounds(problem: Problem, start: Array) -> Array:
     return min((inside, only_from_bounds), key=lambda q: error_at(problem, q))
 
 
-def fit_in_noise(problem: Problem, q: Array, noise: Mapping[str, Noise]) -> tuple[Array, float]:
+def fit_in_noise(
+    problem: Problem, q: Array, noise: Mapping[str, Noise], trials: int
+) -> tuple[Array, float]:
     """Fit in noise that is given; return the end, (p,), and the deviance there.
 
     Raises
@@ -131,16 +133,18 @@ def fit_in_noise(problem: Problem, q: Array, noise: Mapping[str, Noise]) -> tupl
     UserError
         If the simulation fails where the search starts.
     """
-    end = _minimise(problem, q, noise).q
+    end = _minimise(problem, q, noise, trials).q
     return end, problem.deviance(noise, problem.evaluate(end)[0])
 
 
-def _minimise(problem: Problem, q: Array, noise: Mapping[str, Noise]) -> Minimum:
+def _minimise(
+    problem: Problem, q: Array, noise: Mapping[str, Noise], trials: int = _TRIALS
+) -> Minimum:
     """Minimise in given noise, and again beyond the sample at which a delay ends a search.
 
     Residuals are not smooth where a delay is a whole number of samples: `Problem.smooth_bounds`.
     """
-    loss = _Loss(problem, noise)
+    loss = _Loss(problem, noise, trials)
     best = loss.minimise_smooth(q)
     other = problem.across_sample(best.q)
     while other is not None:
@@ -158,6 +162,7 @@ class _Loss:
 
     problem: Problem
     noise: Mapping[str, Noise]
+    trials: int
 
     def cost(self, q: Array) -> float:
         """Return the deviance at a point, but for terms that do not depend on it."""
@@ -167,11 +172,11 @@ class _Loss:
         """Minimise within the bounds about a start where the residuals are smooth."""
         low, high = self.problem.smooth_bounds(start)
         coarse = _TOLERANCE / self.problem.samples
-        end = minimise(self._rows, self._slopes, start, low, high, coarse, trials=_TRIALS)
+        end = minimise(self._rows, self._slopes, start, low, high, coarse, trials=self.trials)
         exact = not isinstance(self.problem.model, FmuWithDifferences)
         if not (exact and end.converged and self._last_step(end.q, low, high) > _PRECISE):
             return end
-        return minimise(self._rows, self._slopes, end.q, low, high, _FINE_TOLERANCE, trials=_TRIALS)
+        return minimise(self._rows, self._slopes, end.q, low, high, _FINE_TOLERANCE, trials=self.trials)
 
     def _last_step(self, q: Array, low: Array, high: Array) -> float:
         """Return the length of a Gauss-Newton step of the coordinates that are off their bounds."""

@@ -180,27 +180,12 @@ class Problem:
             slopes = np.array([s.slope(x) for s, x in zip(self.scales, q, strict=True)])
             # taken out one by one, as all at once are much memory for a long record
             jacobian = {output: sensitivities.pop(output) * -slopes for output in residual}
-            for i, name in enumerate(self.names):
-                self._add_prior(
-                    name, values[name], np.eye(len(q))[i] * slopes[i], residual, jacobian
-                )
+            for name, (mean, deviation) in self.assumptions.priors.items():
+                row = prior_row(name)
+                residual[row] = np.array([(mean - values[name]) / deviation])
+                jacobian[row] = np.where(np.equal(self.names, name), -slopes / deviation, 0.0)[None]
             self._at = (q.tobytes(), residual, jacobian)
         return self._at[1:]
-
-    def _add_prior(
-        self,
-        name: str,
-        value: float,
-        slope: Array,
-        residual: dict[str, Array],
-        jacobian: dict[str, Array],
-    ) -> None:
-        """Add the prior of a parameter, if it has one, as a residual of unit variance."""
-        prior = self.assumptions.priors.get(name)
-        if prior is not None:
-            mean, deviation = prior
-            residual[prior_row(name)] = np.array([(mean - value) / deviation])
-            jacobian[prior_row(name)] = -slope[np.newaxis] / deviation
 
     def simulate(self, values: Mapping[str, float]) -> tuple[dict[str, Array], dict[str, Array]]:
         """Return residuals (m,) at values, and derivatives (m, p) of the simulation by these.
