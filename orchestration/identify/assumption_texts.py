@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -15,8 +14,6 @@ from orchestration.fmu import Model, Signal
 from orchestration.fmu.signal import read_amount, read_quantity
 from orchestration.identify.fitting import SCALES, Assumptions
 from orchestration.reporting import option
-
-_TIE = re.compile(r"\s*(?:([-+\d.eE]+)\s*\*\s*)?([^\s*].*?)\s*")
 
 
 def read_assumptions(model: Model, options: Mapping[str, Any]) -> Assumptions:
@@ -32,45 +29,53 @@ def read_assumptions(model: Model, options: Mapping[str, Any]) -> Assumptions:
     UserError
         If a parameter or an output is unknown, or a text is not of its form.
     """
-    given = {name: options[name] or {} for name in ("bounds", "scale", "prior", "tie", "noise")}
-
-    def read(name: str, reader: Any, known: Mapping[str, Signal]) -> dict[str, Any]:
-        values = {}
-        for variable, value in given[name].items():
+    constants = model.constants
+    readers: dict[str, tuple[Any, Mapping[str, Signal]]] = {
+        "bounds": (_bounds, constants),
+        "scale": (_scale, constants),
+        "prior": (_prior, constants),
+        "tie": (_tie, constants),
+        "noise": (_deviation, {**model.others, **model.outputs}),
+    }
+    values: dict[str, dict[str, Any]] = {}
+    for name, (reader, known) in readers.items():
+        values[name] = {}
+        for variable, value in (options[name] or {}).items():
             where = option(name, {variable: value})
             signal = find(variable, known, f"{where}: {model.name} has no such variable as")
-            values[variable] = reader(value, signal, where)
-        return values
-
+            values[name][variable] = reader(value, signal, where)
+    weights = {
+        output: np.asarray(given, dtype=float)
+        for output, given in (options.get("weights") or {}).items()
+    }
+    for output, given in weights.items():
+        if not (np.isfinite(given) & (given >= 0.0)).all():
+            raise UserError(f"weights of {output}: each must be a number from zero on")
     return Assumptions(
         each=tuple(options["each"]),
-        bounds=read("bounds", _bounds, model.constants),
-        scales=read("scale", _scale, model.constants),
-        priors=read("prior", _prior, model.constants),
-        ties=read("tie", _tie, model.constants),
-        noise=read("noise", _deviation, {**model.others, **model.outputs}),
-        weights=_weights(options.get("weights") or {}),
+        bounds=values["bounds"],
+        scales=values["scale"],
+        priors=values["prior"],
+        ties=values["tie"],
+        noise=values["noise"],
+        weights=weights,
         loss=options["loss"],
         starts=options["starts"],
     )
 
 
 def _bounds(value: Any, signal: Signal, where: str) -> tuple[float, float]:
-    if not isinstance(value, str):
-        return _two_numbers(value, where)
-    low, high = _two_texts(value, "..", where, "0.1..2ohm")
-    unit = signal.unit
+    low, high = _two_amounts(value, "..", where, "0.1..2ohm")
     return (
-        read_amount(low, unit, where) if low.strip() else signal.min,
-        read_amount(high, unit, where) if high.strip() else signal.max,
+        read_amount(low, signal.unit, where) if low.strip() else signal.min,
+        read_amount(high, signal.unit, where) if high.strip() else signal.max,
     )
 
 
 def _prior(value: Any, signal: Signal, where: str) -> tuple[float, float]:
-    if not isinstance(value, str):
-        return _two_numbers(value, where)
-    text = value.replace("±", "+-").replace("+/-", "+-")
-    mean, deviation = _two_texts(text, "+-", where, "0.43+-0.05ohm")
+    if isinstance(value, str):
+        value = value.replace("±", "+-").replace("+/-", "+-")
+    mean, deviation = _two_amounts(value, "+-", where, "0.43+-0.05ohm")
     return read_amount(mean, signal.unit, where), _deviation(deviation, signal, where)
 
 
@@ -85,41 +90,24 @@ def _scale(value: Any, signal: Signal, where: str) -> str:
 
 
 def _tie(value: Any, signal: Signal, where: str) -> tuple[float, str]:
-    if not isinstance(value, str):
-        value = "*".join(map(str, value))
-    match = _TIE.fullmatch(value)
-    try:
-        factor = float(match[1] or 1.0) if match else 0.0
-    except ValueError:
-        factor = 0.0
-    if match is None or not factor:
+    text = value if isinstance(value, str) else "*".join(map(str, value))
+    factor, star, source = text.rpartition("*")
+    number, unit = read_quantity(factor if star else "1") or (0.0, "")
+    if unit or not number or not source.strip():
         raise UserError(f"{where}: write a multiple of a fitted parameter, such as 1.6*k1")
-    return factor, match[2]
+    return number, source.strip()
 
 
-def _two_texts(text: str, between: str, where: str, example: str) -> tuple[str, str]:
-    """Return the texts on both sides of a sign, the first with the unit of the second."""
-    first, found, second = text.partition(between)
+def _two_amounts(value: Any, between: str, where: str, example: str) -> tuple[str, str]:
+    """Return two amounts as texts, of a text the first with the unit of the second."""
+    if not isinstance(value, str):
+        if np.shape(value) != (2,):
+            raise UserError(f"{where}: must be two numbers, or a text with a unit")
+        return str(value[0]), str(value[1])
+    first, found, second = value.partition(between)
     if not found:
         raise UserError(f"{where}: write it as {example}")
     quantities = read_quantity(first), read_quantity(second)
     if quantities[0] and quantities[1] and not quantities[0][1]:
         first += quantities[1][1]
     return first, second
-
-
-def _two_numbers(value: Any, where: str) -> tuple[float, float]:
-    try:
-        first, second = map(float, value)
-    except (TypeError, ValueError):
-        raise UserError(f"{where}: must be two numbers, or a text with a unit") from None
-    return first, second
-
-
-def _weights(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return weights as arrays; UserError if one is negative or not finite."""
-    weights = {output: np.asarray(values, dtype=float) for output, values in given.items()}
-    for output, values in weights.items():
-        if not (np.isfinite(values).all() and (values >= 0.0).all()):
-            raise UserError(f"weights of {output}: each must be a number from zero on")
-    return weights

@@ -4,6 +4,7 @@ from .assumptions import SCALES as SCALES
 from .assumptions import Assumptions as Assumptions
 from .joint_problem import FitData as FitData
 from .joint_problem import JointProblem as JointProblem
+from .least_squares import minimise as minimise
 from .multi_start import Searches as Searches
 from .multi_start import fit_from_starts as fit_from_starts
 from .output_error import FitResult as FitResult

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
-from math import inf, isfinite
+from math import inf
 from typing import Any
 
+import numpy as np
+
 from fmus.kit import UserError
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Signals
 from fmus.kit.units import format_range, format_value
 from orchestration.identify.noise import Noise
 
@@ -69,39 +71,51 @@ class Assumptions:
         known = {output: Noise(deviation, freedom) for output, deviation in self.noise.items()}
         return known | {prior_row(name): Noise(1.0) for name in self.priors}
 
-    def check(self, names: Sequence[str], outputs: Collection[str]) -> None:
+    def check(self, names: Sequence[str], measured: Signals) -> None:
         """Refuse names that are not searched or not measured, and values without a meaning.
 
         Parameters
         ----------
         names : sequence of str
             Parameters that are searched.
-        outputs : collection of str
-            Outputs that were measured.
+        measured : Mapping of str to ndarray, shape (n,)
+            By output.
 
         Raises
         ------
         UserError
         """
-        sources = {source: 0.0 for _, source in self.ties.values()}
-        searched = {
-            "each": self.each,
-            "bounds": self.bounds,
-            "scale": self.scales,
-            "prior": self.priors,
-            "tie": sources,
-        }
-        for option, given in searched.items():
-            _check_fitted(option, given, names)
+        fitted = names, "it is not fitted; fitted are"
+        outputs = measured, "it was not measured; there are"
+        for option, given, (known, fault) in (
+            ("each", self.each, fitted),
+            ("bounds", self.bounds, fitted),
+            ("scale", self.scales, fitted),
+            ("prior", self.priors, fitted),
+            ("tie", [source for _, source in self.ties.values()], fitted),
+            ("noise", self.noise, outputs),
+            ("weights", self.weights, outputs),
+        ):
+            for name in given:
+                if name not in known:
+                    raise UserError(f"{option} {name}: {fault} {', '.join(known)}")
         for name in self.ties:
             if name in names:
                 raise UserError(f"tie {name}: it is fitted, too; leave out one of the two")
-        for name, (_, deviation) in self.priors.items():
-            _check_positive(f"prior {name}: the deviation", deviation)
-        for option, by_output in (("noise", self.noise), ("weights", self.weights)):
-            _check_outputs(option, by_output, outputs)
-        for output, deviation in self.noise.items():
-            _check_positive(f"noise {output}: the deviation", deviation)
+        for output, weights in self.weights.items():
+            if np.shape(weights) != np.shape(measured[output]):
+                raise UserError(
+                    f"weights of {output}: there are {np.size(weights)}, of"
+                    f" {len(measured[output])} samples"
+                )
+        self._check_deviations()
+
+    def _check_deviations(self) -> None:
+        deviations = {f"prior {name}": deviation for name, (_, deviation) in self.priors.items()}
+        deviations |= {f"noise {output}": deviation for output, deviation in self.noise.items()}
+        for what, deviation in deviations.items():
+            if not 0.0 < deviation < inf:
+                raise UserError(f"{what}: the deviation is {deviation:g}; it must be above zero")
 
     def bounded(self, declared: Mapping[str, Any]) -> dict[str, Any]:
         """Return declarations with the bounds as their ranges, those of ties' sources narrowed.
@@ -130,24 +144,6 @@ class Assumptions:
 def prior_row(name: str) -> str:
     """Return the name of the residual that the prior of a parameter is."""
     return f"prior of {name}"
-
-
-def _check_fitted(option: str, given: Iterable[str], names: Sequence[str]) -> None:
-    for name in given:
-        if name not in names:
-            raise UserError(f"{option} {name}: it is not fitted; fitted are {', '.join(names)}")
-
-
-def _check_outputs(option: str, given: Collection[str], measured: Collection[str]) -> None:
-    for output in given:
-        if output not in measured:
-            there = ", ".join(measured)
-            raise UserError(f"{option} {output}: it was not measured; there are {there}")
-
-
-def _check_positive(what: str, value: float) -> None:
-    if not (isfinite(value) and value > 0.0):
-        raise UserError(f"{what} is {value:g}; it must be above zero")
 
 
 def _within(declaration: Any, low: float, high: float) -> Any:

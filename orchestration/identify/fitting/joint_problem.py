@@ -62,7 +62,7 @@ class JointProblem(Problem):
         fixed: Mapping[str, float],
         assumptions: Assumptions = NO_ASSUMPTIONS,
     ):
-        assumptions.check(names, {output for record in records for output in record.measured})
+        assumptions.check(names, _joined([record.measured for record in records]))
         self._members = [_member(cls, record, names, fixed, assumptions) for record in records]
         vars(self).update(vars(self._members[0]))
         ties = assumptions.ties

@@ -176,7 +176,9 @@ class _Loss:
         exact = not isinstance(self.problem.model, FmuWithDifferences)
         if not (exact and end.converged and self._last_step(end.q, low, high) > _PRECISE):
             return end
-        return minimise(self._rows, self._slopes, end.q, low, high, _FINE_TOLERANCE, trials=self.trials)
+        return minimise(
+            self._rows, self._slopes, end.q, low, high, _FINE_TOLERANCE, trials=self.trials
+        )
 
     def _last_step(self, q: Array, low: Array, high: Array) -> float:
         """Return the length of a Gauss-Newton step of the coordinates that are off their bounds."""

@@ -12,12 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
+from fmus.kit.extras import require
 from fmus.kit.units import Described, format_value
 from orchestration.identify.uncertainty.profile import Coordinate
 from orchestration.reporting import Displayable, one_line, plain_table
@@ -122,31 +123,6 @@ class Posterior(Displayable):
         }
 
 
-class Chain(NamedTuple):
-    """A chain of an ensemble after its beginning was left out.
-
-    Attributes
-    ----------
-    points : ndarray, shape (steps, walkers, p)
-    autocorrelation_time : ndarray, shape (p,)
-        Steps from one independent point to the next.
-    steps : int
-        Before the beginning was left out.
-    acceptance : float
-    """
-
-    points: Array
-    autocorrelation_time: Array
-    steps: int
-    acceptance: float
-
-    @property
-    def effective(self) -> float:
-        """Number of independent points, of the coordinate with the fewest."""
-        steps, walkers, _ = self.points.shape
-        return float(steps * walkers / self.autocorrelation_time.max())
-
-
 def sample_posterior(
     log_density: Callable[[Array], float],
     declared: Mapping[str, Described],
@@ -185,57 +161,46 @@ def sample_posterior(
             f"{count} samples with seed {seed}: whole numbers, of one sample or more and a seed"
             " from zero on"
         )
+    require("emcee")
+    import emcee
+
     ends = np.array([[one.low, one.high] for one in coordinates])
 
     def inside(q: Array) -> float:
         is_inside = ((ends[:, 0] <= q) & (q <= ends[:, 1])).all()
         return log_density(q) if is_inside else -np.inf
 
-    random = np.random.default_rng(seed)
     walkers = max(_WALKERS, 4 * len(centre))
-    start = random.multivariate_normal(centre, spread, walkers, method="svd")
-    chain = _run(inside, np.clip(start, *ends.T), count, seed, progress)
-    r_hat = dict(zip(declared, map(float, split_r_hat(chain.points)), strict=True))
-    flat = chain.points.reshape(-1, len(centre))
-    kept = flat[:: max(1, int(len(flat) / chain.effective))]
+    random = np.random.default_rng(seed)
+    state: Any = random.multivariate_normal(centre, spread, walkers, method="svd")
+    state = np.clip(state, *ends.T)
+    sampler = emcee.EnsembleSampler(walkers, len(centre), inside)
+    sampler.random_state = np.random.RandomState(seed).get_state()  # of which emcee's is one
+    length = effective = 0.0
+    while (length < _LONG or effective < count) and sampler.iteration * walkers < _MOST:
+        progress(f"posterior, step {sampler.iteration}")
+        state = sampler.run_mcmc(state, _CHUNK)
+        times = sampler.get_autocorr_time(tol=0, quiet=True)
+        longest = max(1.0, *np.nan_to_num(times, nan=sampler.iteration))
+        length = sampler.iteration / longest
+        burnt = min(int(_BURNT * longest), sampler.iteration // 2)
+        effective = (sampler.iteration - burnt) * walkers / longest
+    r_hat = dict(
+        zip(declared, map(float, split_r_hat(sampler.get_chain(discard=burnt))), strict=True)
+    )
+    kept = sampler.get_chain(discard=burnt, thin=int(longest), flat=True)
     samples = {
         name: np.array([one.value(q) for q in column])
         for name, one, column in zip(declared, coordinates, kept.T, strict=True)
     }
-    return Posterior(
-        samples, declared, chain.effective, r_hat, chain.acceptance, _doubts(chain, count, r_hat)
-    )
-
-
-def _run(
-    log_density: Callable[[Array], float],
-    start: Array,
-    count: int,
-    seed: int,
-    progress: Callable[[str], None],
-) -> Chain:
-    """Run an ensemble from points (walkers, p) until its chain is long enough."""
-    from fmus.kit.extras import require
-
-    require("emcee")
-    import emcee
-
-    walkers = len(start)
-    sampler = emcee.EnsembleSampler(walkers, start.shape[1], log_density)
-    sampler.random_state = np.random.RandomState(seed).get_state()  # of which emcee's is one
-    state: Any = start
-    while True:
-        progress(f"posterior, step {sampler.iteration}")
-        state = sampler.run_mcmc(state, _CHUNK)
-        time = sampler.get_autocorr_time(tol=0, quiet=True)
-        time = np.where(np.isfinite(time), np.maximum(time, 1.0), float(sampler.iteration))
-        burnt = min(int(_BURNT * time.max()), sampler.iteration // 2)
-        points = sampler.get_chain(discard=burnt)
-        acceptance = float(np.mean(sampler.acceptance_fraction))
-        chain = Chain(points, time, sampler.iteration, acceptance)
-        is_long = sampler.iteration >= _LONG * time.max()
-        if (is_long and chain.effective >= count) or sampler.iteration * walkers >= _MOST:
-            return chain
+    acceptance = float(np.mean(sampler.acceptance_fraction))
+    warnings = _doubts(r_hat, acceptance)
+    if length < _LONG or effective < count:
+        warnings.append(
+            f"the chain ended after {sampler.iteration} steps, {length:.0f} autocorrelation times,"
+            f" with {effective:.0f} independent samples: its intervals are uncertain"
+        )
+    return Posterior(samples, declared, effective, r_hat, acceptance, tuple(warnings))
 
 
 def split_r_hat(points: Array) -> Array:
@@ -252,21 +217,17 @@ def split_r_hat(points: Array) -> Array:
     return np.sqrt((half - 1) / half + ratio / half)
 
 
-def _doubts(chain: Chain, count: int, r_hat: Mapping[str, float]) -> tuple[str, ...]:
-    """Return warnings about the convergence of a chain."""
+def _doubts(r_hat: Mapping[str, float], acceptance: float) -> list[str]:
+    """Return warnings of chains that have not mixed, and of an ensemble that hardly moves."""
     warnings = []
-    times = chain.steps / float(chain.autocorrelation_time.max())
-    if times < _LONG or chain.effective < count:
+    unmixed = [name for name, value in r_hat.items() if not value <= _MIXED]
+    if unmixed:
         warnings.append(
-            f"the chain ended after {chain.steps} steps, {times:.0f} autocorrelation times, with"
-            f" {chain.effective:.0f} independent samples: its intervals are uncertain"
+            f"the chains of {', '.join(unmixed)} have not mixed: R-hat above {_MIXED:g}"
         )
-    mixed = [name for name, value in r_hat.items() if not value <= _MIXED]
-    if mixed:
-        warnings.append(f"the chains of {', '.join(mixed)} have not mixed: R-hat above {_MIXED:g}")
-    if chain.acceptance < _ACCEPTED:
+    if acceptance < _ACCEPTED:
         warnings.append(
-            f"only {100 * chain.acceptance:.0f} % of steps were accepted: the posterior is narrow"
-            " or bent; profiles do without samples"
+            f"only {100 * acceptance:.0f} % of steps were accepted: the posterior is narrow or"
+            " bent; profiles do without samples"
         )
-    return tuple(warnings)
+    return warnings

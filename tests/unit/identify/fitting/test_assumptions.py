@@ -122,3 +122,11 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
         low, high = np.array([*fit.intervals.values()]).T
         held += np.sum((low <= truth) & (truth <= high))
     assert 0.93 <= held / 600 <= 0.97
+
+
+def test_weights_of_other_samples_are_refused_in_a_line():
+    x = columns()
+    data = plane_data(x, noisy(x, [2.0, -1.0, 0.5]))
+    for records in ([data], [data._replace(label="one"), data._replace(label="other")]):
+        with pytest.raises(UserError, match=r"^weights of y: there are 7, of \d+ samples$"):
+            fitted(records, weights={"y": np.ones(7)})
