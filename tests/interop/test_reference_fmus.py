@@ -3,6 +3,8 @@
 They are in no package index: ``PPY_REFERENCE_FMUS`` names the folder of an unpacked release, with
 ``2.0/NAME.fmu``, ``3.0/NAME.fmu`` and, where there are any, ``NAME_ref.csv`` or ``NAME_out.csv``,
 and ``NAME_in.csv`` anywhere in it.
+
+A fit of their parameters finds those of solutions on paper or by SciPy.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import ppy_rig as ppy
 from orchestration.fmu import Archive, Fmu
 from orchestration.fmu.signal import type_of
 from orchestration.fmu.simulation import EndedSimulation, simulate_instance
@@ -167,3 +170,66 @@ def test_robertsons_problem_is_solved_by_model_exchange(tmp_path):
         atol=[1e-14, 1e-18, 1e-14],
     ).y[:, -1]
     assert [found[f"y{k}"][-1] for k in (1, 2, 3)] == pytest.approx(truth, rel=1e-4)
+
+
+def decay() -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    time = np.linspace(0.0, 10.0, 101)
+    return time, {"x": np.exp(-0.8 * time)}
+
+
+def oscillation() -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    time = np.linspace(0.0, 20.0, 401)
+    x0, x1 = solve_ivp(
+        lambda _, x: [x[1], 1.7 * (1.0 - x[0] ** 2) * x[1] - x[0]],
+        (0.0, 20.0),
+        [2.0, 0.0],
+        t_eval=time,
+        rtol=1e-11,
+        atol=1e-12,
+    ).y
+    return time, {"x0": x0, "x1": x1}
+
+
+def bounces() -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Parabolas, from a metre on; each bounce keeps 0.8 of the speed."""
+    time = np.linspace(0.0, 1.5, 151)
+    h = 1.0 - 9.2 * time**2 / 2.0
+    begin = np.sqrt(2.0 / 9.2)
+    speed = 0.8 * 9.2 * begin
+    while begin < time[-1]:
+        flown = time[time >= begin] - begin
+        h[time >= begin] = speed * flown - 9.2 * flown**2 / 2.0
+        begin += 2.0 * speed / 9.2
+        speed *= 0.8
+    return time, {"h": h}
+
+
+KNOWN = {
+    "Dahlquist": (decay, {"k": 0.8}),
+    "VanDerPol": (oscillation, {"mu": 1.7}),
+    "BouncingBall": (bounces, {"g": -9.2, "e": 0.8}),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", FMUS, ids=lambda path: f"{path.stem}-{path.parent.name}")
+def test_a_fit_finds_the_parameters_of_a_known_solution(path):
+    """To six digits without noise, and else within the interval; integrated here.
+
+    Their own solver is Euler's method of a step so long that a parameter would be percents away.
+    """
+    if path.stem not in KNOWN:
+        pytest.skip("no parameter is fitted, or no solution is known")
+    solution, true = KNOWN[path.stem]
+    time, exact = solution()
+    options = {"model_exchange": True, "tolerance": 1e-9}
+    found = ppy.fit({"time": time, **exact}, path, list(true), **options)
+    assert found.values == pytest.approx(true, rel=5e-7)
+    random = np.random.default_rng(1)
+    noisy = {name: y + random.normal(0.0, 0.01, y.size) for name, y in exact.items()}
+    found = ppy.fit({"time": time, **noisy}, path, list(true), **options)
+    for name, value in true.items():
+        low, high = found.intervals[name]
+        assert low <= value <= high, name
+        assert high - low < 0.05 * abs(value), name
+    assert found.warnings == []

@@ -110,6 +110,8 @@ class FmuWithDifferences:
         self._is_open = False
         self._open.__exit__(*error)
 
+    # an FMU may run away to numbers of which differences, or their squares, are none
+    @np.errstate(over="ignore", invalid="ignore")
     def run(self, given: SimulationInput) -> Trajectory:
         """Simulate like `CompiledModel.run`, with inputs constant between samples.
 

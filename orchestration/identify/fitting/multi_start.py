@@ -23,6 +23,7 @@ _DRAWN = 4  # points drawn for each search that begins at one of them
 # half the width, in searched coordinates, over which points are drawn where a range is wider: a
 # factor of ten in a logarithm, three sizes else
 _REACH = {True: float(np.log(10.0)), False: 3.0}
+_ROUNDING = 1e-6  # of what an output moves by: a residual that is no larger leaves nothing
 _DEEPER = 1.0  # fall of the deviance beyond which a minimum is another one
 
 
@@ -78,9 +79,14 @@ def _deviance(problem: Problem, fitted: FitResult) -> float:
 
 
 def _is_white(problem: Problem, fitted: FitResult) -> bool:
-    """Return whether the residual of every output is long enough for a test, and white."""
-    tested = [fitted.residual[output] for output in problem.measured]
-    return all(len(r) >= WHITENESS_SAMPLES and whiteness(r).is_white for r in tested)
+    """Return whether the residual of every output is white, or of the size of rounding errors."""
+    for output, y in problem.measured.items():
+        residual = fitted.residual[output]
+        is_tested = len(residual) >= WHITENESS_SAMPLES
+        is_noise = is_tested and whiteness(residual).is_white
+        if not is_noise and np.std(residual) > _ROUNDING * np.nanstd(y):
+            return False
+    return True
 
 
 def _points(problem: Problem, start: Array, count: int) -> list[Array]:
