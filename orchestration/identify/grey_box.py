@@ -466,7 +466,7 @@ class Likelihood:
                 return -np.inf
             return -0.5 * deviance / colour if np.isfinite(deviance) else -np.inf
 
-        with _opened(self.subject):
+        with _opened(self.subject, derivatives=False):
             return sample_posterior(
                 log_density,
                 {name: problem.declared[name] for name in names},
@@ -479,9 +479,11 @@ class Likelihood:
             )
 
 
-def _opened(subject: Subject) -> AbstractContextManager[None]:
+def _opened(subject: Subject, derivatives: bool = True) -> AbstractContextManager[None]:
     """Return a context in which the subject of a fit can be simulated."""
-    return subject.opened() if isinstance(subject, FmuWithDifferences) else nullcontext()
+    if isinstance(subject, FmuWithDifferences):
+        return subject.opened(derivatives)
+    return nullcontext()
 
 
 def fit_grey_box(

@@ -64,12 +64,17 @@ def minimise(
     GaussNewtonMinimum
     """
 
+    size = float(np.linalg.norm(problem.errors(theta))) or 1.0  # so that no unit decides when a search ends
+
     def errors(at: Array) -> Array:
         if not problem.admissible(at):
             raise UserError("the predictor is not stable")
-        return problem.errors(at)
+        return problem.errors(at) / size
+
+    def slopes(at: Array) -> Array:
+        return problem.jacobian(at) / size
 
     ends = np.full_like(theta, np.inf)
-    end = fitting.minimise(errors, problem.jacobian, theta, -ends, ends, enough, trials=trials)
+    end = fitting.minimise(errors, slopes, theta, -ends, ends, enough, trials=trials)
     e = problem.errors(end.q)
     return GaussNewtonMinimum(end.q, float(e @ e), end.converged)

@@ -87,13 +87,21 @@ class FmuWithDifferences:
         self._steps: dict[str, tuple[float, float]] = {}
         self._open = ExitStack()
         self._is_open = False
+        self._has_derivatives = True
         self._longest_run = np.inf  # s that a run may take
 
     @contextmanager
-    def opened(self) -> Iterator[None]:
-        """Open the FMU while the context lasts, unless it is already open."""
-        with nullcontext() if self._is_open else self:
-            yield
+    def opened(self, derivatives: bool = True) -> Iterator[None]:
+        """Open the FMU while the context lasts, unless it is already open.
+
+        Without derivatives, all are zero, and a simulation is one run.
+        """
+        self._has_derivatives = derivatives
+        try:
+            with nullcontext() if self._is_open else self:
+                yield
+        finally:
+            self._has_derivatives = True
 
     def __enter__(self) -> FmuWithDifferences:
         if self._limits is None:
@@ -134,12 +142,9 @@ class FmuWithDifferences:
         at = {name: float(given.parameters[name]) for name in self._names}
         point = replace(given, parameters=at)
         outputs_here = self._first_run(point)
-        for name in self._names:
-            if not self._has_valid_step(name, at[name]):
-                step = self._choose_step(point, outputs_here, name)
-                self._steps[name] = (self._scale_of(name, at[name]), step)
-        steps = [(name, self._steps[name][1]) for name in self._names]
-        slopes = self._slopes(point, outputs_here, steps)
+        slopes = [np.zeros_like(outputs_here) for _ in self._names]
+        if self._has_derivatives:
+            slopes = self._differences(point, outputs_here)
         for name, slope in zip(self._names, slopes, strict=True):
             if not np.isfinite(slope).all():
                 raise UserError(
@@ -151,6 +156,16 @@ class FmuWithDifferences:
             by_parameter = np.array([slope[:, k] for slope in slopes])
             sensitivities[output] = by_parameter.reshape(len(slopes), len(given.time)).T
         return Trajectory(signals, sensitivities)
+
+    def _differences(self, point: SimulationInput, outputs_here: Array) -> list[Array]:
+        """Return derivatives (n, m), one for each parameter, by steps that suit the FMU."""
+        at = point.parameters
+        for name in self._names:
+            if not self._has_valid_step(name, at[name]):
+                step = self._choose_step(point, outputs_here, name)
+                self._steps[name] = (self._scale_of(name, at[name]), step)
+        steps = [(name, self._steps[name][1]) for name in self._names]
+        return self._slopes(point, outputs_here, steps)
 
     def _first_run(self, point: SimulationInput) -> Array:
         """Simulate the outputs (n, m) at a point; the first such run limits the time of others.
