@@ -44,6 +44,7 @@ from orchestration.identify.uncertainty import (
     Estimate,
     Posterior,
     Profile,
+    correlation_matrix,
     estimates_frame,
     joint_distribution,
     parameter_covariance,
@@ -208,12 +209,7 @@ class Fit(Displayable):
     @property
     def correlation_matrix(self) -> Array:
         """Correlations (p, p) of the estimates, in their order."""
-        names = [*self.estimates]
-        matrix = np.eye(len(names))
-        for (one, other), r in self.correlations.items():
-            i, j = names.index(one), names.index(other)
-            matrix[[i, j], [j, i]] = r
-        return matrix
+        return correlation_matrix([*self.estimates], self.correlations)
 
     @property
     def coupled(self) -> dict[tuple[str, str], float]:
@@ -622,13 +618,11 @@ def _coloured_covariance(problem: Problem, fitted: FitResult) -> Covariance:
     weighted = []
     noise = []
     for output, model in fitted.noise.items():
-        weighted.append(np.sqrt(model.information) * (slopes[output] / model.deviation))
-        if output in problem.given:
-            noise.append(Autoregression(np.empty(0), 1.0))
-            continue
         information = np.sqrt(model.information)
+        weighted.append(information * (slopes[output] / model.deviation))
         score = fitted.weights[output] * fitted.innovation[output] / information
-        noise.append(fit_autoregression(score))
+        is_given = output in problem.given
+        noise.append(Autoregression(np.empty(0), 1.0) if is_given else fit_autoregression(score))
     return sandwich_covariance(fitted.covariance, weighted, noise)
 
 

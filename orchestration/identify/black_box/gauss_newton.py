@@ -63,8 +63,9 @@ def minimise(
     -------
     GaussNewtonMinimum
     """
-
-    size = float(np.linalg.norm(problem.errors(theta))) or 1.0  # so that no unit decides when a search ends
+    size = (
+        float(np.linalg.norm(problem.errors(theta))) or 1.0
+    )  # so that no unit decides when a search ends
 
     def errors(at: Array) -> Array:
         if not problem.admissible(at):

@@ -70,6 +70,18 @@ def slope(tau):
     return -TIME / tau**2 * np.exp(-TIME / tau)
 
 
+def test_without_derivatives_a_simulation_is_one_run(lag):
+    given = SimulationInput(TIME, {"u": np.ones(101)}, {"tau": 1.7})
+    fmu = FmuWithDifferences(lag, ["tau"], ["x"])
+    with fmu.opened(derivatives=False):
+        ran = fmu.run(given)
+    assert fmu.runs == 1
+    assert ran.signals["x"] == pytest.approx(rise(1.7), abs=1e-6)
+    assert not ran.sensitivities["x"].any()
+    with fmu.opened():
+        assert fmu.run(given).sensitivities["x"].any()
+
+
 @pytest.mark.parametrize("tau", [0.02, 1.7, 300.0])
 def test_the_derivative_of_a_lag_is_its_closed_form(lag, tau):
     with FmuWithDifferences(lag, ["tau"], ["x"]) as fmu:
