@@ -176,16 +176,10 @@ def joint_distribution(
         )
     ends[log] = np.log(ends[log])
     errors = (ends[:, 2] - ends[:, 0]) / (2.0 * ndtri(0.975))
-    matrix = correlation_matrix(names, correlations)
-    return Distribution(names, log, ends[:, 1], matrix * np.outer(errors, errors))
-
-
-def correlation_matrix(
-    names: Sequence[str], correlations: Mapping[tuple[str, str], float]
-) -> Array:
-    """Return a matrix (p, p) of correlations that are given by pairs."""
     matrix = np.eye(len(names))
-    for (one, other), r in correlations.items():
-        i, j = names.index(one), names.index(other)
-        matrix[[i, j], [j, i]] = r
-    return matrix
+    for (one, other), value in correlations.items():
+        i = names.index(one)
+        j = names.index(other)
+        matrix[i, j] = value
+        matrix[j, i] = value
+    return Distribution(names, log, ends[:, 1], matrix * np.outer(errors, errors))
