@@ -26,3 +26,9 @@ def test_a_residual_that_is_white_ends_the_searches():
     x = columns(400)
     fit = fitted([plane_data(x, noisy(x, [2.0, -1.0, 0.5]))], starts=None)
     assert fit.searches == 1
+
+
+def test_a_residual_of_rounding_errors_ends_the_searches():
+    x = columns(400)
+    fit = fitted([plane_data(x, x @ [2.0, -1.0, 0.5])], starts=None)
+    assert fit.searches == 1
