@@ -6,7 +6,7 @@ Not part of the FMU; the libraries that it needs are imported where they are use
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from fmus.kit import Component, UserError
 from fmus.kit.declare import Declaration
 from fmus.kit.effects import stack
 from fmus.kit.registry import DesignedController, DesignRequest
+from fmus.kit.units import quotient
 
 from .pid import Pid
 
@@ -28,9 +29,8 @@ _PEAK_RATIO = 1.25  # of the largest sensitivity to the least one that a phase m
 _FASTEST = 0.1  # crossover over sampling rate; Astrom, Wittenmark: Computer-Controlled Systems, 5.5
 _SLOWEST = 1e-6  # the same
 _CANDIDATES = 150  # crossovers that are tried where none is asked for
-_POINTS = 3000  # of a frequency response
-_LAGS = np.geomspace(1e-3, 1e4, 600)  # omega T_i, in which the controller's phase is solved
-_EXACT = 1e-12  # of omega T_i
+_POINTS = 6000  # of a frequency response, between which its phase hardly changes
+_LAGS = np.geomspace(1e-3, 1e4, 600)  # omega T_i, for the phases that a controller can have
 _UNLIMITED = 1e12  # largest limit of a command
 # pole that still counts as stable: where a plant does not pass a constant on, the integral drifts
 _MARGINAL = 1.0 + 1e-9
@@ -59,7 +59,7 @@ def pid(name: str, measured: str, command: str, **values: float) -> type[Compone
     UserError
         If there is no such parameter, or a value is out of range.
     """
-    units = {"N": measured, "V": command, "V/N": _ratio(command, measured)}
+    units = {"N": measured, "V": command, "V/N": quotient(command, measured)}
     redeclared = {
         key: replace(variable, unit=units.get(variable.unit, variable.unit))
         for key, variable in Pid.declared.items()
@@ -75,161 +75,99 @@ def pid(name: str, measured: str, command: str, **values: float) -> type[Compone
     return stack(made, name=name, defaults=values)
 
 
-def _ratio(command: str, measured: str) -> str:
-    """Return the unit of a command per measured value."""
-    command, measured = (unit.replace("degC", "K") for unit in (command, measured))
-    if measured == "1":
-        return command
-    if command == measured:
-        return "1"
-    return f"{command}/{measured}" if measured.isalpha() else f"{command}/({measured})"
+def _law(integral_time: Any, share: float, s: Any) -> Any:
+    """Return the transfer function of a PID controller of gain one.
 
-
-@dataclass(frozen=True)
-class _Form:
-    """Shape of a PID controller with gain one.
-
-    Attributes
+    Parameters
     ----------
     integral_time : float or ndarray
-        Seconds.
+        T_i.
     share : float
         T_d / T_i; 0 without derivative.
-    period : float
-        Sample period, s.
+    s : complex, ndarray or control.TransferFunction
+        Backward difference ``(1 - 1/z) / h``, or the variable s, with the time unit of T_i.
     """
-
-    integral_time: Any
-    share: float
-    period: float
-
-    @property
-    def derivative_time(self) -> Any:
-        return self.share * self.integral_time
-
-    @property
-    def filter_time(self) -> Any:
-        return self.derivative_time / _FILTER_RATIO
-
-    def response(self, z: Any) -> Any:
-        """Return the response from error to command, by the backward differences of `Pid`."""
-        difference = 1.0 - 1.0 / z
-        integral = self.period / (self.integral_time * difference)
-        filtered = self.filter_time * difference + self.period
-        return 1.0 + integral + self.derivative_time * difference / filtered
-
-    def matrices(self) -> tuple[Array, Array, Array, float]:
-        """Return A, B, C and D of the controller: an integral, and the filter of the derivative."""
-        decay = self.filter_time / (self.filter_time + self.period)
-        rate = self.derivative_time / (self.filter_time + self.period)
-        step = self.period / self.integral_time
-        C = np.array([[step, rate * (decay - 1.0)]])
-        return np.diag([1.0, decay]), np.ones((2, 1)), C, 1.0 + step + rate
+    derivative = share * integral_time * s
+    return 1.0 + 1.0 / (integral_time * s) + derivative / (derivative / _FILTER_RATIO + 1.0)
 
 
 @dataclass(frozen=True)
 class _Tuning:
-    """Tuning of a form of controller for a plant and a phase margin.
+    """Tuning of a PID controller for a plant and a phase margin.
 
     Attributes
     ----------
     request : DesignRequest
     share : float
-        T_d / T_i.
-    z, plant : ndarray of complex, shape (n,)
-        Points on the unit circle, and the response of the plant there.
+        T_d / T_i; 0 without derivative.
     """
 
     request: DesignRequest
     share: float
-    z: Array
-    plant: Array
-
-    @classmethod
-    def of(cls, request: DesignRequest, share: float) -> _Tuning:
-        """Return the tuning with the response of the plant up to half the sampling rate."""
-        z = np.exp(1j * np.pi * np.geomspace(_SLOWEST, 1.0, _POINTS))
-        return cls(request, share, z, np.asarray(request.plant(z)))
 
     @property
     def period(self) -> float:
+        """Sample period, s."""
         return float(self.request.plant.dt)
 
-    def at(self, crossover: float) -> tuple[float, _Form] | None:
-        """Return gain and form of gain one and the phase margin at a crossover, Hz.
+    def difference(self, z: Any) -> Any:
+        """Return the backward difference at points of the z-plane, 1/s."""
+        return (1.0 - 1.0 / z) / self.period
 
-        Of two integral times the shorter is taken, which acts against loads sooner. None if the
-        phase that is needed is beyond the controller.
-        """
-        from scipy.optimize import brentq
-
+    def needed(self, crossover: float) -> tuple[float, complex, complex]:
+        """Return omega, s / omega, and the response that the controller needs at a crossover."""
         omega = 2.0 * np.pi * crossover
-        target, wanted = self.needed(crossover)
-
-        def excess(lag: Any) -> Any:
-            return self.turn(lag / omega, crossover) - wanted
-
-        above = np.flatnonzero(excess(_LAGS) >= 0.0)
-        if not above.size or above[0] == 0:
-            return None
-        low, high = _LAGS[above[0] - 1 : above[0] + 1]
-        lag = brentq(excess, low, high, xtol=_EXACT)
-        form = _Form(lag / omega, self.share, self.period)
-        return float(np.real(target / form.response(self.point(crossover)))), form
-
-    def point(self, frequency: float) -> complex:
-        """Return the point on the unit circle of a frequency, Hz."""
-        return complex(np.exp(2j * np.pi * frequency * self.period))
-
-    def needed(self, crossover: float) -> tuple[complex, float]:
-        """Return the response that the controller needs at a crossover, and its phase, radians.
-
-        The phase is from -90 to 90 degrees: a plant that answers with the other sign needs a
-        negative gain.
-        """
+        z = np.exp(1j * omega * self.period)
         margin = np.exp(1j * np.radians(self.request.phase_margin - 180.0))
-        target = margin / self.request.plant(self.point(crossover))
-        return target, float(np.angle(target if np.real(target) > 0.0 else -target))
+        return omega, self.difference(z) / omega, complex(margin / self.request.plant(z))
 
-    def turn(self, integral_time: Any, crossover: float) -> Any:
-        """Return the phase of the controller of gain one for integral times, radians."""
-        form = _Form(integral_time, self.share, self.period)
-        return np.angle(form.response(self.point(crossover)))
+    def at(self, crossover: float) -> tuple[float, float] | None:
+        """Return the gain and the integral time, s, that make a crossover, Hz, with the margin.
 
-    def is_sound(self, gain: float, form: _Form) -> bool:
-        """Return whether a loop is stable and has the phase margin at all crossovers."""
-        size, margin = self._size_and_margin(gain * form.response(self.z) * self.plant)
-        crossings = np.flatnonzero(np.diff(np.sign(size)))
-        share = size[crossings] / (size[crossings] - size[crossings + 1])
-        there = margin[crossings] + share * (margin[crossings + 1] - margin[crossings])
-        if np.any(np.abs(there) < self.request.phase_margin - _TOLERANCE):
-            return False
-        return bool(np.abs(self.closed_poles(gain, form)).max() < _MARGINAL)
+        The gain is real where the product of the law and its needed value's conjugate is: this is
+        a polynomial in ``omega T_i``. Of several times the shortest is taken, which acts against
+        loads soonest. None if the phase that is needed is beyond the controller.
+        """
+        omega, s, needed = self.needed(crossover)
+        lagging = np.poly1d([self.share / _FILTER_RATIO * s, 1.0])
+        law = np.poly1d([1.0, 1.0 / s]) * lagging + np.poly1d([self.share * s, 0.0, 0.0])
+        turned = law * np.poly1d(np.conj(needed * lagging.coeffs))
+        roots = np.roots(np.imag(turned.coeffs))
+        times = roots[np.isreal(roots) & (np.real(roots) > 0.0)].real
+        if not times.size:
+            return None
+        shortest = float(times.min())
+        return float(np.real(needed / _law(shortest, self.share, s))), shortest / omega
 
-    def closed_poles(self, gain: float, form: _Form) -> Array:
-        """Return the poles of the closed loop in the z-plane, shape (n,)."""
-        plant = self.request.plant
-        A, B, C, D = form.matrices()
-        n = plant.nstates
-        joined = np.zeros((n + len(A), n + len(A)))
-        joined[:n, :n] = plant.A
-        joined[:n, n:] = gain * plant.B @ C
-        joined[n:, n:] = A
-        driven = np.vstack([gain * D * plant.B, B])
-        read = np.hstack([plant.C, gain * plant.D @ C])
-        through = 1.0 + gain * D * float(plant.D[0, 0])
-        return np.asarray(np.linalg.eigvals(joined - driven @ read / through))
+    @cached_property
+    def _grid(self) -> tuple[Array, Array]:
+        """Backward difference and response of the plant up to half the sampling rate."""
+        z = np.exp(1j * np.pi * np.geomspace(_SLOWEST, 1.0, _POINTS))
+        return self.difference(z), np.asarray(self.request.plant(z))
 
-    def _size_and_margin(self, loop: Array) -> tuple[Array, Array]:
-        """Return the logarithm of the gain, and the phase above -180 degrees, of a loop."""
-        return np.log(np.abs(loop)), np.degrees(np.unwrap(np.angle(-loop)))
+    def _loop(self, gain: float, integral_time: float) -> Array:
+        s, plant = self._grid
+        return np.asarray(gain * _law(integral_time, self.share, s) * plant)
 
-    def peak(self, gain: float, form: _Form) -> float:
+    def peak(self, gain: float, integral_time: float) -> float:
         """Return the largest sensitivity, |1 / (1 + L)|."""
-        loop = gain * form.response(self.z) * self.plant
-        return float(np.max(1.0 / np.abs(1.0 + loop)))
+        return float(1.0 / np.abs(1.0 + self._loop(gain, integral_time)).min())
 
-    def best(self) -> tuple[float, _Form]:
+    def is_sound(self, gain: float, integral_time: float) -> bool:
+        """Return whether a loop is stable and has the phase margin at all crossovers."""
+        import control
+
+        loop = self._loop(gain, integral_time)
+        crossings = np.flatnonzero(np.diff(np.abs(loop) > 1.0))
+        margins = np.abs(np.degrees(np.angle(-loop[crossings])))
+        if np.any(margins < self.request.phase_margin - _TOLERANCE):
+            return False
+        s = self.difference(control.tf([1.0, 0.0], [1.0], self.period))
+        controller = control.ss(gain * _law(integral_time, self.share, s))
+        closed = control.feedback(self.request.plant * controller, 1)
+        return bool(np.abs(closed.poles()).max() < _MARGINAL)
+
+    def best(self) -> tuple[float, float]:
         """Return the sound tuning with the largest integral gain, and a bounded sensitivity.
 
         The integral of the error after a step of the load is T_i / K (Astrom, Hagglund: Advanced
@@ -245,16 +183,16 @@ class _Tuning:
         tuned = [found for found in map(self.at, crossovers) if found is not None]
         least = 0.5 / np.sin(np.radians(0.5 * self.request.phase_margin))
         largest = max(_LARGEST_PEAK, _PEAK_RATIO * least)
-        for gain, form in sorted(tuned, key=lambda one: one[1].integral_time / abs(one[0])):
-            if self.peak(gain, form) <= largest and self.is_sound(gain, form):
-                return gain, form
+        for one in sorted(tuned, key=lambda one: one[1] / abs(one[0])):
+            if self.peak(*one) <= largest and self.is_sound(*one):
+                return one
         raise UserError(
             f"no crossover up to {_FASTEST * rate:.4g} Hz gives a stable loop with a phase margin"
             f" of {self.request.phase_margin:g} degrees and a sensitivity of at most {largest:.3g}:"
             " ask for another phase margin, or for a shorter sample period"
         )
 
-    def asked(self, crossover: float) -> tuple[float, _Form]:
+    def asked(self, crossover: float) -> tuple[float, float]:
         """Return the tuning for a crossover that is asked for, Hz.
 
         Raises
@@ -271,11 +209,13 @@ class _Tuning:
         wish = f"a phase margin of {self.request.phase_margin:g} degrees at {crossover:g} Hz"
         tuned = self.at(crossover)
         if tuned is None:
-            turns = np.degrees(self.turn(_LAGS / (2.0 * np.pi * crossover), crossover))
+            _, s, needed = self.needed(crossover)
+            turns = np.degrees(np.angle(_law(_LAGS, self.share, s)))
+            turn = np.degrees(np.arctan(needed.imag / needed.real))
             raise UserError(
-                f"{wish}: the controller would have to turn the phase by"
-                f" {np.degrees(self.needed(crossover)[1]):.3g} degrees, and can by"
-                f" {turns.min():.3g} to {turns.max():.3g}; ask for another margin or crossover"
+                f"{wish}: the controller would have to turn the phase by {turn:.3g} degrees, and"
+                f" can by {turns.min():.3g} to {turns.max():.3g}; ask for another margin or"
+                " crossover"
             )
         if not self.is_sound(*tuned):
             raise UserError(
@@ -299,20 +239,20 @@ def _tune(request: DesignRequest, share: float) -> DesignedController:
     UserError
         If no such controller makes a stable loop with this margin.
     """
-    tuning = _Tuning.of(request, share)
+    tuning = _Tuning(request, share)
     crossover = request.crossover
-    gain, form = tuning.best() if crossover is None else tuning.asked(crossover)
+    gain, integral_time = tuning.best() if crossover is None else tuning.asked(crossover)
     low, high = np.clip(request.limits, -_UNLIMITED, _UNLIMITED)
     arguments = {
         "name": "controller",
         "measured": request.measured_unit,
         "command": request.command_unit,
-        "sample_period": float(form.period),
+        "sample_period": tuning.period,
         "proportional_gain": gain,
-        "integral_time": float(form.integral_time),
-        "derivative_time": float(form.derivative_time),
-        "filter_time": float(form.filter_time),
-        "tracking_time": float(form.integral_time),
+        "integral_time": integral_time,
+        "derivative_time": share * integral_time,
+        "filter_time": share * integral_time / _FILTER_RATIO,
+        "tracking_time": integral_time,
         "command_min": float(low),
         "command_max": float(high),
         "unlimited_command_start": float(request.command),

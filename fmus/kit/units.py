@@ -303,6 +303,22 @@ def difference_unit(unit: str) -> str:
     return f"delta_{unit}" if base_unit(unit).offset else unit
 
 
+def quotient(unit: str, by: str) -> str:
+    """Return the unit of a change of a value per change of another: ``K/m`` for ``degC`` and ``m``.
+
+    Parameters
+    ----------
+    unit, by : str
+        SI units.
+    """
+    unit, by = (one.replace("degC", "K") for one in (unit, by))
+    if by == "1":
+        return unit
+    if unit == by:
+        return "1"
+    return f"{unit}/{by}" if by.isalpha() else f"{unit}/({by})"
+
+
 @lru_cache
 def base_unit(unit: str) -> BaseUnit:
     """Return a unit in SI base units, for FMI's ``UnitDefinitions``.
