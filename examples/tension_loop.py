@@ -1,7 +1,7 @@
 """A loop that holds the tension of an actuator by its current, around an emulated rig.
 
 The actuator is held at a fixed length. It lengthens with its charge, so that its tension falls: a
-PID controller commands the current by an amplifier of -1 A/V. Between the samples of a slow loop
+PID controller commands the current, by a negative gain. Between the samples of a slow loop
 there is nothing to exchange, so that it runs at 30 Hz, as the rig does, and not at the kilohertz
 that the coil of ``hil_bench`` needs::
 
@@ -15,7 +15,7 @@ import argparse
 import re
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,11 +26,11 @@ import numpy as np
 
 import ppy_rig as ppy
 from fmus import component
-from fmus.controllers.design import pid_gains
+from fmus.kit import Component
 from orchestration import master
-from orchestration.linear import LoopMargins
+from orchestration.linear import ControllerDesign, LoopMargins
 from orchestration.records import write_record
-from orchestration.system import Connection, Member, Port, System, connect
+from orchestration.system import Member, Port, System, connect
 
 NOMINAL = "ppy_actuator_length_driven"
 CROSSOVER = 0.05  # Hz
@@ -100,29 +100,34 @@ def _levels(
     return np.array(levels[:count])
 
 
-def gains_for(model: str | Path) -> dict[str, float]:
-    """Return the gains of the loop for a model, by one rule for all: crossover and phase margin."""
-    plant = ppy.linearise(model, {"length_change": LENGTH}, inputs="current", outputs="tension")
-    response = plant.response(np.array([CROSSOVER]))[0]
-    return pid_gains(-response, CROSSOVER, PHASE_MARGIN)
+def controller_for(model: str | Path) -> ControllerDesign:
+    """Return the controller for a model, by one rule for all: crossover and phase margin."""
+    return ppy.design(
+        model,
+        command="current",
+        measured="tension",
+        settings={"length_change": LENGTH},
+        sample_period=PERIOD,
+        crossover=CROSSOVER,
+        phase_margin=PHASE_MARGIN,
+        limits=(-1.3, 1.3),
+    )
 
 
-def tension_loop(films: Member, gains: Mapping[str, float]) -> System:
-    """Return the loop of a PID controller around a length-driven actuator or its proxy.
+def tension_loop(films: Member, controller: type[Component]) -> System:
+    """Return the loop of a controller around a length-driven actuator or its proxy.
 
     Parameters
     ----------
     films : Member
         By the name ``films``, with the signals of ``ppy_actuator_length_driven``.
-    gains : Mapping of str to float
-        Parameters of ``pid``.
+    controller : type[Component]
+        From ``measured`` tension to ``command`` of the current.
     """
-    limits = {"sample_period": PERIOD, "command_min": -1.3, "command_max": 1.3}
-    amplifier = Connection(Port("pid", "command"), Port("films", "current"), factor=-1.0)  # A/V
     return System(
         name="tension_loop",
-        members=(Member.of("pid", component("pid"), {**limits, **gains}), films),
-        connections=(amplifier, *connect("films.tension -> pid.measured")),
+        members=(Member.of("pid", controller), films),
+        connections=connect("films.tension -> pid.measured", "pid.command -> films.current"),
         inputs={
             "reference": (Port("pid", "reference"),),
             "length_change": (Port("films", "length_change"),),
@@ -172,6 +177,7 @@ class Tuned:
     Attributes
     ----------
     gains : dict of str to float
+        Parameters of the controller.
     margins : LoopMargins
         With the extended model in the loop.
     rig, nominal, extended : ndarray, shape (n,)
@@ -191,17 +197,17 @@ class Tuned:
 
 def tune(model: str | Path, extended: Path) -> Tuned:
     """Tune the loop for a model, and close it over a rig at rest and over both models."""
-    gains = gains_for(model)
-    better = tension_loop(Member("films", extended), gains)
+    found = controller_for(model)
+    better = tension_loop(Member("films", extended), found.controller)
     loop = ppy.linearise(better, {"length_change": LENGTH}, cut="films.tension", step=PERIOD)
     with emulated_rig() as rig:  # a fresh one, as films remember charge and load
         proxy = Member.of("films", component("rig_proxy_length_driven"), {"endpoint": rig})
-        measured = step_response(tension_loop(proxy, gains))
+        measured = step_response(tension_loop(proxy, found.controller))
     return Tuned(
-        gains,
+        found.parameters,
         loop.margins(),
         measured,
-        step_response(tension_loop(Member.of("films", component(NOMINAL)), gains)),
+        step_response(tension_loop(Member.of("films", component(NOMINAL)), found.controller)),
         step_response(better),
     )
 

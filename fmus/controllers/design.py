@@ -1,4 +1,4 @@
-"""Design of the state feedback by a linear model and of the PID by a frequency response.
+"""Design of the state feedback by a linear model.
 
 Not part of the FMU; the libraries that it needs are imported where they are used.
 """
@@ -26,10 +26,6 @@ TIME_CONSTANTS = (0.5, 1.5)
 DISTURBANCES = (1e-3, 1e-8, 1e-8)  # C, m, m
 # Standard deviations of the measurement noise: the resolution of section 2.2.2, and a millivolt
 NOISES = (3e-6, 1e-3)  # m, V
-
-_DERIVATIVE_SHARE = 0.25  # T_d / T_i, the largest for which the zeros of the controller are real
-_FILTER_RATIO = 5.0  # T_d / T_f
-_LARGEST_MARGIN = 180.0  # degrees; a larger phase margin is one of the other sign
 
 _STATES = ("charge", "kelvin_elongation", "maxwell_elongation")
 _INPUTS = ("current", "force")
@@ -199,62 +195,3 @@ def state_feedback(
     made = stack(StateFeedback, name=name, defaults=designed)
     made.remark = design_remark(designed, plant.name)
     return made
-
-
-def pid_gains(response: complex, crossover: float, phase_margin: float) -> dict[str, float]:
-    """Return the gains of a PID controller for one point of a plant's frequency response.
-
-    The controller moves that point to gain one and the wanted phase margin of the loop, with T_d =
-    T_i / 4 (Astrom, Hagglund: Advanced PID Control, 2006, section 6.2, modified Ziegler-Nichols).
-    The design neglects the filter of the derivative, T_f = T_d / 5, and the sampling; they reduce
-    the margin if the crossover is fast compared with them.
-
-    Parameters
-    ----------
-    response : complex
-        Frequency response of the plant at the crossover, from command to measured force.
-    crossover : float
-        Frequency of gain one, Hz.
-    phase_margin : float
-        Wanted phase margin of the loop, degrees.
-
-    Returns
-    -------
-    dict of str to float
-        Parameters of :class:`.Pid`, in its units if the response is in N/V.
-
-    Raises
-    ------
-    UserError
-        If the crossover is not above zero, the margin is out of range, the response is zero or not
-        finite, or the phase that is needed is beyond a PID controller.
-    """
-    if not crossover > 0.0:
-        raise UserError(f"crossover {crossover:g} Hz: a frequency above 0 Hz")
-    if not 0.0 < phase_margin < _LARGEST_MARGIN:
-        raise UserError(
-            f"phase margin {phase_margin:g} degrees: above 0 and below {_LARGEST_MARGIN:g}"
-        )
-    if not 0.0 < abs(response) < np.inf:
-        raise UserError(f"response {response:g}: a finite one that is not zero")
-    # the response of the controller that brings the loop to gain one at the phase margin
-    wanted = np.exp(1j * np.radians(phase_margin - 180.0)) / response
-    angle = float(np.angle(wanted))
-    if not np.cos(angle) > 0.0:
-        raise UserError(
-            f"phase margin {phase_margin:g} degrees at {crossover:g} Hz: the controller would have"
-            f" to turn the phase by {np.degrees(angle):.3g} degrees; a PID can by -90 to 90"
-        )
-    share = _DERIVATIVE_SHARE
-    # With T_d = share T_i, omega T_d - 1 / (omega T_i) = tan(angle) is a quadratic equation in
-    # omega T_i; its positive root is this sum over 2 share.
-    root_sum = np.tan(angle) + np.hypot(np.tan(angle), 2.0 * share**0.5)
-    integral_time = root_sum / (4.0 * np.pi * share * crossover)
-    parameters = {
-        "proportional_gain": abs(wanted) * np.cos(angle),
-        "integral_time": integral_time,
-        "derivative_time": share * integral_time,
-        "filter_time": share * integral_time / _FILTER_RATIO,
-        "tracking_time": integral_time,
-    }
-    return {name: float(value) for name, value in parameters.items()}

@@ -79,7 +79,8 @@ def expected(example, gains: dict[str, float]) -> np.ndarray:
         for name in ("proportional_gain", "integral_time", "derivative_time", "filter_time")
     )
     state = np.zeros(7)
-    command = slope = error_before = measured_before = 0.0
+    command = slope = error_before = 0.0
+    measured_before = p.k1 * example.LENGTH  # of the operating point
     found = []
     for k in range(round(example.DURATION / h) + 1):
         measured = float(tension @ state)  # with the length of the step before
@@ -93,7 +94,7 @@ def expected(example, gains: dict[str, float]) -> np.ndarray:
         command += K * (error - error_before) + K * h / integral * error + slope - slope_before
         error_before, measured_before = error, measured
         found.append(measured)
-        state[5:] = -np.clip(command, *LIMITS), example.LENGTH
+        state[5:] = np.clip(command, *LIMITS), example.LENGTH
         state = step @ state
     return np.array(found)[round(example.STEP_TIME / h) :]
 

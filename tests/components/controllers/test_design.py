@@ -1,12 +1,11 @@
-"""The designs of state feedback and PID: the defaults that ship, other plants, what is refused."""
+"""The design of state feedback: the defaults that ship, other plants, what is refused."""
 
 import re
 
-import control
 import numpy as np
 import pytest
 
-from fmus.controllers.design import gains, pid_gains, state_feedback
+from fmus.controllers.design import gains, state_feedback
 from fmus.controllers.state_feedback import GAINS
 from fmus.kit import UserError, stack
 from fmus.kit.declare import summary
@@ -67,38 +66,3 @@ def test_values_that_no_actuator_has_are_refused_in_a_line(given, told):
     with pytest.raises(UserError, match=f"{re.escape(told)}") as caught:
         state_feedback(PpyActuator, **given)
     assert "\n" not in str(caught.value)
-
-
-# --- PID -----------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("margin", [45.0, 60.0, 75.0])
-@pytest.mark.parametrize("lag", [0.5, 1.0, 1.5])
-def test_the_loop_has_the_margin_and_the_crossover_that_were_asked_for(margin, lag):
-    """By python-control, of the controller as a transfer function."""
-    s = control.tf("s")
-    plant = 2.0 / ((7.0 * s + 1.0) * (lag * s + 1.0) ** 2)
-    found = pid_gains(complex(plant(2j * np.pi * 0.05)), 0.05, margin)
-    integral, derivative = found["integral_time"], found["derivative_time"]
-    loop = plant * found["proportional_gain"] * (1.0 + 1.0 / (integral * s) + derivative * s)
-    _, phase, _, crossover = control.margin(loop)
-    assert phase == pytest.approx(margin, rel=1e-9)
-    assert crossover / (2.0 * np.pi) == pytest.approx(0.05, rel=1e-9)
-    assert derivative == pytest.approx(integral / 4.0, rel=1e-12)
-
-
-def test_a_phase_that_no_pid_turns_is_refused_in_a_line():
-    """Of a plant at -170 degrees, a margin of 101 needs a lead of 91."""
-    behind = np.exp(-1j * np.radians(170.0))
-    assert pid_gains(behind, 1.0, 99.0)["proportional_gain"] > 0.0
-    with pytest.raises(UserError, match=r"turn the phase by 91 degrees; a PID can") as caught:
-        pid_gains(behind, 1.0, 101.0)
-    assert "\n" not in str(caught.value)
-    with pytest.raises(UserError, match="above 0 Hz"):
-        pid_gains(behind, 0.0, 60.0)
-    for margin in (0.0, 200.0, np.nan):
-        with pytest.raises(UserError, match=f"phase margin {margin:g} degrees: above 0 and below"):
-            pid_gains(behind, 1.0, margin)
-    for nothing in (0j, complex(np.nan)):
-        with pytest.raises(UserError, match="a finite one that is not zero"):
-            pid_gains(nothing, 1.0, 60.0)
