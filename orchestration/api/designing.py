@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -30,7 +30,6 @@ from orchestration.reporting import option
 from orchestration.system import System
 
 _ENDS = {"command": "input", "measured": "output"}  # end of the plant at which a signal is
-_LARGEST_MARGIN = 180.0  # degrees; a larger phase margin is one of the other sign
 
 
 @takes(DesignKeywords)
@@ -68,32 +67,33 @@ def design(
     (60.0, 0.5)
     """
     require("control")
-    if not 0.0 < options["phase_margin"] < _LARGEST_MARGIN:
-        raise UserError(
-            f"{option('phase_margin', options['phase_margin'])}: above 0 and below"
-            f" {_LARGEST_MARGIN:g} degrees"
-        )
     rules = registry.designs()
     rule = registry.load(find(options["controller"], rules, "no kind of controller"))
     linear, runs = _linear_plant(model, options)
-    _check_single(linear.inputs, "command")
-    _check_single(linear.outputs, "measured")
-    plant = sampled_plant(linear, _period(linear, options), _delay(options))
-    crossover = options["crossover"]
+    for key, names in (("command", linear.inputs), ("measured", linear.outputs)):
+        if len(names) != 1:
+            raise UserError(
+                f"{option(key)} names the {_ENDS[key]} at which the controller acts:"
+                f" {', '.join(names)}"
+            )
+    plant = sampled_plant(linear, _period(linear, options), seconds(options["delay"]))
     command, measured = plant.inputs[0], plant.outputs[0]
-    at_rest = {name: plant.point.values.get(name, 0.0) for name in (command, measured)}
-    limits = _limits(options["limits"], plant.units.get(command, "1"), at_rest[command])
+    if not np.any(plant.part()(0.5j)):
+        raise UserError(f"{plant.name}: {measured} does not answer {command}")
+    crossover = options["crossover"]
+    limits = _limits(options["limits"], plant)
     request = registry.DesignRequest(
         plant.part(),
         plant.units.get(measured, "1"),
         plant.units.get(command, "1"),
-        at_rest[measured],
-        at_rest[command],
+        plant.at_rest(measured),
+        plant.at_rest(command),
         limits,
         options["phase_margin"],
         None if crossover is None else rows_per_second(crossover),
     )
-    return ControllerDesign(rule(request), plant, limits, runs, _foreign_settings(runs, options))
+    settings = values_of(runs, options["settings"]) if isinstance(runs, Model) else {}
+    return ControllerDesign(rule(request), plant, limits, runs, settings)
 
 
 def _linear_plant(
@@ -107,15 +107,14 @@ def _linear_plant(
     if isinstance(model, LinearModel):
         return model.between(options["command"] or "", options["measured"] or ""), None
     chosen: Any = only(LineariseKeywords, options)
+    for key, end in _ENDS.items():
+        chosen[f"{end}s"] = [options[key]] if options[key] else []
     if isinstance(model, DiagnosisResult):
         if not chosen["over"] and chosen["fitted"] is None:
             chosen["over"] = _intervals(model)
         model = model.model
-    chosen["inputs"] = _given(options["command"])
-    chosen["outputs"] = _given(options["measured"])
-    if isinstance(model, System) or (isinstance(model, str | Path) and is_system(str(model))):
-        runs = model if isinstance(model, System) else str(model)
-        return linearise(runs, **chosen), runs
+    if isinstance(model, System) or is_system(str(model)):
+        return linearise(model, **chosen), model
     declared = as_declared(model)
     for key, known in (("command", declared.inputs), ("measured", declared.outputs)):
         for name in chosen[f"{_ENDS[key]}s"]:
@@ -123,30 +122,16 @@ def _linear_plant(
     return linearise(declared, **chosen), declared
 
 
-def _given(name: str | None) -> list[str]:
-    return [] if name is None else [name]
-
-
 def _intervals(result: DiagnosisResult) -> dict[str, str]:
     """Return the ranges of the parameters of a diagnosis, their intervals, by name."""
-    parameters = {p.name: p for p in result.model.layout.parameters}
     ranges = {}
-    for name, estimate in result.parameters.items():
-        declared = parameters.get(name)
-        if declared is None:
-            continue
-        low, high = np.clip(estimate.interval, declared.min, declared.max)
-        if low < high and np.isfinite([low, high]).all():
-            ranges[name] = f"{low!r}..{high!r}".replace("np.float64(", "").replace(")", "")
+    for declared in result.model.layout.parameters:
+        estimate = result.parameters.get(declared.name)
+        if estimate is not None:
+            ends = np.clip(estimate.interval, declared.min, declared.max).tolist()
+            if ends[0] < ends[1] and np.isfinite(ends).all():
+                ranges[declared.name] = "..".join(map(repr, ends))
     return ranges
-
-
-def _check_single(names: Sequence[str], key: str) -> None:
-    """Raise UserError unless there is one signal."""
-    if len(names) != 1:
-        raise UserError(
-            f"{option(key)} names the {_ENDS[key]} at which the controller acts: {', '.join(names)}"
-        )
 
 
 def _period(linear: LinearModel, options: DesignKeywords) -> float:
@@ -163,32 +148,17 @@ def _period(linear: LinearModel, options: DesignKeywords) -> float:
     return period
 
 
-def _delay(options: DesignKeywords) -> float:
-    """Return the delay of the loop, s."""
-    delay = seconds(options["delay"])
-    if not 0.0 <= delay < np.inf:
-        raise UserError(f"{option('delay', f'{delay:g}')}: a time from 0 s on")
-    return delay
-
-
-def _limits(ends: Sequence[float | str] | None, unit: str, at_rest: float) -> tuple[float, float]:
+def _limits(ends: Sequence[float | str] | None, plant: LinearModel) -> tuple[float, float]:
     """Return the lowest and the highest command; infinite ones if none are given."""
     if ends is None:
         return -np.inf, np.inf
+    command = plant.inputs[0]
     shown = option("limits", "..".join(map(str, ends)))
-    low, high = (read_amount(str(end), unit, shown) for end in ends)
-    if not low < high:
-        raise UserError(f"{shown}: the first command must be below the second one")
-    if not low <= at_rest <= high:
-        raise UserError(f"{shown}: the command at the operating point, {at_rest:g}, is not within")
+    low, high = (read_amount(str(end), plant.units.get(command, "1"), shown) for end in ends)
+    at_rest = plant.at_rest(command)
+    if not (low < high and low <= at_rest <= high):
+        raise UserError(
+            f"{shown}: the first command must be below the second one, and that at the operating"
+            f" point, {at_rest:g}, within"
+        )
     return low, high
-
-
-def _foreign_settings(
-    runs: Model | System | str | None, options: DesignKeywords
-) -> Mapping[str, Any]:
-    """Return settings of an FMU without equations, by ``member.parameter`` of its system."""
-    if not isinstance(runs, Model) or runs.cls is not None:
-        return {}
-    values = values_of(runs, options["settings"])
-    return {f"plant.{name}": value for name, value in values.items()}

@@ -1011,7 +1011,13 @@ class ControllerOptions(ControlledSignalsOptions, total=False):
     ]
     phase_margin: Annotated[
         float,
-        Option("Phase margin of the loop, degrees.", default=60.0, metavar="DEGREES"),
+        Option(
+            "Phase margin of the loop, degrees.",
+            default=60.0,
+            metavar="DEGREES",
+            least=1,
+            most=179,
+        ),
     ]
     crossover: Annotated[
         float | str | None,

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.kit import Component, UserError, files
+from fmus.kit import UserError, files
 from orchestration.experiment.subjects import with_classes
 from orchestration.experiment.system_model import find_system
-from orchestration.fmu import Model, Value
+from orchestration.fmu import Model
 from orchestration.fmu.model import built
 from orchestration.linear.operating_point import OperatingPoint
 from orchestration.system import Connection, Member, Port, System, ssp
@@ -20,8 +19,8 @@ from orchestration.system import Connection, Member, Port, System, ssp
 if TYPE_CHECKING:
     from orchestration.linear.feedback import ControllerDesign
 
-_PLANT = "plant"
 _CONTROLLER = "controller"
+_FILES = ("controller.py", "controller.fmu", "loop.ssp", "step.toml")
 
 
 def closed_system(design: ControllerDesign) -> System:
@@ -40,93 +39,65 @@ def closed_system(design: ControllerDesign) -> System:
     """
     if design.model is None:
         raise UserError("the plant is a linear model without an FMU: there is no system to join")
-    plant = _plant_system(design.model)
+    plant = _plant_system(design)
     command, measured = design.plant.inputs[0], design.plant.outputs[0]
-    driven = plant.inputs.get(command) or (plant.port(command),)
+    name = _CONTROLLER
+    while name in [member.name for member in plant.members]:
+        name = f"outer_{name}"
+    output = Port(name, "command")
     source = plant.outputs.get(measured) or plant.port(measured)
-    controller = Member.of(_name(plant), design.controller)
-    point = design.plant.point
-    members = tuple(_at_point(member, point) for member in plant.members)
-    others = {name: ports for name, ports in plant.inputs.items() if name != command}
-    constant = {
-        str(port): point.inputs[name]
-        for name, ports in others.items()
-        for port in ports
-        if point.inputs.get(name)
-    }
-    free = {name: ports for name, ports in others.items() if not point.inputs.get(name)}
-    output = Port(controller.name, "command")
+    driven = plant.inputs.get(command) or (plant.port(command),)
+    at_rest = design.plant.point.inputs
+    free = {n: ports for n, ports in plant.inputs.items() if n != command and not at_rest.get(n)}
+    fixed = {str(port): at_rest[n] for n, port in plant.fed_ports if n not in (command, *free)}
     # no longer than the plant's own, and a whole number of them in a sample
     steps = max(np.ceil(design.plant.period / plant.step), 1.0)
     joined = System(
         name="loop",
-        members=(controller, *members),
+        members=(Member.of(name, design.controller), *plant.members),
         connections=(
             *plant.connections,
             *(Connection(output, port) for port in driven),
-            Connection(source, Port(controller.name, "measured")),
+            Connection(source, Port(name, "measured")),
         ),
-        inputs={"reference": (Port(controller.name, "reference"),), **free},
+        inputs={"reference": (Port(name, "reference"),), **free},
         outputs={"command": output, **plant.outputs, "measured": source},
         doc=f"{plant.name} with a controller of {measured} by {command}",
         step=design.plant.period / steps,
         stop=float(design.time[-1]),
     )
-    return joined.given(constant | dict(design.settings))
+    return joined.given(fixed)
 
 
-def _plant_system(model: Model | System | str) -> System:
-    """Return the system of a plant; a model is the member ``plant`` of one."""
-    if isinstance(model, str):
-        model = find_system(model)
-    if isinstance(model, System):
-        return with_classes(model)
-    with_fmu = built(model)
-    return System(
-        name=model.name,
-        members=(Member(_PLANT, with_fmu.path, {}, model.cls),),
-        connections=(),
-        inputs={name: (Port(_PLANT, name),) for name in with_fmu.inputs},
-        outputs={name: Port(_PLANT, name) for name in with_fmu.outputs},
-        step=np.inf,
-    )
+def _plant_system(design: ControllerDesign) -> System:
+    """Return the system of a plant at its operating point; a model is a member of one."""
+    model = design.model
+    if isinstance(model, Model):
+        fmu = built(model)
+        plant = Member("plant", fmu.path, design.settings, model.cls)
+        return System(
+            name=model.name,
+            members=(_at_point(plant, "", design.plant.point),),
+            connections=(),
+            inputs={name: (Port(plant.name, name),) for name in fmu.inputs},
+            outputs={name: Port(plant.name, name) for name in fmu.outputs},
+            step=np.inf,
+        )
+    system = with_classes(model if isinstance(model, System) else find_system(str(model)))
+    members = (_at_point(one, f"{one.name}.", design.plant.point) for one in system.members)
+    return replace(system, members=tuple(members))
 
 
-def _name(plant: System) -> str:
-    """Return a name for the controller that no member of the plant has."""
-    name = _CONTROLLER
-    while name in {member.name for member in plant.members}:
-        name = f"{name}_{_CONTROLLER}"
-    return name
-
-
-def _at_point(member: Member, point: OperatingPoint) -> Member:
+def _at_point(member: Member, prefix: str, point: OperatingPoint) -> Member:
     """Return a member with the parameters and states of an operating point, if it has a class."""
     if member.cls is None:
         return member
-    moved = dict(_differences(member, member.cls, point))
-    return replace(member, parameters={**member.parameters, **moved})
-
-
-def _differences(
-    member: Member, cls: type[Component], point: OperatingPoint
-) -> Iterator[tuple[str, Value]]:
-    """Yield parameters, start values among them, that differ from those of a class."""
-    layout = cls.layout
-    states = point.states | point.discretes
-    starts = {parameter: state for state, parameter in layout.start_of.items()}
-    for parameter in layout.parameters:
-        if parameter.name in starts:
-            value = _value(states, member.name, starts[parameter.name])
-        else:
-            value = _value(point.parameters, member.name, parameter.name)
-        if value is not None and value != parameter.start:
-            yield parameter.name, value
-
-
-def _value(values: Mapping[str, float], member: str, name: str) -> float | None:
-    """Return a value by its name in a system, else by that in a component alone."""
-    return values.get(f"{member}.{name}", values.get(name) if member == _PLANT else None)
+    layout = member.cls.layout
+    state_of = {parameter: state for state, parameter in layout.start_of.items()}
+    known = point.parameters | point.states | point.discretes
+    values = {p.name: known[prefix + state_of.get(p.name, p.name)] for p in layout.parameters}
+    changed = {p.name: values[p.name] for p in layout.parameters if values[p.name] != p.start}
+    return replace(member, parameters={**member.parameters, **changed})
 
 
 def write_files(design: ControllerDesign, folder: Path) -> list[Path]:
@@ -149,21 +120,15 @@ def write_files(design: ControllerDesign, folder: Path) -> list[Path]:
     UserError
         If a file cannot be written, or the system cannot be built.
     """
-    member = Member.of(_CONTROLLER, design.controller)
-    contents = {
-        "controller.py": design.source.encode(),
-        "controller.fmu": member.fmu.read_bytes(),
-    }
     folder.mkdir(parents=True, exist_ok=True)
-    written = []
-    for name, content in contents.items():
-        files.write(folder / name, content)
-        written.append(folder / name)
-    if design.model is not None:
-        ssp.write(design.system, folder / "loop.ssp")
-        files.write(folder / "step.toml", _experiment(design).encode())
-        written += [folder / "loop.ssp", folder / "step.toml"]
-    return written
+    source, fmu, loop, step = (folder / name for name in _FILES)
+    files.write(source, design.designed.source.encode())
+    files.write(fmu, Member.of(_CONTROLLER, design.controller).fmu.read_bytes())
+    if design.model is None:
+        return [source, fmu]
+    ssp.write(design.system, loop)
+    files.write(step, _experiment(design).encode())
+    return [source, fmu, loop, step]
 
 
 def _experiment(design: ControllerDesign) -> str:

@@ -22,7 +22,7 @@ from fmus.kit.registry import DesignedController
 from fmus.kit.symbolic import trace
 from orchestration.fmu import Model, Value
 from orchestration.linear.discretisation import Matrices
-from orchestration.linear.model import LinearModel, LoopMargins, margin_words
+from orchestration.linear.model import LinearModel, LoopMargins, margin_words, matrices_of
 from orchestration.linear.operating_point import OperatingPoint, start_point
 from orchestration.linear.subject import subject_of
 from orchestration.reporting import Displayable, one_line, plain_table
@@ -38,7 +38,6 @@ _MOST = 20_000
 _CYCLES = 8.0  # duration of a step response, in periods of the crossover frequency
 _SETTLED = 6.0  # the same, in time constants of the slowest pole of the closed loop
 _MARGINAL = 1.0 + 1e-9  # pole that still counts as stable, of an integral that drifts
-_PEAK_POINTS = 2000  # frequencies among which the largest sensitivity is taken
 
 
 def sampled_plant(plant: LinearModel, period: float, delay: float) -> LinearModel:
@@ -63,69 +62,66 @@ def sampled_plant(plant: LinearModel, period: float, delay: float) -> LinearMode
     UserError
         If the delay is too many samples, or a sampled plant cannot be sampled so.
     """
-    if delay > _MOST_DELAYED * period:
+    if not 0.0 <= delay <= _MOST_DELAYED * period:
         raise UserError(
-            f"a delay of {delay:g} s: at most {_MOST_DELAYED} sample periods, {period:g} s each,"
-            " are allowed; take a longer sample period"
+            f"a delay of {delay:g} s: from 0 to {_MOST_DELAYED} sample periods, {period:g} s each,"
+            " are allowed; a longer one needs a longer sample period"
         )
-    if plant.period:
-        _check_multiples(plant, {"sample period": period, "delay": delay})
     m = plant.matrices
     n = len(m.states)
-    whole = int(np.floor(delay / period + _SAME))
-    rest = max(delay - whole * period, 0.0)
+    whole = int(delay / period + _SAME)
+    rest = delay - whole * period
     if rest <= _SAME * period:
         rest = 0.0
-    late = _flow(m, rest)
-    early = _flow(m, period - rest)
-    through = float(m.D[0, 0])
-    # commands of earlier samples, the latest first, on which the state or the output depends
-    count = whole + int(rest > 0.0 or through != 0.0)
-    A = np.zeros((n + count, n + count))
-    B = np.zeros((n + count, 1))
-    C = np.zeros((1, n + count))
-    A[:n, :n] = early[:n, :n] @ late[:n, :n]
-    C[:, :n] = m.C
-    if count:
-        B[n] = 1.0
-        A[n + 1 :, n:-1] = np.eye(count - 1)
-    if rest:
-        A[:n, n + whole] = early[:n, :n] @ late[:n, n]
-    if through:
-        C[0, n + whole] = through
-    if whole:
-        A[:n, n + whole - 1] += early[:n, n]
-    else:
-        B[:n, 0] += early[:n, n]
+    late = _flow(plant, rest, "delay")
+    early = _flow(plant, period - rest, "sample period")
+    # next state and output, by the state and by commands, the latest first
+    laws = np.zeros((n + 1, n + whole + 2))
+    laws[:n, :n] = early[:n, :n] @ late[:n, :n]
+    laws[:n, n + whole] = early[:n, n]
+    laws[:n, n + whole + 1] = early[:n, :n] @ late[:n, n]
+    laws[n, :n] = m.C
+    laws[n, n + whole + 1] = m.D[0, 0]  # a sample sees the command before its own
+    count = whole + int(rest > 0.0 or m.D.any())
+    remembered = np.eye(count, n + count + 1, n)
+    step = np.vstack([laws[:n, : n + count + 1], remembered])
     names = (*m.states, *(f"{plant.inputs[0]} {k} samples ago" for k in range(1, count + 1)))
-    matrices = Matrices(A, B, C, np.zeros((1, 1)), period, names)
+    matrices = Matrices(
+        np.delete(step, n, axis=1),
+        step[:, [n]],
+        np.delete(laws[n:, : n + count + 1], n, axis=1),
+        np.zeros((1, 1)),
+        period,
+        names,
+    )
     varied = tuple(sampled_plant(one, period, delay) for one in plant.variations)
     return replace(plant, matrices=matrices, variations=varied, further=())
 
 
-def _flow(matrices: Matrices, duration: float) -> Array:
-    """Return the transition matrix of states and input, which is constant, over a duration, s."""
+def _flow(plant: LinearModel, duration: float, name: str) -> Array:
+    """Return the transition matrix of states and input, which is constant, over a duration, s.
+
+    Raises
+    ------
+    UserError
+        If the duration is not a whole number of periods of a sampled plant.
+    """
     from scipy.linalg import expm
 
-    n = len(matrices.states)
+    m = plant.matrices
+    n = len(m.states)
     joined = np.zeros((n + 1, n + 1))
-    joined[:n, :n] = matrices.A
-    joined[:n, n:] = matrices.B
-    if not matrices.period:
+    joined[:n] = np.hstack([m.A, m.B])
+    if not plant.period:
         return np.asarray(expm(joined * duration))
     joined[n, n] = 1.0
-    return np.linalg.matrix_power(joined, round(duration / matrices.period))
-
-
-def _check_multiples(plant: LinearModel, times: Mapping[str, float]) -> None:
-    """Raise UserError if a time of the controller is not a multiple of the plant's period."""
-    for name, time in times.items():
-        whole = round(time / plant.period) * plant.period
-        if abs(whole - time) > _SAME * plant.period:
-            raise UserError(
-                f"{plant.name} is sampled every {plant.period:.9g} s: the {name} of the controller"
-                f" must be a multiple of that, and {time:.9g} s is not"
-            )
+    count = round(duration / plant.period)
+    if abs(count * plant.period - duration) > _SAME * plant.period:
+        raise UserError(
+            f"{plant.name} is sampled every {plant.period:.9g} s: the {name} of the controller"
+            f" must be a multiple of that"
+        )
+    return np.linalg.matrix_power(joined, count)
 
 
 def controller_law(controller: type[Component], point: OperatingPoint) -> LinearModel:
@@ -147,26 +143,21 @@ def controller_law(controller: type[Component], point: OperatingPoint) -> Linear
 
 def _loop(plant: LinearModel, law: LinearModel) -> LinearModel:
     """Return the loop transfer function of a plant and the law of its controller."""
-    p = plant.matrices
-    c = law.matrices
-    n = len(p.states)
-    size = n + len(c.states)
-    A = np.zeros((size, size))
-    A[:n, :n] = p.A
-    A[n:, n:] = c.A
-    A[:n, n:] = p.B @ c.C
-    B = np.vstack([p.B @ c.D, c.B])
-    C = np.hstack([-p.C, np.zeros((1, size - n))])
-    matrices = Matrices(A, B, C, np.zeros((1, 1)), p.period, (*p.states, *c.states))
     cut = plant.outputs[0]
+    states = (*law.states, *plant.states)
     return replace(
         plant,
-        matrices=matrices,
+        matrices=matrices_of(-plant.state_space * law.state_space, states),
         inputs=(f"cut({cut})",),
         units=plant.units | {f"cut({cut})": plant.units.get(cut, "")},
         loop=cut,
         variations=tuple(_loop(one, law) for one in plant.variations),
     )
+
+
+def _is_stable(loop: LinearModel) -> bool:
+    """Return whether a sampled loop, closed, is stable within the limits of the command."""
+    return bool(np.abs(loop.closed_poles()).max() < _MARGINAL)
 
 
 @dataclass(frozen=True)
@@ -214,11 +205,6 @@ class ControllerDesign(Displayable):
         """Class with the inputs ``reference`` and ``measured`` and the output ``command``."""
         return self.designed.component
 
-    @property
-    def source(self) -> str:
-        """Text of a module with the class of the controller as ``Controller``."""
-        return self.designed.source
-
     @cached_property
     def system(self) -> System:
         """The loop as a system that runs, from the operating point on; see `closed_system`."""
@@ -244,7 +230,7 @@ class ControllerDesign(Displayable):
     @cached_property
     def point(self) -> OperatingPoint:
         """Operating point of the controller."""
-        measured = self.plant.point.values.get(self.plant.outputs[0], 0.0)
+        measured = self.plant.at_rest(self.plant.outputs[0])
         inputs = {"reference": measured, "measured": measured}
         return start_point(trace(self.controller), inputs)
 
@@ -262,48 +248,18 @@ class ControllerDesign(Displayable):
         """Return the stability margins."""
         return self.loop.margins()
 
-    def frequencies(self, count: int) -> Array:
-        """Return frequencies of the loop up to half the sampling rate, shape (count,), Hz."""
-        nyquist = 0.5 / self.plant.period
-        return np.geomspace(self.loop.frequencies()[0], 0.999 * nyquist, count)
-
-    def sensitivities(self, frequencies: Array, loop: LinearModel | None = None) -> Array:
-        """Return sensitivity and complementary sensitivity.
-
-        Parameters
-        ----------
-        frequencies : ndarray, shape (n,)
-            Hz.
-        loop : LinearModel, optional
-            One of the variations of `loop`.
-
-        Returns
-        -------
-        ndarray of complex, shape (2, n)
-            ``1 / (1 + L)`` and ``L / (1 + L)``.
-        """
-        response = (loop or self.loop).response(frequencies)
-        return np.array([1.0 / (1.0 + response), response / (1.0 + response)])
-
-    def peaks(self, loop: LinearModel | None = None) -> tuple[float, float]:
-        """Return the largest sensitivity and complementary sensitivity, as `sensitivities`."""
-        sizes = np.abs(self.sensitivities(self.frequencies(_PEAK_POINTS), loop))
-        largest = sizes.max(axis=1)
-        return float(largest[0]), float(largest[1])
-
-    def is_stable(self, loop: LinearModel | None = None) -> bool:
-        """Return whether the closed loop is stable within the limits."""
-        return bool(np.abs(_closed_poles(loop or self.loop)).max() < _MARGINAL)
+    def peaks(self) -> list[float]:
+        """Return the largest sensitivity and complementary sensitivity."""
+        return self.loop.peaks()
 
     # --- responses
 
     @property
-    def headroom(self) -> float:
+    def _headroom(self) -> float:
         """Command from the operating point to the farther limit, with its sign; 1 without one."""
-        at_rest = self.plant.point.values.get(self.plant.inputs[0], 0.0)
-        low, high = (limit - at_rest for limit in self.limits)
-        farther = high if high >= -low else low
-        return farther if np.isfinite(farther) else 1.0
+        at_rest = self.plant.at_rest(self.plant.inputs[0])
+        farther = max(np.array(self.limits[::-1]) - at_rest, key=abs)
+        return float(farther) if np.isfinite(farther) else 1.0
 
     @property
     def step_size(self) -> float:
@@ -311,13 +267,13 @@ class ControllerDesign(Displayable):
         crossover = self.margins().crossover
         if not np.isfinite(crossover):
             return 1.0
-        gain = float(np.abs(self.plant.response(np.array([crossover])))[0])
-        return -gain * self.headroom * float(np.sign(self.law.matrices.D[0, 0]))
+        gain = abs(self.plant.response(np.array([crossover]))[0])
+        return float(-gain * self._headroom * np.sign(self.law.matrices.D[0, 0]))
 
     @property
     def load_size(self) -> float:
         """Step of the load of the picture, added to the command, which half the headroom meets."""
-        return -0.5 * self.headroom
+        return -0.5 * self._headroom
 
     def step(
         self, reference: float = 0.0, load: float = 0.0, plant: LinearModel | None = None
@@ -337,14 +293,10 @@ class ControllerDesign(Displayable):
         -------
         StepResponse
         """
-        chosen = (plant or self.plant).matrices
-        simulate = self._simulation
-        A, B, C = chosen.A, chosen.B, chosen.C
-        n = len(self.plant.matrices.states)
-        start = np.concatenate([np.zeros(n), [*self.point.discretes.values()]])
-        _, outputs = simulate(start, A, B, C, reference, load)
-        measured, command = outputs.full()
-        return StepResponse(self.time, measured, command)
+        m = (plant or self.plant).matrices
+        start = [*np.zeros(len(m.states)), *self.point.discretes.values()]
+        _, outputs = self._simulation(start, m.A, m.B, m.C, reference, load)
+        return StepResponse(self.time, *outputs.full())
 
     @cached_property
     def time(self) -> Array:
@@ -352,7 +304,7 @@ class ControllerDesign(Displayable):
         period = self.plant.period
         crossover = self.margins().crossover
         cycles = _CYCLES / (crossover * period) if np.isfinite(crossover) else 0.0
-        slowest = np.abs(_closed_poles(self.loop)).max()
+        slowest = np.abs(self.loop.closed_poles()).max()
         settled = _SETTLED / -np.log(slowest) if 0.0 < slowest < 1.0 else 0.0
         count = np.clip(max(cycles, min(settled, 10.0 * cycles)), _FEWEST, _MOST)
         return np.asarray(period * np.arange(int(count) + 1), dtype=float)
@@ -361,34 +313,34 @@ class ControllerDesign(Displayable):
     @uninterrupted()
     def _simulation(self) -> ca.Function:
         """Function of start state, plant, and steps of reference and load; see `step`."""
-        n = len(self.plant.matrices.states)
-        x = ca.MX.sym("x", n)
-        held = ca.MX.sym("held", len(self.point.discretes))
+        n = len(self.plant.states)
+        x, held = ca.MX.sym("x", n), ca.MX.sym("held", len(self.point.discretes))
         A, B, C = ca.MX.sym("A", n, n), ca.MX.sym("B", n, 1), ca.MX.sym("C", 1, n)
         reference, load = ca.MX.sym("reference"), ca.MX.sym("load")
         rest = self.point.inputs["measured"]
         measured = rest + C @ x
-        after, command = self._sampled(held, rest + reference, measured)
-        at_rest = self.plant.point.values.get(self.plant.inputs[0], 0.0)
-        states = ca.vertcat(A @ x + B * (command - at_rest + load), after)
+        after, command = self._sample()(held, rest + reference, measured)
+        driven = command - self.plant.at_rest(self.plant.inputs[0]) + load
         sample = ca.Function(
             "sample",
             [ca.vertcat(x, held), A, B, C, reference, load],
-            [states, ca.vertcat(measured, command)],
+            [ca.vertcat(A @ x + B * driven, after), ca.vertcat(measured, command)],
         )
         return sample.mapaccum("loop", len(self.time))
 
-    def _sampled(self, held: ca.MX, reference: ca.MX, measured: ca.MX) -> tuple[ca.MX, ca.MX]:
-        """Return the discrete states of the controller after a sample, and its command."""
+    def _sample(self) -> ca.Function:
+        """Return the function from discrete states and inputs to states and command of a sample."""
         graph = trace(self.controller)
-        now = self.point.values | {"reference": reference, "measured": measured}
-        inputs = ca.vertcat(*(now[v.name] for v in graph.layout.inputs))
-        parameters = ca.DM(self.point.arguments(graph)[1])
-        known = [ca.MX(0.0), ca.MX(parameters), inputs, ca.MX(0, 1)]
-        after = ca.Function("update", graph.arguments, [graph.updates[0]])(*known, held)
-        outputs = ca.Function("output", graph.arguments, [graph.outputs])(*known, after)
-        place = [v.name for v in graph.layout.outputs].index("command")
-        return after, outputs[place]
+        held = ca.MX.sym("held", len(self.point.discretes))
+        reference, measured = ca.MX.sym("reference"), ca.MX.sym("measured")
+        signals = {**self.point.inputs, "reference": reference, "measured": measured}
+        inputs = ca.vertcat(*(signals[v.name] for v in graph.layout.inputs))
+        known = [0.0, self.point.arguments(graph)[1], inputs, ca.MX(0, 1)]
+        laws = ca.Function("laws", graph.arguments, [graph.updates[0], graph.outputs])
+        after, _ = laws(*known, held)
+        _, outputs = laws(*known, after)
+        command = outputs[[v.name for v in graph.layout.outputs].index("command")]
+        return ca.Function("controller", [held, reference, measured], [after, command])
 
     # --- forms
 
@@ -396,8 +348,7 @@ class ControllerDesign(Displayable):
         """Yield margins, sensitivity peaks, their band, and the parameters."""
         path = f"{self.plant.inputs[0]} to {self.plant.outputs[0]}"
         yield f"{self.controller.name} around {self.plant.name}, {path}, {self.plant.point.words}"
-        largest = self.peaks()
-        yield f"{margin_words(self.margins())}; sensitivity at most {largest[0]:.3g}"
+        yield f"{margin_words(self.margins())}; sensitivity at most {self.peaks()[0]:.3g}"
         if self.loop.variations:
             yield self._band_words()
         if np.isfinite(self.limits).any():
@@ -414,8 +365,8 @@ class ControllerDesign(Displayable):
     def _band_words(self) -> str:
         """Return margins over the band in words, and how many of its loops are unstable."""
         phases = [one.margins().phase for one in self.loop.variations]
-        unstable = sum(not self.is_stable(one) for one in self.loop.variations)
-        peak = max(self.peaks(one)[0] for one in self.loop.variations)
+        unstable = sum(not _is_stable(one) for one in self.loop.variations)
+        peak = max(one.peaks()[0] for one in self.loop.variations)
         words = (
             f"over {len(phases)} values of parameters: phase margin {min(phases):.1f} to"
             f" {max(phases):.1f}°, sensitivity at most {peak:.3g}"
@@ -430,23 +381,17 @@ class ControllerDesign(Displayable):
         sensitivity, complementary = self.peaks()
         return {
             "controller": self.controller.name,
-            "source": self.source,
+            "source": self.designed.source,
             "parameters": self.parameters,
             "limits": [one if np.isfinite(one) else None for one in self.limits],
             "peaks": {"sensitivity": sensitivity, "complementary": complementary},
             "band": [
                 {
                     "margins": one.margins()._asdict(),
-                    "sensitivity": self.peaks(one)[0],
-                    "stable": self.is_stable(one),
+                    "sensitivity": one.peaks()[0],
+                    "stable": _is_stable(one),
                 }
                 for one in self.loop.variations
             ],
-            "loop": replace(self.loop, variations=()).to_dict(),
+            "loop": self.loop.to_dict(),
         }
-
-
-def _closed_poles(loop: LinearModel) -> Array:
-    """Return the poles of the closed loop in the z-plane, shape (n,)."""
-    m = loop.matrices
-    return np.asarray(np.linalg.eigvals(m.A - m.B @ m.C))

@@ -232,6 +232,37 @@ class LinearModel(Displayable):
             return LoopMargins(phase, self._hertz(crossover), -1.0 / at_nyquist, self._hertz(inf))
         return LoopMargins(phase, self._hertz(crossover), gain, self._hertz(phase_crossover))
 
+    def sensitivities(self, frequencies: Array) -> Array:
+        """Return sensitivity and complementary sensitivity, with negative feedback.
+
+        Parameters
+        ----------
+        frequencies : ndarray, shape (n,)
+            Hz.
+
+        Returns
+        -------
+        ndarray of complex, shape (2, n)
+            ``1 / (1 + L)`` and ``L / (1 + L)``.
+        """
+        response = self.response(frequencies)
+        return np.array([np.ones_like(response), response]) / (1.0 + response)
+
+    def peaks(self) -> list[float]:
+        """Return the largest absolute values of `sensitivities`."""
+        sizes = np.abs(self.sensitivities(self.frequencies(_POINTS)))
+        return [float(largest) for largest in sizes.max(axis=1)]
+
+    def closed_poles(self) -> Array:
+        """Return the poles with negative feedback, in the same plane as `poles`."""
+        import control
+
+        return np.asarray(control.feedback(self.part(), 1).poles())
+
+    def at_rest(self, name: str) -> float:
+        """Return the value of a signal at the operating point; 0 of a model in deviations."""
+        return self.point.values.get(name, 0.0)
+
     def _margins_in_plane(self, plane: control.TransferFunction) -> tuple[float, ...]:
         """Return gain and phase margin, phase and gain crossover of a loop, as python-control does.
 
@@ -261,7 +292,7 @@ class LinearModel(Displayable):
     def frequencies(self, count: int = 400) -> Array:
         """Return frequencies, shape (count,), Hz, at equal ratios, that span all poles and zeros.
 
-        Those of a sampled model end below half its sampling rate.
+        Those of a sampled model end just below half its sampling rate.
         """
         poles = self._angular_frequencies(self.poles())
         zeros = [
@@ -275,7 +306,7 @@ class LinearModel(Displayable):
         visible = hertz[(hertz > _FLOOR * hertz.max(initial=0.0)) & (hertz < nyquist)]
         if not visible.size:
             visible = np.ones(1)
-        top = min(visible.max() * 10.0**_DECADES, 0.999 * nyquist)
+        top = 0.999 * nyquist if self.period else visible.max() * 10.0**_DECADES
         bottom = min(visible.min() * 10.0**-_DECADES, 1e-3 * top)
         return np.geomspace(bottom, top, count)
 
@@ -439,18 +470,16 @@ def linear_model_of(system: Any) -> LinearModel:
     except (ValueError, TypeError) as error:
         # more zeros than poles, or a table of a frequency response
         raise UserError(f"a system of python-control without a state space: {error}") from error
-    matrices = Matrices(
-        states.A,
-        states.B,
-        states.C,
-        states.D,
-        float(states.dt or 0.0),
-        tuple(map(str, states.state_labels)),
-    )
+    matrices = matrices_of(states, tuple(map(str, states.state_labels)))
     point = OperatingPoint(0.0, {}, {}, {}, {})
     inputs = tuple(map(str, states.input_labels))
     outputs = tuple(map(str, states.output_labels))
     return LinearModel("plant", matrices, inputs, outputs, {}, point, "python-control")
+
+
+def matrices_of(system: control.StateSpace, states: tuple[str, ...]) -> Matrices:
+    """Return the matrices of a system of python-control, with names of its states."""
+    return Matrices(system.A, system.B, system.C, system.D, float(system.dt or 0.0), states)
 
 
 def w_plane(sampled: control.StateSpace) -> control.StateSpace:

@@ -3,7 +3,7 @@
 A model has Bode diagram, step response, poles and zeros; a controller its loop, sensitivities, and
 responses to steps of reference and load.
 
-Operating points, and a few values of parameters, are lines; more values make a band.
+Operating points are lines of different shades; variations of parameters make a band.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmus.kit.arrays import Array
-from orchestration.linear.feedback import ControllerDesign, StepResponse
+from fmus.kit.units import quotient
+from orchestration.linear.feedback import ControllerDesign
 from orchestration.linear.model import FAMILY, FAR, LinearModel, margin_words
 from orchestration.reporting import draw, pictures
 
@@ -38,7 +39,11 @@ def draw_linear_model(model: LinearModel) -> Figure:
     models = (model, *model.beside)
     ends = np.concatenate([one.frequencies(2) for one in models])
     frequencies = np.geomspace(ends.min(), ends.max(), _POINTS)
-    _draw_band(model, frequencies, gain, phase, step)
+    if len(model.variations) > FAMILY:
+        _draw_bode_band(model, frequencies, gain, phase)
+        time = _step_times(model)
+        steps = [_step_response(one, time)[1] for one in model.variations]
+        _fill(step, time, steps, step="post" if model.period else None)
     for one, color in zip(models, pictures.colors(len(models)), strict=True):
         _draw_model(one, frequencies, color, (gain, phase, step, plane))
     _label(model, gain, phase, step, plane)
@@ -52,16 +57,8 @@ def _draw_model(
 ) -> None:
     """Draw all curves, poles and zeros of the model at one operating point."""
     gain, phase, step, plane = axes
-    decibel, degrees = _bode(model, frequencies)
     style: dict[str, Any] = {"color": color}
-    gain.semilogx(frequencies, decibel, label=model.words, **style)
-    phase.semilogx(frequencies, degrees, **style)
-    if model.loop:
-        margins = model.margins()
-        if np.isfinite(margins.crossover):
-            gain.plot(margins.crossover, 0.0, "o", **style)
-            phase_there = np.interp(margins.crossover, frequencies, degrees)
-            phase.plot(margins.crossover, phase_there, "o", **style)
+    _draw_bode(model, frequencies, gain, phase, **style)
     time, response = _step_response(model)
     if model.period:
         step.step(time, response, where="post", **style)
@@ -75,22 +72,36 @@ def _draw_model(
     plane.plot(near.real, near.imag, "o", markerfacecolor="none", **style)
 
 
-def _draw_band(model: LinearModel, frequencies: Array, gain: Axes, phase: Axes, step: Axes) -> None:
-    """Shade the band of the variations of a model."""
-    if len(model.variations) <= FAMILY:
+def _draw_bode(
+    model: LinearModel, frequencies: Array, gain: Axes, phase: Axes, **style: Any
+) -> None:
+    """Draw the Bode diagram of a model, with the crossovers of a loop."""
+    decibel, degrees = _bode(model, frequencies)
+    gain.semilogx(frequencies, decibel, label=model.words, **style)
+    phase.semilogx(frequencies, degrees, **style)
+    if not model.loop:
         return
+    gain.axhline(0.0, color=pictures.MEASURED, linewidth=0.8)
+    phase.axhline(-180.0, color=pictures.MEASURED, linewidth=0.8)
+    margins = model.margins()
+    for crossover in (margins.crossover, margins.phase_crossover):
+        if np.isfinite(crossover):
+            gain.plot(crossover, np.interp(crossover, frequencies, decibel), "o", **style)
+            phase.plot(crossover, np.interp(crossover, frequencies, degrees), "o", **style)
 
-    label = f"{len(model.variations)} values of parameters"
-    gains, phases = zip(*(_bode(one, frequencies) for one in model.variations), strict=True)
-    _fill(gain, frequencies, gains, label=label)
-    _fill(phase, frequencies, phases, label=label)
-    time = _step_times(model)
-    steps = [_step_response(one, time)[1] for one in model.variations]
-    _fill(step, time, steps, step="post" if model.period else None)
+
+def _draw_bode_band(model: LinearModel, frequencies: Array, gain: Axes, phase: Axes) -> None:
+    """Shade the band of the Bode diagrams of the variations of a model."""
+    curves = [_bode(one, frequencies) for one in model.variations]
+    label = f"{len(curves)} values of parameters"
+    _fill(gain, frequencies, [decibel for decibel, _ in curves], label=label)
+    _fill(phase, frequencies, [degrees for _, degrees in curves])
 
 
-def _fill(axis: Axes, x: Array, curves: Sequence[Array], **style: Any) -> None:
-    """Shade the band of curves, each of shape (n,)."""
+def _fill(axis: Axes, x: Array, curves: Sequence[Array] | Array, **style: Any) -> None:
+    """Shade the band of curves, each of shape (n,), if there are any."""
+    if not len(curves):
+        return
     low = np.min(curves, axis=0)
     high = np.max(curves, axis=0)
     axis.fill_between(x, low, high, color=pictures.FITTED, alpha=0.2, linewidth=0.0, **style)
@@ -99,10 +110,8 @@ def _fill(axis: Axes, x: Array, curves: Sequence[Array], **style: Any) -> None:
 def _label(model: LinearModel, gain: Axes, phase: Axes, step: Axes, plane: Axes) -> None:
     """Label all axes."""
     output_unit = model.units.get(model.outputs[0], "1")
-    input_unit = model.units.get(model.inputs[0], "1")
-    denominator = input_unit if input_unit.isalpha() else f"({input_unit})"
-    reference = f"{output_unit}/{denominator}"
-    pictures.label(gain, "gain", "dB" if output_unit == input_unit else f"dB re {reference}")
+    ratio = quotient(output_unit, model.units.get(model.inputs[0], "1"))
+    pictures.label(gain, "gain", "dB" if ratio == "1" else f"dB re {ratio}")
     pictures.label(phase, "phase", "deg")
     closed = ", loop closed" if model.loop else ""
     pictures.label(step, f"{model.outputs[0]}\nafter a step{closed}", output_unit)
@@ -112,9 +121,6 @@ def _label(model: LinearModel, gain: Axes, phase: Axes, step: Axes, plane: Axes)
     step.set_xlabel("time [s]")
     ends = "poles (crosses) and zeros (circles), real part [rad/s]"
     plane.set_xlabel(f"{ends}, in the w-plane" if model.period else ends)
-    if model.loop:
-        gain.axhline(0.0, color=pictures.MEASURED, linewidth=0.8)
-        phase.axhline(-180.0, color=pictures.MEASURED, linewidth=0.8)
 
 
 def _bode(model: LinearModel, frequencies: Array) -> tuple[Array, Array]:
@@ -176,47 +182,24 @@ def draw_controller_design(design: ControllerDesign) -> Figure:
     rows = [["gain", "step"], ["phase", "command"], ["sensitivity", "load"]]
     title = f"{design.plant.name}: {margin_words(design.margins())}"
     figure, axes = pictures.mosaic(rows, title)
-    _draw_loop(design, axes["gain"], axes["phase"])
-    _draw_sensitivities(design, axes["sensitivity"])
+    frequencies = design.loop.frequencies(_POINTS)
+    _draw_bode_band(design.loop, frequencies, axes["gain"], axes["phase"])
+    _draw_bode(design.loop, frequencies, axes["gain"], axes["phase"], color=pictures.MODEL)
+    pictures.label(axes["gain"], "gain of the loop", "dB")
+    pictures.label(axes["phase"], "phase of the loop", "deg")
+    _draw_sensitivities(design.loop, frequencies, axes["sensitivity"])
     _draw_steps(design, axes)
     return figure
 
 
-def _draw_loop(design: ControllerDesign, gain: Axes, phase: Axes) -> None:
-    """Draw the Bode diagram of the loop with its margins."""
-    loop = design.loop
-    frequencies = design.frequencies(_POINTS)
-    if loop.variations:
-        gains, phases = zip(*(_bode(one, frequencies) for one in loop.variations), strict=True)
-        _fill(gain, frequencies, gains)
-        _fill(phase, frequencies, phases)
-    decibel, degrees = _bode(loop, frequencies)
-    gain.semilogx(frequencies, decibel, color=pictures.MODEL)
-    phase.semilogx(frequencies, degrees, color=pictures.MODEL)
-    margins = loop.margins()
-    for place in (margins.crossover, margins.phase_crossover):
-        if np.isfinite(place):
-            gain.plot(place, np.interp(place, frequencies, decibel), "o", color=pictures.MODEL)
-            phase.plot(place, np.interp(place, frequencies, degrees), "o", color=pictures.MODEL)
-    gain.axhline(0.0, color=pictures.MEASURED, linewidth=0.8)
-    phase.axhline(-180.0, color=pictures.MEASURED, linewidth=0.8)
-    pictures.label(gain, "gain of the loop", "dB")
-    pictures.label(phase, "phase of the loop", "deg")
-
-
-def _draw_sensitivities(design: ControllerDesign, axis: Axes) -> None:
+def _draw_sensitivities(loop: LinearModel, frequencies: Array, axis: Axes) -> None:
     """Draw sensitivity and complementary sensitivity with their largest values."""
-    frequencies = design.frequencies(_POINTS)
-    sizes = np.abs(design.sensitivities(frequencies))
-    varied = [np.abs(design.sensitivities(frequencies, one)) for one in design.loop.variations]
+    curves = np.abs([one.sensitivities(frequencies) for one in (loop, *loop.variations)])
     names = ("sensitivity", "complementary")
-    for k, (name, peak) in enumerate(zip(names, design.peaks(), strict=True)):
-        if varied:
-            _fill(axis, frequencies, [one[k] for one in varied])
-        style = "-" if k == 0 else "--"
-        axis.loglog(
-            frequencies, sizes[k], style, color=pictures.MODEL, label=f"{name}, at most {peak:.3g}"
-        )
+    for k, (name, peak, style) in enumerate(zip(names, loop.peaks(), ("-", "--"), strict=True)):
+        _fill(axis, frequencies, curves[1:, k])
+        label = f"{name}, at most {peak:.3g}"
+        axis.loglog(frequencies, curves[0, k], style, color=pictures.MODEL, label=label)
     axis.legend(fontsize=8)
     axis.set_xlabel("frequency [Hz]")
     pictures.label(axis, "sensitivities", "1")
@@ -224,23 +207,19 @@ def _draw_sensitivities(design: ControllerDesign, axis: Axes) -> None:
 
 def _draw_steps(design: ControllerDesign, axes: dict[str, Axes]) -> None:
     """Draw the measured value after both steps, and the command after that of the reference."""
-    time = design.time
-    plants = design.plant.variations
-
-    def add(axis: Axes, response: StepResponse, varied: list[StepResponse], signal: str) -> None:
-        if varied:
-            _fill(axis, time, [getattr(one, signal) for one in varied], step="post")
-        axis.step(time, getattr(response, signal), where="post", color=pictures.MODEL)
-
-    stepped = design.step(design.step_size)
-    varied = [design.step(design.step_size, plant=one) for one in plants]
-    add(axes["step"], stepped, varied, "measured")
-    add(axes["command"], stepped, varied, "command")
+    plants = (design.plant, *design.plant.variations)
+    stepped = [design.step(design.step_size, plant=one) for one in plants]
     loaded = [design.step(load=design.load_size, plant=one) for one in plants]
-    add(axes["load"], design.step(load=design.load_size), loaded, "measured")
-    axes["step"].axhline(
-        stepped.measured[0] + design.step_size, color=pictures.MEASURED, linewidth=0.8
-    )
+    curves = {
+        "step": [one.measured for one in stepped],
+        "command": [one.command for one in stepped],
+        "load": [one.measured for one in loaded],
+    }
+    for name, (nominal, *varied) in curves.items():
+        _fill(axes[name], design.time, varied, step="post")
+        axes[name].step(design.time, nominal, where="post", color=pictures.MODEL)
+    wanted = curves["step"][0][0] + design.step_size
+    axes["step"].axhline(wanted, color=pictures.MEASURED, linewidth=0.8)
     for limit in filter(np.isfinite, design.limits):
         axes["command"].axhline(limit, color=pictures.FITTED, linewidth=0.8, linestyle="--")
     command, measured = design.plant.inputs[0], design.plant.outputs[0]

@@ -56,12 +56,12 @@ def test_intervals_of_a_diagnosis_are_its_band(monkeypatch):
         ({"command": None}, "command= names the input.*current, force"),
         ({"sample_period": None}, "ppy_actuator is continuous; give a time, such as 10ms"),
         ({"sample_period": 0.0}, "a time above 0 s"),
-        ({"delay": -1.0}, "a time from 0 s on"),
+        ({"delay": -1.0}, "a delay of -1 s: from 0 to 50 sample periods"),
         ({"limits": "1"}, "write two commands"),
         ({"limits": "1..0"}, "first command must be below the second"),
-        ({"limits": "0.1..1"}, "operating point, 0, is not within"),
+        ({"limits": "0.1..1"}, "operating point, 0, within"),
         ({"limits": "0V..1V"}, "limits"),
-        ({"phase_margin": 180.0}, "above 0 and below 180 degrees"),
+        ({"phase_margin": 180.0}, "phase_margin=180.0: from 1 to 179"),
         ({"controller": "pd"}, "no kind of controller named 'pd'"),
         ({"crossover": "40Hz"}, "below half the sampling rate, 25 Hz"),
         ({"crossover": float("nan")}, "crossover = nan: 'nan' is not a number"),
@@ -78,6 +78,9 @@ def test_what_does_not_fit_is_refused_in_one_line(changed, words):
 def test_a_sampled_system_of_python_control_needs_its_period():
     with pytest.raises(ppy.UserError, match="without a sample period"):
         ppy.design(control.tf([1.0], [1.0, -0.5], True), sample_period=0.1)
+    silent = control.tf([0.0], [1.0, 1.0])
+    with pytest.raises(ppy.UserError, match="y.0. does not answer u.0."):
+        ppy.design(silent, sample_period=0.1)
     improper = control.tf([1.0, 0.0, 0.0], [1.0, 1.0])
     for system in (improper, control.frd([1.0, 2.0], [1.0, 2.0])):
         with pytest.raises(ppy.UserError, match="without a state space"):
