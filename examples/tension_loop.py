@@ -124,9 +124,10 @@ def tension_loop(films: Member, controller: type[Component]) -> System:
     controller : type[Component]
         From ``measured`` tension to ``command`` of the current.
     """
+    slack = {"previous_measured_start": 0.0}  # N, before the films have their length
     return System(
         name="tension_loop",
-        members=(Member.of("pid", controller), films),
+        members=(Member.of("pid", controller, slack), films),
         connections=connect("films.tension -> pid.measured", "pid.command -> films.current"),
         inputs={
             "reference": (Port("pid", "reference"),),
@@ -199,7 +200,7 @@ def tune(model: str | Path, extended: Path) -> Tuned:
     """Tune the loop for a model, and close it over a rig at rest and over both models."""
     found = controller_for(model)
     better = tension_loop(Member("films", extended), found.controller)
-    loop = ppy.linearise(better, {"length_change": LENGTH}, cut="films.tension", step=PERIOD)
+    loop = ppy.linearise(better, {"length_change": LENGTH}, cut="films.tension")
     with emulated_rig() as rig:  # a fresh one, as films remember charge and load
         proxy = Member.of("films", component("rig_proxy_length_driven"), {"endpoint": rig})
         measured = step_response(tension_loop(proxy, found.controller))

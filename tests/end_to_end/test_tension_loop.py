@@ -79,8 +79,7 @@ def expected(example, gains: dict[str, float]) -> np.ndarray:
         for name in ("proportional_gain", "integral_time", "derivative_time", "filter_time")
     )
     state = np.zeros(7)
-    command = slope = error_before = 0.0
-    measured_before = p.k1 * example.LENGTH  # of the operating point
+    command = slope = error_before = measured_before = 0.0
     found = []
     for k in range(round(example.DURATION / h) + 1):
         measured = float(tension @ state)  # with the length of the step before
