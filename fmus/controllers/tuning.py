@@ -206,23 +206,18 @@ class _Tuning:
                 f"crossover {crossover:g} Hz: above 0 and below half the sampling rate,"
                 f" {nyquist:g} Hz"
             )
-        wish = f"a phase margin of {self.request.phase_margin:g} degrees at {crossover:g} Hz"
         tuned = self.at(crossover)
-        if tuned is None:
-            _, s, needed = self.needed(crossover)
-            turns = np.degrees(np.angle(_law(_LAGS, self.share, s)))
-            turn = np.degrees(np.arctan(needed.imag / needed.real))
-            raise UserError(
-                f"{wish}: the controller would have to turn the phase by {turn:.3g} degrees, and"
-                f" can by {turns.min():.3g} to {turns.max():.3g}; ask for another margin or"
-                " crossover"
-            )
-        if not self.is_sound(*tuned):
-            raise UserError(
-                f"{wish} would be of a loop that is unstable or has a smaller margin at another"
-                " crossover; ask for another crossover"
-            )
-        return tuned
+        if tuned is not None and self.is_sound(*tuned):
+            return tuned
+        _, s, needed = self.needed(crossover)
+        turns = np.degrees(np.angle(_law(_LAGS, self.share, s)))
+        turn = np.degrees(np.arctan(needed.imag / needed.real))
+        raise UserError(
+            f"no stable loop has a phase margin of {self.request.phase_margin:g} degrees at"
+            f" {crossover:g} Hz and at its other crossovers: the controller would have to turn the"
+            f" phase by {turn:.3g} degrees, and can by {turns.min():.3g} to {turns.max():.3g}; ask"
+            " for another margin or crossover"
+        )
 
 
 def _tune(request: DesignRequest, share: float) -> DesignedController:

@@ -223,10 +223,9 @@ def _draw_steps(design: ControllerDesign, axes: dict[str, Axes]) -> None:
     for limit in filter(np.isfinite, design.limits):
         axes["command"].axhline(limit, color=pictures.FITTED, linewidth=0.8, linestyle="--")
     command, measured = design.plant.inputs[0], design.plant.outputs[0]
-    units = design.plant.units
-    unit = units.get(measured, "1")
-    pictures.label(axes["step"], f"{measured} after a step of its reference", unit)
-    pictures.label(axes["command"], f"{command} after that step", units.get(command, "1"))
-    load = f"{design.load_size:.3g} {units.get(command, '')}".removesuffix(" 1")
-    pictures.label(axes["load"], f"{measured} after a load of {load}", unit)
+    units = [design.plant.units.get(name, "1") for name in (measured, command)]
+    load = f"{design.load_size:.3g} {units[1]}".removesuffix(" 1")
+    pictures.label(axes["step"], f"{measured} after a step of its reference", units[0])
+    pictures.label(axes["command"], f"{command} after that step", units[1])
+    pictures.label(axes["load"], f"{measured} after a load of {load}", units[0])
     axes["load"].set_xlabel("time [s]")
