@@ -240,8 +240,8 @@ def _tune(request: DesignRequest, share: float) -> DesignedController:
     low, high = np.clip(request.limits, -_UNLIMITED, _UNLIMITED)
     arguments = {
         "name": "controller",
-        "measured": request.measured_unit,
-        "command": request.command_unit,
+        "measured": request.measured.unit,
+        "command": request.command.unit,
         "sample_period": tuning.period,
         "proportional_gain": gain,
         "integral_time": integral_time,
@@ -250,10 +250,11 @@ def _tune(request: DesignRequest, share: float) -> DesignedController:
         "tracking_time": integral_time,
         "command_min": float(low),
         "command_max": float(high),
-        "unlimited_command_start": float(request.command),
-        "previous_measured_start": float(request.measured),
+        "unlimited_command_start": request.command.value,
+        "previous_measured_start": request.measured.value,
     }
-    return DesignedController("fmus.controllers.tuning:pid", arguments)
+    signals = {"measured": request.measured.name}
+    return DesignedController("fmus.controllers.tuning:pid", arguments, signals)
 
 
 tuned_pid = partial(_tune, share=_DERIVATIVE_SHARE)

@@ -13,12 +13,12 @@ omitted with a warning.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .errors import UserError, find
 from .interrupt import raise_interrupt
@@ -167,6 +167,14 @@ class RigDeclaration:
     limits: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
 
+class DesignSignal(NamedTuple):
+    """A signal between a plant and its controller: its name, unit, and value where it rests, SI."""
+
+    name: str
+    unit: str
+    value: float
+
+
 @dataclass(frozen=True)
 class DesignRequest:
     """A linear plant and what its control loop should do, as a design rule takes them.
@@ -176,25 +184,25 @@ class DesignRequest:
     plant : control.StateSpace
         Sampled, from the command that is held to the measured value at the samples, with all
         delays; a command acts on later samples only.
-    measured_unit, command_unit : str
-    measured, command : float
-        Both signals at the operating point, SI.
+    measured, command : DesignSignal
     limits : tuple of float
         Lowest and highest command, SI.
     phase_margin : float
         Degrees.
     crossover : float or None
         Frequency of gain one of the loop, Hz; None if the rule chooses it.
+    linearise : callable
+        Returns the plant before it is sampled, as a linear model with ``state_space`` and
+        ``at_rest(name)``, from names of inputs and outputs.
     """
 
     plant: Any
-    measured_unit: str
-    command_unit: str
-    measured: float
-    command: float
+    measured: DesignSignal
+    command: DesignSignal
     limits: tuple[float, float]
     phase_margin: float
     crossover: float | None
+    linearise: Callable[[Sequence[str], Sequence[str]], Any]
 
 
 @dataclass(frozen=True)
@@ -204,14 +212,20 @@ class DesignedController:
     Attributes
     ----------
     place : str
-        ``module:function`` of a function that returns the class of a component with the inputs
-        ``reference`` and ``measured`` and the output ``command``.
+        ``module:function`` of a function that returns the class of a component.
     arguments : Mapping of str to object
         Its keyword arguments: texts, numbers and lists of numbers.
+    signals : Mapping of str to str
+        Signal of the plant by input of the component, the measured value first.
+    reference, command : str
+        Input of the component for the reference, and its output.
     """
 
     place: str
     arguments: Mapping[str, Any]
+    signals: Mapping[str, str]
+    reference: str = "reference"
+    command: str = "command"
 
     @property
     def component(self) -> type[Component]:

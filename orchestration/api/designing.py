@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -69,14 +69,16 @@ def design(
     require("control")
     rules = registry.designs()
     rule = registry.load(find(options["controller"], rules, "no kind of controller"))
-    linear, runs = _linear_plant(model, options)
+    linearised, runs = _plant(model, options)
+    linear = linearised(_given(options["command"]), _given(options["measured"]))
     for key, names in (("command", linear.inputs), ("measured", linear.outputs)):
         if len(names) != 1:
             raise UserError(
                 f"{option(key)} names the {_ENDS[key]} at which the controller acts:"
                 f" {', '.join(names)}"
             )
-    plant = sampled_plant(linear, _period(linear, options), seconds(options["delay"]))
+    period, delay = _period(linear, options), seconds(options["delay"])
+    plant = sampled_plant(linear, period, delay)
     command, measured = plant.inputs[0], plant.outputs[0]
     if not np.any(plant.part()(0.5j)):
         raise UserError(f"{plant.name}: {measured} does not answer {command}")
@@ -84,42 +86,53 @@ def design(
     limits = _limits(options["limits"], plant)
     request = registry.DesignRequest(
         plant.part(),
-        plant.units.get(measured, "1"),
-        plant.units.get(command, "1"),
-        plant.at_rest(measured),
-        plant.at_rest(command),
+        _signal(plant, measured),
+        _signal(plant, command),
         limits,
         options["phase_margin"],
         None if crossover is None else rows_per_second(crossover),
+        linearised,
     )
+    designed = rule(request)
+    inputs = {*plant.point.inputs} - {command}
+    measures = [one for one in designed.signals.values() if one not in inputs]
+    if measures != [measured]:
+        plant = sampled_plant(linearised([command], measures), period, delay)
     settings = values_of(runs, options["settings"]) if isinstance(runs, Model) else {}
-    return ControllerDesign(rule(request), plant, limits, runs, settings)
+    return ControllerDesign(designed, plant, limits, runs, settings)
 
 
-def _linear_plant(
+def _given(name: str | None) -> list[str]:
+    return [name] if name else []
+
+
+def _signal(plant: LinearModel, name: str) -> registry.DesignSignal:
+    return registry.DesignSignal(name, plant.units.get(name, "1"), plant.at_rest(name))
+
+
+def _plant(
     model: Any, options: DesignKeywords
-) -> tuple[LinearModel, Model | System | str | None]:
-    """Return the linear model of a plant, and the plant as it runs, if it does."""
+) -> tuple[Callable[[Sequence[str], Sequence[str]], LinearModel], Model | System | str | None]:
+    """Return the linear model of a plant, by its inputs and outputs, and the plant as it runs."""
     import control
 
     if isinstance(model, control.lti.LTI):
         model = linear_model_of(model)
     if isinstance(model, LinearModel):
-        return model.between(options["command"] or "", options["measured"] or ""), None
+        return model.between, None
     chosen: Any = only(LineariseKeywords, options)
-    for key, end in _ENDS.items():
-        chosen[f"{end}s"] = [options[key]] if options[key] else []
     if isinstance(model, DiagnosisResult):
         if not chosen["over"] and chosen["fitted"] is None:
             chosen["over"] = _intervals(model)
         model = model.model
-    if isinstance(model, System) or is_system(str(model)):
-        return linearise(model, **chosen), model
-    declared = as_declared(model)
-    for key, known in (("command", declared.inputs), ("measured", declared.outputs)):
-        for name in chosen[f"{_ENDS[key]}s"]:
-            find(name, known, f"{option(key, name)}: {declared.name} has no signal")
-    return linearise(declared, **chosen), declared
+    if not isinstance(model, System) and not is_system(str(model)):
+        model = as_declared(model)
+        for key, known in (("command", model.inputs), ("measured", model.outputs)):
+            for name in _given(options[key]):
+                find(name, known, f"{option(key, name)}: {model.name} has no signal")
+    return lambda inputs, outputs: linearise(
+        model, **{**chosen, "inputs": inputs, "outputs": outputs}
+    ), model
 
 
 def _intervals(result: DiagnosisResult) -> dict[str, str]:

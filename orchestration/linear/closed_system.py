@@ -44,12 +44,19 @@ def closed_system(design: ControllerDesign) -> System:
     name = _CONTROLLER
     while name in [member.name for member in plant.members]:
         name = f"outer_{name}"
-    output = Port(name, "command")
-    source = plant.outputs.get(measured) or plant.port(measured)
+    output = Port(name, design.designed.command)
+    signals = {Port(name, port): signal for port, signal in design.designed.signals.items()}
     driven = plant.inputs.get(command) or (plant.port(command),)
+    inputs = {n: ports for n, ports in plant.inputs.items() if n != command}
+    sources = {command: output, **{n: plant.port(n) for n in signals.values() if "." in n}}
+    sources |= plant.outputs
+    for port, signal in signals.items():
+        if signal in inputs:
+            inputs[signal] = (*inputs[signal], port)
+    measures = {port: sources[signal] for port, signal in signals.items() if signal not in inputs}
     at_rest = design.plant.point.inputs
-    free = {n: ports for n, ports in plant.inputs.items() if n != command and not at_rest.get(n)}
-    fixed = {str(port): at_rest[n] for n, port in plant.fed_ports if n not in (command, *free)}
+    free = {n: ports for n, ports in inputs.items() if not at_rest.get(n)}
+    fixed = {str(port): at_rest[n] for n in inputs if n not in free for port in inputs[n]}
     # no longer than the plant's own, and a whole number of them in a sample
     steps = max(np.ceil(design.plant.period / plant.step), 1.0)
     joined = System(
@@ -58,10 +65,10 @@ def closed_system(design: ControllerDesign) -> System:
         connections=(
             *plant.connections,
             *(Connection(output, port) for port in driven),
-            Connection(source, Port(name, "measured")),
+            *(Connection(source, port) for port, source in measures.items()),
         ),
-        inputs={"reference": (Port(name, "reference"),), **free},
-        outputs={"command": output, **plant.outputs, "measured": source},
+        inputs={"reference": (Port(name, design.designed.reference),), **free},
+        outputs={"command": output, **plant.outputs, "measured": sources[measured]},
         doc=f"{plant.name} with a controller of {measured} by {command}",
         step=design.plant.period / steps,
         stop=float(design.time[-1]),

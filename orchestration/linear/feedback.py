@@ -46,7 +46,7 @@ def sampled_plant(plant: LinearModel, period: float, delay: float) -> LinearMode
     Parameters
     ----------
     plant : LinearModel
-        With one input and one output, continuous or sampled.
+        With one input, continuous or sampled.
     period : float
         Sample period of the controller, s; of a sampled plant a multiple of its own.
     delay : float
@@ -75,13 +75,13 @@ def sampled_plant(plant: LinearModel, period: float, delay: float) -> LinearMode
         rest = 0.0
     late = _flow(plant, rest, "delay")
     early = _flow(plant, period - rest, "sample period")
-    # next state and output, by the state and by commands, the latest first
-    laws = np.zeros((n + 1, n + whole + 2))
+    # next state and outputs, by the state and by commands, the latest first
+    laws = np.zeros((n + len(plant.outputs), n + whole + 2))
     laws[:n, :n] = early[:n, :n] @ late[:n, :n]
     laws[:n, n + whole] = early[:n, n]
     laws[:n, n + whole + 1] = early[:n, :n] @ late[:n, n]
-    laws[n, :n] = m.C
-    laws[n, n + whole + 1] = m.D[0, 0]  # a sample sees the command before its own
+    laws[n:, :n] = m.C
+    laws[n:, n + whole + 1] = m.D[:, 0]  # a sample sees the command before its own
     count = whole + int(rest > 0.0 or m.D.any())
     remembered = np.eye(count, n + count + 1, n)
     step = np.vstack([laws[:n, : n + count + 1], remembered])
@@ -90,7 +90,7 @@ def sampled_plant(plant: LinearModel, period: float, delay: float) -> LinearMode
         np.delete(step, n, axis=1),
         step[:, [n]],
         np.delete(laws[n:, : n + count + 1], n, axis=1),
-        np.zeros((1, 1)),
+        np.zeros(m.D.shape),
         period,
         names,
     )
@@ -124,31 +124,14 @@ def _flow(plant: LinearModel, duration: float, name: str) -> Array:
     return np.linalg.matrix_power(joined, count)
 
 
-def controller_law(controller: type[Component], point: OperatingPoint) -> LinearModel:
-    """Return the linear law of a controller, from the measured value to the command it makes of it.
-
-    Its own output is that before a sample; this one is that from the sample on.
-
-    Raises
-    ------
-    UserError
-        If the command does not wait for a sample.
-    """
-    law = subject_of(controller).linearise(point, ["measured"], ["command"])
-    m = law.matrices
-    if not m.period or m.D.any():
-        raise UserError(f"{controller.name}: its command does not wait for a sample")
-    return replace(law, matrices=replace(m, C=m.C @ m.A, D=m.C @ m.B))
-
-
 def _loop(plant: LinearModel, law: LinearModel) -> LinearModel:
     """Return the loop transfer function of a plant and the law of its controller."""
-    cut = plant.outputs[0]
-    states = (*law.states, *plant.states)
+    cut = plant.inputs[0]
     return replace(
         plant,
-        matrices=matrices_of(-plant.state_space * law.state_space, states),
+        matrices=matrices_of(-law.state_space * plant.state_space, (*plant.states, *law.states)),
         inputs=(f"cut({cut})",),
+        outputs=(cut,),
         units=plant.units | {f"cut({cut})": plant.units.get(cut, "")},
         loop=cut,
         variations=tuple(_loop(one, law) for one in plant.variations),
@@ -202,7 +185,7 @@ class ControllerDesign(Displayable):
 
     @cached_property
     def controller(self) -> type[Component]:
-        """Class with the inputs ``reference`` and ``measured`` and the output ``command``."""
+        """Class of the controller, whose signals `designed` names."""
         return self.designed.component
 
     @cached_property
@@ -230,14 +213,33 @@ class ControllerDesign(Displayable):
     @cached_property
     def point(self) -> OperatingPoint:
         """Operating point of the controller."""
-        measured = self.plant.at_rest(self.plant.outputs[0])
-        inputs = {"reference": measured, "measured": measured}
+        signals = {**self.designed.signals, self.designed.reference: self.plant.outputs[0]}
+        inputs = {port: self.plant.at_rest(signal) for port, signal in signals.items()}
         return start_point(trace(self.controller), inputs)
 
     @cached_property
     def law(self) -> LinearModel:
-        """Linear law of the controller, from the measured value to the command."""
-        return controller_law(self.controller, self.point)
+        """Linear law of the controller, from what it measures to the command it makes of it.
+
+        Its own output is that before a sample; this one is that from the sample on.
+
+        Raises
+        ------
+        UserError
+            If the command does not wait for a sample.
+        """
+        subject = subject_of(self.controller)
+        law = subject.linearise(self.point, self._measured, [self.designed.command])
+        m = law.matrices
+        if not m.period or m.D.any():
+            raise UserError(f"{law.name}: its command does not wait for a sample")
+        return replace(law, matrices=replace(m, C=m.C @ m.A, D=m.C @ m.B))
+
+    @property
+    def _measured(self) -> list[str]:
+        """Inputs of the controller that outputs of the plant feed, in the order of these."""
+        signals = self.designed.signals
+        return [port for port in signals if signals[port] in self.plant.outputs]
 
     @cached_property
     def loop(self) -> LinearModel:
@@ -265,9 +267,9 @@ class ControllerDesign(Displayable):
     def step_size(self) -> float:
         """Step of the reference of the picture, whose command takes about the headroom."""
         crossover = self.margins().crossover
-        if not np.isfinite(crossover):
-            return 1.0
-        gain = abs(self.plant.response(np.array([crossover]))[0])
+        slowest = self.loop.frequencies()[:1]
+        at = np.array([crossover]) if np.isfinite(crossover) else slowest
+        gain = abs(self.plant.response(at)[0])
         return float(-gain * self._headroom * np.sign(self.law.matrices.D[0, 0]))
 
     @property
@@ -314,17 +316,17 @@ class ControllerDesign(Displayable):
     def _simulation(self) -> ca.Function:
         """Function of start state, plant, and steps of reference and load; see `step`."""
         n = len(self.plant.states)
+        rest = ca.DM([self.point.inputs[port] for port in self._measured])
         x, held = ca.MX.sym("x", n), ca.MX.sym("held", len(self.point.discretes))
-        A, B, C = ca.MX.sym("A", n, n), ca.MX.sym("B", n, 1), ca.MX.sym("C", 1, n)
+        A, B, C = (ca.MX.sym(*size) for size in (("A", n, n), ("B", n, 1), ("C", rest.numel(), n)))
         reference, load = ca.MX.sym("reference"), ca.MX.sym("load")
-        rest = self.point.inputs["measured"]
         measured = rest + C @ x
-        after, command = self._sample()(held, rest + reference, measured)
+        after, command = self._sample()(held, ca.vertcat(rest[0] + reference, measured))
         driven = command - self.plant.at_rest(self.plant.inputs[0]) + load
         sample = ca.Function(
             "sample",
             [ca.vertcat(x, held), A, B, C, reference, load],
-            [ca.vertcat(A @ x + B * driven, after), ca.vertcat(measured, command)],
+            [ca.vertcat(A @ x + B * driven, after), ca.vertcat(measured[0], command)],
         )
         return sample.mapaccum("loop", len(self.time))
 
@@ -332,15 +334,16 @@ class ControllerDesign(Displayable):
         """Return the function from discrete states and inputs to states and command of a sample."""
         graph = trace(self.controller)
         held = ca.MX.sym("held", len(self.point.discretes))
-        reference, measured = ca.MX.sym("reference"), ca.MX.sym("measured")
-        signals = {**self.point.inputs, "reference": reference, "measured": measured}
+        ports = (self.designed.reference, *self._measured)
+        driven = ca.MX.sym("driven", len(ports))
+        signals = self.point.inputs | dict(zip(ports, ca.vertsplit(driven), strict=True))
         inputs = ca.vertcat(*(signals[v.name] for v in graph.layout.inputs))
         known = [0.0, self.point.arguments(graph)[1], inputs, ca.MX(0, 1)]
         laws = ca.Function("laws", graph.arguments, [graph.updates[0], graph.outputs])
         after, _ = laws(*known, held)
         _, outputs = laws(*known, after)
-        command = outputs[[v.name for v in graph.layout.outputs].index("command")]
-        return ca.Function("controller", [held, reference, measured], [after, command])
+        command = outputs[[v.name for v in graph.layout.outputs].index(self.designed.command)]
+        return ca.Function("controller", [held, driven], [after, command])
 
     # --- forms
 

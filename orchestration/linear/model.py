@@ -161,13 +161,8 @@ class LinearModel(Displayable):
         i = _index(output, self.outputs, "output")
         return self.state_space[i, j]
 
-    def between(self, input: str = "", output: str = "") -> LinearModel:
-        """Return the model of one input and one output.
-
-        Parameters
-        ----------
-        input, output : str
-            All of them if empty.
+    def between(self, inputs: Sequence[str] = (), outputs: Sequence[str] = ()) -> LinearModel:
+        """Return the model of some inputs and outputs, all of them if none are named.
 
         Raises
         ------
@@ -175,17 +170,17 @@ class LinearModel(Displayable):
             If there is no such input or output.
         """
         m = self.matrices
-        columns = [_index(input, self.inputs, "input")] if input else range(len(self.inputs))
-        rows = [_index(output, self.outputs, "output")] if output else range(len(self.outputs))
+        sources, targets = tuple(inputs or self.inputs), tuple(outputs or self.outputs)
+        columns = [_index(name, self.inputs, "input") for name in sources]
+        rows = [_index(name, self.outputs, "output") for name in targets]
+        through = m.D[np.ix_(rows, columns)]
         return replace(
             self,
-            matrices=replace(
-                m, B=m.B[:, columns], C=m.C[rows], D=m.D[np.ix_(list(rows), list(columns))]
-            ),
-            inputs=tuple(self.inputs[k] for k in columns),
-            outputs=tuple(self.outputs[k] for k in rows),
-            further=tuple(one.between(input, output) for one in self.further),
-            variations=tuple(one.between(input, output) for one in self.variations),
+            matrices=replace(m, B=m.B[:, columns], C=m.C[rows], D=through),
+            inputs=sources,
+            outputs=targets,
+            further=tuple(one.between(sources, targets) for one in self.further),
+            variations=tuple(one.between(sources, targets) for one in self.variations),
         )
 
     def response(self, frequencies: Array, input: str = "", output: str = "") -> Array:

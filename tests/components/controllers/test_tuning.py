@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from fmus.controllers.tuning import pid, tuned_pi, tuned_pid
 from fmus.kit import UserError
-from fmus.kit.registry import DesignRequest
+from fmus.kit.registry import DesignRequest, DesignSignal
 from tests.support.sampled import run
 
 PERIOD = 0.02
@@ -68,8 +68,9 @@ def phase_margin(parameters, plant):
     return min((np.degrees(np.angle(-loop(place))), place) for place in places)
 
 
-def request(plant, margin=60.0, crossover=None, limits=(-np.inf, np.inf)):
-    return DesignRequest(plant, "m", "A", 0.0, 0.0, limits, margin, crossover)
+def request(plant, margin=60.0, crossover=None, limits=(-np.inf, np.inf), at_rest=(0.0, 0.0)):
+    measured, command = DesignSignal("y", "m", at_rest[0]), DesignSignal("u", "A", at_rest[1])
+    return DesignRequest(plant, measured, command, limits, margin, crossover, lambda *_: None)
 
 
 @pytest.mark.parametrize("rule", [tuned_pid, tuned_pi])
@@ -126,8 +127,8 @@ def test_it_has_the_units_of_its_signals():
 
 
 def test_the_class_is_that_of_its_source_and_starts_where_the_loop_rests():
-    at_rest = DesignRequest(sampled(1.0, 2.0, 0.3, 0), "m", "A", 0.3, 0.7, (0.5, 2.0), 60.0, 0.2)
-    designed = tuned_pid(at_rest)
+    plant = sampled(1.0, 2.0, 0.3, 0)
+    designed = tuned_pid(request(plant, 60.0, 0.2, (0.5, 2.0), (0.3, 0.7)))
     scope = {}
     exec(designed.source, scope)
     made = scope["Controller"]

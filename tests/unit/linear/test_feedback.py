@@ -38,9 +38,8 @@ def designed(plant, limits=(-np.inf, np.inf), gain=1.5, integral=0.6):
         "command_min": float(low),
         "command_max": float(high),
     }
-    return ControllerDesign(
-        DesignedController("fmus.controllers.tuning:pid", arguments), plant, limits
-    )
+    made = DesignedController("fmus.controllers.tuning:pid", arguments, {"measured": "y"})
+    return ControllerDesign(made, plant, limits)
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.02, 0.05, 0.13])
@@ -74,7 +73,9 @@ def test_a_plant_that_is_sampled_faster_is_the_same_plant():
 
 def test_a_delay_of_more_samples_than_can_be_computed_is_refused():
     assert len(sampled_plant(lag(), 0.01, 0.5).matrices.states) == 51
-    with pytest.raises(UserError, match=r"a delay of 1e\+09 s: from 0 to 50 sample periods, 0.01 s"):
+    with pytest.raises(
+        UserError, match=r"a delay of 1e\+09 s: from 0 to 50 sample periods, 0.01 s"
+    ):
         sampled_plant(lag(), 0.01, 1e9)
 
 
