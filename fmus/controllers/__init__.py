@@ -42,6 +42,9 @@ PACKAGE = ComponentPackage(
     designs={
         "pid": "fmus.controllers.tuning:tuned_pid",
         "pi": "fmus.controllers.tuning:tuned_pi",
+        "state_feedback": "fmus.controllers.design:designed_state_feedback",
+        "adaptive": "fmus.controllers.design:designed_adaptive",
+        "impedance": "fmus.controllers.design:designed_impedance",
     },
     experiment_folder=Path(__file__).with_name("experiments"),
 )

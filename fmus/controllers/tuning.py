@@ -5,6 +5,7 @@ Not part of the FMU; the libraries that it needs are imported where they are use
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
@@ -60,18 +61,37 @@ def pid(name: str, measured: str, command: str, **values: float) -> type[Compone
         If there is no such parameter, or a value is out of range.
     """
     units = {"N": measured, "V": command, "V/N": quotient(command, measured)}
+    return in_units(Pid, units, name, values)
+
+
+def in_units(
+    controller: type[Component], units: Mapping[str, str], name: str, values: Mapping[str, float]
+) -> type[Component]:
+    """Make a controller of other signals.
+
+    Parameters
+    ----------
+    controller : type[Component]
+    units : Mapping of str to str
+        SI units in place of those of its variables.
+    name : str
+        Name of the FMU.
+    values : Mapping of str to float
+        Values of parameters and start values, SI.
+    """
     redeclared = {
-        key: replace(variable, unit=units.get(variable.unit, variable.unit))
-        for key, variable in Pid.declared.items()
+        key: replace(variable, unit=units.get(variable.unit, variable.unit), display="")
+        for key, variable in controller.declared.items()
         if isinstance(variable, Declaration)
     }
+    title = (controller.__doc__ or "").partition(" of ")[0]
     about = {
         "name": name,
-        "__doc__": f"PID controller of a value in {measured} by a command in {command}.",
-        "__module__": Pid.__module__,
+        "__doc__": f"{title} of signals in {', '.join(units.values())}.",
+        "__module__": controller.__module__,
         "presets": {},
     }
-    made: type[Component] = type("Controller", (Pid,), about | redeclared)
+    made: type[Component] = type("Controller", (controller,), about | redeclared)
     return stack(made, name=name, defaults=values)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -29,6 +30,7 @@ from orchestration.linear import (
 from orchestration.reporting import option
 from orchestration.system import System
 
+Linearised = Callable[[Sequence[str], Sequence[str]], LinearModel]
 _ENDS = {"command": "input", "measured": "output"}  # end of the plant at which a signal is
 
 
@@ -77,42 +79,47 @@ def design(
                 f"{option(key)} names the {_ENDS[key]} at which the controller acts:"
                 f" {', '.join(names)}"
             )
-    period, delay = _period(linear, options), seconds(options["delay"])
-    plant = sampled_plant(linear, period, delay)
-    command, measured = plant.inputs[0], plant.outputs[0]
+    plant = _sampled(linear, options)
+    request = _request(plant, linearised, options)
+    designed = rule(request)
+    given = values_of(as_declared(designed.component), options["controller_settings"])
+    designed = replace(designed, arguments={**designed.arguments, **given})
+    command, measured = request.command.name, request.measured.name
+    inputs = {*plant.point.inputs} - {command}
+    measures = [one for one in designed.signals.values() if one not in inputs]
+    if measures != [measured]:
+        plant = _sampled(linearised([command], measures), options)
+    settings = values_of(runs, options["settings"]) if isinstance(runs, Model) else {}
+    return ControllerDesign(designed, plant, request.limits, runs, settings)
+
+
+def _request(
+    plant: LinearModel, linearised: Linearised, options: DesignKeywords
+) -> registry.DesignRequest:
+    """Return what a design rule takes."""
+    command, measured = (
+        registry.DesignSignal(name, plant.units.get(name, "1"), plant.at_rest(name))
+        for name in (plant.inputs[0], plant.outputs[0])
+    )
     if not np.any(plant.part()(0.5j)):
-        raise UserError(f"{plant.name}: {measured} does not answer {command}")
+        raise UserError(f"{plant.name}: {measured.name} does not answer {command.name}")
     crossover = options["crossover"]
-    limits = _limits(options["limits"], plant)
-    request = registry.DesignRequest(
+    return registry.DesignRequest(
         plant.part(),
-        _signal(plant, measured),
-        _signal(plant, command),
-        limits,
+        measured,
+        command,
+        _limits(options["limits"], command),
         options["phase_margin"],
         None if crossover is None else rows_per_second(crossover),
         linearised,
     )
-    designed = rule(request)
-    inputs = {*plant.point.inputs} - {command}
-    measures = [one for one in designed.signals.values() if one not in inputs]
-    if measures != [measured]:
-        plant = sampled_plant(linearised([command], measures), period, delay)
-    settings = values_of(runs, options["settings"]) if isinstance(runs, Model) else {}
-    return ControllerDesign(designed, plant, limits, runs, settings)
 
 
 def _given(name: str | None) -> list[str]:
     return [name] if name else []
 
 
-def _signal(plant: LinearModel, name: str) -> registry.DesignSignal:
-    return registry.DesignSignal(name, plant.units.get(name, "1"), plant.at_rest(name))
-
-
-def _plant(
-    model: Any, options: DesignKeywords
-) -> tuple[Callable[[Sequence[str], Sequence[str]], LinearModel], Model | System | str | None]:
+def _plant(model: Any, options: DesignKeywords) -> tuple[Linearised, Model | System | str | None]:
     """Return the linear model of a plant, by its inputs and outputs, and the plant as it runs."""
     import control
 
@@ -147,8 +154,8 @@ def _intervals(result: DiagnosisResult) -> dict[str, str]:
     return ranges
 
 
-def _period(linear: LinearModel, options: DesignKeywords) -> float:
-    """Return the sample period of the controller, s."""
+def _sampled(linear: LinearModel, options: DesignKeywords) -> LinearModel:
+    """Return a plant as a controller sees it."""
     given = options["sample_period"]
     if given is None and not linear.period:
         raise UserError(
@@ -158,20 +165,20 @@ def _period(linear: LinearModel, options: DesignKeywords) -> float:
     period = linear.period if given is None else seconds(given)
     if not 0.0 < period < np.inf:
         raise UserError(f"{option('sample_period', f'{period:g}')}: a time above 0 s")
-    return period
+    return sampled_plant(linear, period, seconds(options["delay"]))
 
 
-def _limits(ends: Sequence[float | str] | None, plant: LinearModel) -> tuple[float, float]:
+def _limits(
+    ends: Sequence[float | str] | None, command: registry.DesignSignal
+) -> tuple[float, float]:
     """Return the lowest and the highest command; infinite ones if none are given."""
     if ends is None:
         return -np.inf, np.inf
-    command = plant.inputs[0]
     shown = option("limits", "..".join(map(str, ends)))
-    low, high = (read_amount(str(end), plant.units.get(command, "1"), shown) for end in ends)
-    at_rest = plant.at_rest(command)
-    if not (low < high and low <= at_rest <= high):
+    low, high = (read_amount(str(end), command.unit, shown) for end in ends)
+    if not (low < high and low <= command.value <= high):
         raise UserError(
             f"{shown}: the first command must be below the second one, and that at the operating"
-            f" point, {at_rest:g}, within"
+            f" point, {command.value:g}, within"
         )
     return low, high

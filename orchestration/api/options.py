@@ -995,9 +995,21 @@ class ControllerOptions(ControlledSignalsOptions, total=False):
     controller: Annotated[
         str,
         Option(
-            "Kind of controller: pid, pi, or one of an installed package.",
+            "Kind: pid, pi, state_feedback, adaptive, impedance, or of an installed package.",
+            "Kind of controller: ``pid``, ``pi``, ``state_feedback``, ``adaptive``, ``impedance``,"
+            " or one of an installed package.",
             default="pid",
             metavar="KIND",
+        ),
+    ]
+    controller_settings: Annotated[
+        Mapping[str, float | str] | None,
+        Option(
+            "Set a parameter of the controller, e.g. stiffness=2N/mm. Repeatable.",
+            "Values of parameters of the controller, in place of those of the design.",
+            flag="--controller-set",
+            metavar="NAME=VALUE[UNIT]",
+            form=SETTINGS,
         ),
     ]
     sample_period: Annotated[
@@ -1012,7 +1024,7 @@ class ControllerOptions(ControlledSignalsOptions, total=False):
     phase_margin: Annotated[
         float,
         Option(
-            "Phase margin of the loop, degrees.",
+            "Phase margin of the loop of a pid or pi, degrees.",
             default=60.0,
             metavar="DEGREES",
             least=1,

@@ -352,6 +352,8 @@ class ControllerDesign(Displayable):
         path = f"{self.plant.inputs[0]} to {self.plant.outputs[0]}"
         yield f"{self.controller.name} around {self.plant.name}, {path}, {self.plant.point.words}"
         yield f"{margin_words(self.margins())}; sensitivity at most {self.peaks()[0]:.3g}"
+        if not _is_stable(self.loop):
+            yield "closed, this loop is unstable"
         if self.loop.variations:
             yield self._band_words()
         if np.isfinite(self.limits).any():
@@ -386,6 +388,7 @@ class ControllerDesign(Displayable):
             "controller": self.controller.name,
             "source": self.designed.source,
             "parameters": self.parameters,
+            "stable": _is_stable(self.loop),
             "limits": [one if np.isfinite(one) else None for one in self.limits],
             "peaks": {"sensitivity": sensitivity, "complementary": complementary},
             "band": [

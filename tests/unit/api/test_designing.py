@@ -65,6 +65,7 @@ def test_intervals_of_a_diagnosis_are_its_band(monkeypatch):
         ({"controller": "pd"}, "no kind of controller named 'pd'"),
         ({"crossover": "40Hz"}, "below half the sampling rate, 25 Hz"),
         ({"crossover": float("nan")}, "crossover = nan: 'nan' is not a number"),
+        ({"controller": "feedforward"}, "named .feedforward. .there are: pid, pi, state_feedback"),
         ({"limits": 3}, "limits = 3: write two commands"),
     ],
 )
@@ -79,7 +80,7 @@ def test_a_sampled_system_of_python_control_needs_its_period():
     with pytest.raises(ppy.UserError, match="without a sample period"):
         ppy.design(control.tf([1.0], [1.0, -0.5], True), sample_period=0.1)
     silent = control.tf([0.0], [1.0, 1.0])
-    with pytest.raises(ppy.UserError, match="y.0. does not answer u.0."):
+    with pytest.raises(ppy.UserError, match=r"y.0. does not answer u.0."):
         ppy.design(silent, sample_period=0.1)
     improper = control.tf([1.0, 0.0, 0.0], [1.0, 1.0])
     for system in (improper, control.frd([1.0, 2.0], [1.0, 2.0])):
