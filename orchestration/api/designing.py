@@ -134,8 +134,11 @@ def _plant(model: Any, options: DesignKeywords) -> tuple[Linearised, Model | Sys
         model = model.model
     if not isinstance(model, System) and not is_system(str(model)):
         model = as_declared(model)
-        for key, known in (("command", model.inputs), ("measured", model.outputs)):
-            for name in _given(options[key]):
+        for key, name, known in (
+            ("command", options["command"], model.inputs),
+            ("measured", options["measured"], model.outputs),
+        ):
+            if name:
                 find(name, known, f"{option(key, name)}: {model.name} has no signal")
     return lambda inputs, outputs: linearise(
         model, **{**chosen, "inputs": inputs, "outputs": outputs}

@@ -338,7 +338,7 @@ class ControllerDesign(Displayable):
         driven = ca.MX.sym("driven", len(ports))
         signals = self.point.inputs | dict(zip(ports, ca.vertsplit(driven), strict=True))
         inputs = ca.vertcat(*(signals[v.name] for v in graph.layout.inputs))
-        known = [0.0, self.point.arguments(graph)[1], inputs, ca.MX(0, 1)]
+        known: list[Any] = [0.0, self.point.arguments(graph)[1], inputs, ca.MX(0, 1)]
         laws = ca.Function("laws", graph.arguments, [graph.updates[0], graph.outputs])
         after, _ = laws(*known, held)
         _, outputs = laws(*known, after)
