@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import ppy_rig as ppy
-from orchestration import master
 from tests.support.hosts import build_one_state_fmu
 from tests.support.sine_sweep import SineSweep, sine_sweep
 
@@ -66,8 +65,7 @@ def test_the_files_are_component_fmu_system_and_experiment(tmp_path):
 def test_the_loop_is_packed_into_one_fmu_which_steps_as_the_design_does(tmp_path):
     """With the classes of its members at hand; files tell of the controller no laws."""
     found = ppy.design("ppy_actuator", **SIGNALS, **AT)
-    path = tmp_path / "loop.fmu"
-    path.write_bytes(master.pack(found.system))
+    path = ppy.build(found.system, tmp_path / "loop.fmu")
     step = found.step(1e-5)
     run = ppy.simulate(path, {"reference": np.full(found.time.size, 1e-5)}, time=found.time)
     np.testing.assert_allclose(run["displacement"], step.measured, atol=1e-12)
