@@ -29,7 +29,7 @@ _RESPONSE_TIME = 0.5  # s, of state feedback without a crossover
 _DISTURBANCES = (1e-3, 1e-8, 1e-8)  # C, m, m
 # Standard deviations of the measurement noise: the resolution of section 2.2.2, and a millivolt
 _NOISES = (3e-6, 1e-3)  # m, V
-_CORRECTED = ("charge", "kelvin", "maxwell")
+_PARTS = ("charge", "kelvin", "maxwell")
 _STATES = ("charge", "kelvin_elongation", "maxwell_elongation")
 # Largest element off the diagonal of the sampled state matrix of decoupled states, from rounding.
 _COUPLED = 1e-12
@@ -91,9 +91,7 @@ def designed_state_feedback(request: DesignRequest) -> DesignedController:
         raise UserError(f"state_feedback: charge and creep of {plant.name} are coupled")
     numbers = {
         "sample_period": period,
-        "charge_pole": A[0, 0],
-        "kelvin_pole": A[1, 1],
-        "maxwell_pole": A[2, 2],
+        **{f"{one}_pole": A[k, k] for k, one in enumerate(_PARTS)},
         "charge_per_current": B[0, 0],
         "kelvin_per_force": B[1, 1],
         "maxwell_per_force": B[2, 1],
@@ -122,7 +120,7 @@ def _observer(A: Array, C: Array) -> dict[str, float]:
         A, np.eye(3), C, np.diag(np.square(_DISTURBANCES)), np.diag(np.square(_NOISES))
     )
     # `dlqe` returns the gain of the predictor, A times that of a filter that corrects first
-    names = [f"{state}_by_{one}" for state in _CORRECTED for one in ("displacement", "voltage")]
+    names = [f"{state}_by_{one}" for state in _PARTS for one in ("displacement", "voltage")]
     return dict(zip(names, np.linalg.solve(A, predictor).flat, strict=True))
 
 

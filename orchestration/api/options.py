@@ -970,8 +970,8 @@ class LineariseKeywords(LineariseOptions, BandOptions, PointsOption, total=False
     ]
 
 
-class ControlledSignalsOptions(TypedDict, total=False):
-    """Signals of a plant between which a controller acts."""
+class ControllerOptions(TypedDict, total=False):
+    """Signals between which a controller acts, and what the loop should do."""
 
     command: Annotated[
         str | None,
@@ -987,11 +987,6 @@ class ControlledSignalsOptions(TypedDict, total=False):
             metavar="OUTPUT",
         ),
     ]
-
-
-class ControllerOptions(ControlledSignalsOptions, total=False):
-    """Requirements of a designed control loop."""
-
     controller: Annotated[
         str,
         Option(

@@ -45,15 +45,15 @@ def closed_system(design: ControllerDesign) -> System:
     while name in [member.name for member in plant.members]:
         name = f"outer_{name}"
     output = Port(name, design.designed.command)
-    signals = {Port(name, port): signal for port, signal in design.designed.signals.items()}
     driven = plant.inputs.get(command) or (plant.port(command),)
+    connections = [*plant.connections, *(Connection(output, port) for port in driven)]
     inputs = {n: ports for n, ports in plant.inputs.items() if n != command}
-    sources = {command: output, **{n: plant.port(n) for n in signals.values() if "." in n}}
-    sources |= plant.outputs
-    for port, signal in signals.items():
+    for variable, signal in design.designed.signals.items():
+        port = Port(name, variable)
         if signal in inputs:
             inputs[signal] = (*inputs[signal], port)
-    measures = {port: sources[signal] for port, signal in signals.items() if signal not in inputs}
+        else:
+            connections.append(Connection(_source(plant, signal), port))
     at_rest = design.plant.point.inputs
     free = {n: ports for n, ports in inputs.items() if not at_rest.get(n)}
     fixed = {str(port): at_rest[n] for n in inputs if n not in free for port in inputs[n]}
@@ -62,18 +62,19 @@ def closed_system(design: ControllerDesign) -> System:
     joined = System(
         name="loop",
         members=(Member.of(name, design.controller), *plant.members),
-        connections=(
-            *plant.connections,
-            *(Connection(output, port) for port in driven),
-            *(Connection(source, port) for port, source in measures.items()),
-        ),
+        connections=tuple(connections),
         inputs={"reference": (Port(name, design.designed.reference),), **free},
-        outputs={"command": output, **plant.outputs, "measured": sources[measured]},
+        outputs={"command": output, **plant.outputs, "measured": _source(plant, measured)},
         doc=f"{plant.name} with a controller of {measured} by {command}",
         step=design.plant.period / steps,
         stop=float(design.time[-1]),
     )
     return joined.given(fixed)
+
+
+def _source(plant: System, signal: str) -> Port:
+    """Return the port of an output of a plant, or of a variable of a member."""
+    return plant.outputs.get(signal) or plant.port(signal)
 
 
 def _plant_system(design: ControllerDesign) -> System:

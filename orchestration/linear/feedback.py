@@ -267,9 +267,8 @@ class ControllerDesign(Displayable):
     def step_size(self) -> float:
         """Step of the reference of the picture, whose command takes about the headroom."""
         crossover = self.margins().crossover
-        slowest = self.loop.frequencies()[:1]
-        at = np.array([crossover]) if np.isfinite(crossover) else slowest
-        gain = abs(self.plant.response(at)[0])
+        frequency = crossover if np.isfinite(crossover) else self.loop.frequencies()[0]
+        gain = abs(self.plant.response(np.array([frequency]))[0])
         return float(-gain * self._headroom * np.sign(self.law.matrices.D[0, 0]))
 
     @property
