@@ -63,7 +63,7 @@ def test_the_files_are_component_fmu_system_and_experiment(tmp_path):
 
 @pytest.mark.slow  # builds a packed FMU
 def test_the_loop_is_packed_into_one_fmu_which_steps_as_the_design_does(tmp_path):
-    """With the classes of its members at hand; files tell of the controller no laws."""
+    """By its own start values, and the laws of its members."""
     found = ppy.design("ppy_actuator", **SIGNALS, **AT)
     path = ppy.build(found.system, tmp_path / "loop.fmu")
     step = found.step(1e-5)
