@@ -398,5 +398,5 @@ class ControllerDesign(Displayable):
                 }
                 for one in self.loop.variations
             ],
-            "loop": self.loop.to_dict(),
+            "loop": replace(self.loop, variations=()).to_dict(),
         }

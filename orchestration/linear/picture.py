@@ -3,7 +3,7 @@
 A model has Bode diagram, step response, poles and zeros; a controller its loop, sensitivities, and
 responses to steps of reference and load.
 
-Operating points are lines of different shades; variations of parameters make a band.
+Operating points, and a few values of parameters, are lines; more values make a band.
 """
 
 from __future__ import annotations
