@@ -133,7 +133,7 @@ def pack(options: PackSystemCommand) -> None:
     """Compile a system into one FMU for co-simulation, which any host takes as a model.
 
     Its members keep their own steps and exchange values as ppy runs them; their parameters are
-    MEMBER.PARAMETER. Every member must have its equations.
+    MEMBER.PARAMETER. FMUs of others go in as they are.
     """
     from fmus.kit import files
     from orchestration import master
