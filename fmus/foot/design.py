@@ -26,7 +26,7 @@ class FootDesign(Foot):
         "N",
         min=0,
         max=1e4,
-        source="thesis section 2.1: about 3 N",
+        source="thesis table 2-1 and section 1.2: approximately 3 N",
         tunable=True,
         doc="largest tension of an actuator",
     )
