@@ -43,7 +43,7 @@ def _show(identified: BlackBox, options: BlackBoxCommand) -> None:
     report = options["report"]
     out = options["out"]
     console.print(str(identified), highlight=False, markup=False)
-    for line in (*identified.columns.notes, *identified.search.left_out):
+    for line in (*identified.columns.notes, *identified.remarks):
         note(line)
     write_json(options["json"], identified.to_dict())
     if report is not None:

@@ -21,6 +21,8 @@ CRITERIA = ("AIC", "BIC")
 # 1e-6 at order 50, but with errors of some tenths at order 100.
 _HIGHEST = 50
 _MOST = 10_000  # combinations of orders
+# Percent of fit over validation data by which a sound model may stay behind a degenerate one.
+_AS_WELL = 1.0
 
 
 class _Trial(NamedTuple):
@@ -31,7 +33,11 @@ class _Trial(NamedTuple):
     noise_order: int
 
     def __str__(self) -> str:
-        return f"{self.structure} of order {' '.join(map(str, self.path_orders))}"
+        return _title(self.structure, self.path_orders)
+
+
+def _title(structure: str, path_orders: Sequence[int]) -> str:
+    return f"{structure} of order {' '.join(map(str, path_orders))}"
 
 
 @dataclass(frozen=True)
@@ -62,6 +68,12 @@ class Row:
     validation_fit: float
     aic: float
     bic: float
+
+    def describe_passed_over(self) -> str:
+        """Return why the row is passed over, in a line."""
+        doubts = self.identification.doubts or ("it has a pole at one without need",)
+        title = _title(self.structure, self.path_orders)
+        return f"{title}, {self.validation_fit:.1f} % on unseen data: {'; '.join(doubts)}"
 
     def order_cells(self, inputs: int) -> list[str]:
         """Write the orders as cells of a table: one for each input, and that of the noise model."""
@@ -100,21 +112,42 @@ class OrderSearch:
     def ranked(self) -> tuple[Row, ...]:
         """The best row of every structure, the best free run over validation data first.
 
-        Among fits that are equal to a tenth of a percent, the criterion decides.
+        Among fits that are equal to a tenth of a percent, the criterion decides. A row that is
+        passed over is not the first.
         """
-        return tuple(
-            sorted(self.best, key=lambda row: (-round(row.validation_fit, 1), self._criterion(row)))
-        )
+        ranked = self._by_fit()
+        first = _preferred(ranked)
+        return (first, *(row for row in ranked if row is not first))
 
     @property
     def best(self) -> tuple[Row, ...]:
-        """The row that the criterion prefers of every structure, in the order of the structures."""
-        best = []
-        for structure in STRUCTURES:
-            rows = [row for row in self.rows if row.structure == structure]
-            if rows:
-                best.append(min(rows, key=self._criterion))
-        return tuple(best)
+        """The row that the criterion prefers of every structure, in the order of the structures.
+
+        Rows that are passed over are not among them.
+        """
+        return tuple(map(_preferred, self._by_structure()))
+
+    @property
+    def passed_over(self) -> tuple[Row, ...]:
+        """Rows that are degenerate, or integrate, and follow unseen data no better than others.
+
+        They are those that the criterion preferred of their structure, and the one with the best
+        free run of all structures.
+        """
+        candidates = [*self._by_structure(), self._by_fit()]
+        return tuple(rows[0] for rows in candidates if rows[0] is not _preferred(rows))
+
+    def _by_structure(self) -> list[list[Row]]:
+        """Return the rows of every structure, in the order of the criterion."""
+        rows = sorted(self.rows, key=self._criterion)
+        groups = ([row for row in rows if row.structure == name] for name in STRUCTURES)
+        return [group for group in groups if group]
+
+    def _by_fit(self) -> list[Row]:
+        """Return the best row of every structure in the order of free runs over validation data."""
+        return sorted(
+            self.best, key=lambda row: (-round(row.validation_fit, 1), self._criterion(row))
+        )
 
     def table(self, rows: Sequence[Row] | None = None) -> str:
         """Lay rows out like the thesis' table 3-2, with BIC in a column of its own.
@@ -141,6 +174,16 @@ class OrderSearch:
             [cell.rjust(width) for cell, width in zip(line, widths, strict=True)] for line in lines
         ]
         return "\n".join("  ".join(line) for line in aligned)
+
+
+def _preferred(rows: Sequence[Row]) -> Row:
+    """Return the first row, or the first sound one that follows unseen data as well."""
+    first = rows[0]
+    if first.identification.is_sound:
+        return first
+    enough = first.validation_fit - _AS_WELL
+    sound = (r for r in rows if r.identification.is_sound and r.validation_fit >= enough)
+    return next(sound, first)
 
 
 def search_orders(

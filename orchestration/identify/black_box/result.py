@@ -13,6 +13,8 @@ from orchestration.identify.black_box.residual_tests import ResidualTests, resid
 
 _LAGS = 25  # default of residual tests
 _LEAST = 1e-300  # smallest loss of which a logarithm is taken; data without noise have none
+# A rise that is cut off half-way settles beyond the record by as much as the record spans.
+_SPANS_BEYOND = 1.0
 
 
 @dataclass(frozen=True)
@@ -94,6 +96,39 @@ class Identification:
     def fit(self) -> float:
         """Free-run fit to the data it was identified from, in percent."""
         return self.model.fit(self.data)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What is degenerate about the model, in a phrase each."""
+        open_ended = [p.name for p in self.parameters if not np.isfinite(p.standard_error)]
+        doubts = [f"the record does not determine {', '.join(open_ended)}"] if open_ended else []
+        if self._offset_is_beyond():
+            low, high = self.data.output.min(), self.data.output.max()
+            doubts.append(
+                f"its offset, {self.model.output_offset:.4g}, is beyond the record, {low:.4g} to"
+                f" {high:.4g}"
+            )
+        return tuple(doubts)
+
+    def _offset_is_beyond(self) -> bool:
+        """Return whether the output rests where the record comes nowhere near."""
+        model = self.model
+        if not np.isfinite(model.static_output(np.ones(len(model.input_names)))):
+            return False  # a model that integrates rests anywhere
+        low, high = self.data.output.min(), self.data.output.max()
+        slack = _SPANS_BEYOND * (high - low)
+        return not low - slack <= model.output_offset <= high + slack
+
+    @property
+    def is_integrating(self) -> bool:
+        """True if a pole is so close to one that the record ends before it decays by 1/e."""
+        poles = np.concatenate([self.model.poles(name) for name in self.model.input_names])
+        return bool((np.abs(1.0 - poles) * len(self.residual) < 1.0).any())
+
+    @property
+    def is_sound(self) -> bool:
+        """True if the model neither is degenerate nor integrates."""
+        return not (self.doubts or self.is_integrating)
 
     def parameter(self, name: str) -> Parameter:
         """Return the parameter of a name.

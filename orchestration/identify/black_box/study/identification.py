@@ -81,7 +81,9 @@ class BlackBox(Displayable):
             "is white and independent of the inputs" if tests.passed else "still holds structure"
         )
         article = "A" if row.structure == "BJ" else "An"
+        doubts = "; ".join(row.identification.doubts)
         return (
+            f"{f'Doubtful: {doubts}. ' if doubts else ''}"
             f"{article} {row.structure} model follows the part of {self.columns.path.name} that it"
             f" has not seen by {row.validation_fit:.1f} %, free running; its one-step residual"
             f" {verdict}.{self._others}"
@@ -92,6 +94,15 @@ class BlackBox(Displayable):
         """The free runs of the other structures, the best first, in a sentence after a space."""
         others = [f"{row.structure} {row.validation_fit:.1f} %" for row in self.search.ranked[1:]]
         return f" Others: {', '.join(others)}." if others else ""
+
+    @property
+    def remarks(self) -> list[str]:
+        """Models that were passed over and left out, a line for each."""
+        passed_over = [row.describe_passed_over() for row in self.search.passed_over]
+        return [
+            *(f"passed over: {line}" for line in passed_over),
+            *(f"left out: {line}" for line in self.search.left_out),
+        ]
 
     def __str__(self) -> str:
         return "\n".join(
@@ -153,6 +164,7 @@ class BlackBox(Displayable):
             },
             "criterion": self.search.criterion,
             "models": [_row_figures(row) for row in self.search.rows],
+            "passed_over": [row.describe_passed_over() for row in self.search.passed_over],
             "left_out": [*self.search.left_out],
             "chosen": _row_figures(self.chosen) | self._details(),
         }
@@ -175,6 +187,7 @@ class BlackBox(Displayable):
             },
             "poles": {name: _real_and_imaginary(model.s_plane_poles(name)) for name in inputs},
             "zeros": {name: _real_and_imaginary(model.s_plane_zeros(name)) for name in inputs},
+            "doubts": [*identification.doubts],
             "messages": [*identification.messages],
         }
 

@@ -106,4 +106,4 @@ def _add_chosen_model(page: Page, result: BlackBox) -> None:
             ["coefficient", "value", "standard error"],
             [[p.name, f"{p.value:.6g}", f"{p.standard_error:.2g}"] for p in chosen.parameters],
         )
-    page.items([*chosen.messages, *(f"left out: {line}" for line in result.search.left_out)])
+    page.items([*chosen.messages, *result.remarks])

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from fmus.kit.errors import UserError
-from orchestration.identify.black_box import box_jenkins, input_output_data, search_orders
+from orchestration.identify.black_box import arx, box_jenkins, input_output_data, search_orders
+from orchestration.identify.black_box.order_search import OrderSearch, Row
 from tests.support.black_box import box_jenkins_record
 
 
@@ -109,6 +110,56 @@ def test_free_runs_over_unseen_data_choose_among_structures(search):
     assert drawn.chosen.structure == "OE"
     level = replace(search, rows=(rows[1], replace(rows[0], validation_fit=92.07)))
     assert level.chosen.structure == "ARX"
+
+
+@pytest.fixture(scope="module")
+def sound():
+    return arx(divided()[0], 1, 1)
+
+
+def searched(*rows):
+    """Return a search with rows of structure, order, identification, fit and criterion."""
+    return OrderSearch(
+        tuple(Row(s, (n, n), 0, found, fit, fit, bic, bic) for s, n, found, fit, bic in rows),
+        "BIC",
+        (),
+    )
+
+
+def degenerate(sound):
+    """Return a model one of whose parameters the data do not determine."""
+    first, *others = sound.parameters
+    return replace(sound, parameters=(replace(first, standard_error=np.inf), *others))
+
+
+def integrating(sound):
+    """Return a model with a pole at one."""
+    return replace(sound, model=replace(sound.model, a=np.array([1.0, -1.0])))
+
+
+@pytest.mark.parametrize("make", [degenerate, integrating])
+def test_a_degenerate_model_is_passed_over_within_its_structure(sound, make):
+    """The criterion prefers order 3, which follows unseen data no better than order 2 by 1 %."""
+    found = searched(
+        ("OE", 3, make(sound), 86.7, -6.0), ("OE", 2, sound, 86.2, -5.9), ("OE", 1, sound, 66, -5)
+    )
+    assert [row.path_orders for row in found.ranked] == [(2, 2)]
+    assert [row.path_orders for row in found.passed_over] == [(3, 3)]
+
+
+@pytest.mark.parametrize("make", [degenerate, integrating])
+def test_a_degenerate_model_is_passed_over_among_structures(sound, make):
+    found = searched(("OE", 3, make(sound), 86.7, -6.0), ("BJ", 2, sound, 85.8, -5.9))
+    assert [row.structure for row in found.ranked] == ["BJ", "OE"]
+    assert [row.structure for row in found.passed_over] == ["OE"]
+
+
+@pytest.mark.parametrize("make", [degenerate, integrating])
+def test_a_degenerate_model_stays_where_no_other_follows_as_well(sound, make):
+    """A film that flows needs the pole at one."""
+    found = searched(("OE", 3, make(sound), 86.7, -6.0), ("OE", 2, sound, 79.9, -5.9))
+    assert found.chosen.path_orders == (3, 3)
+    assert found.passed_over == ()
 
 
 @pytest.mark.slow

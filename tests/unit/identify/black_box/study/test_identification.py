@@ -6,11 +6,13 @@ Oracles: the filters that made the data, and published fits of a measured wall.
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import orchestration as ppy
+from demonstrations.records import draw, write
 from fmus.kit import UserError
 from orchestration.identify.black_box.study.columns import read_columns
 from tests.support.command import refused
@@ -37,6 +39,46 @@ def test_the_figures_are_those_of_the_model_in_plain_json(found):
     assert figures["chosen"]["poles"]["drive"][0] == pytest.approx(
         [np.log(0.8) / STEP, 0.0], abs=0.03
     )
+
+
+def test_doubts_come_first_and_stand_in_the_figures(found):
+    """A search of the one row whose first parameter has no standard error."""
+    row = found.chosen
+    first, *others = row.identification.parameters
+    open_ended = (replace(first, standard_error=np.inf), *others)
+    doubtful = replace(row, identification=replace(row.identification, parameters=open_ended))
+    result = replace(found, search=replace(found.search, rows=(doubtful,)))
+    doubt = f"the record does not determine {first.name}"
+    assert result.sentence.startswith(f"Doubtful: {doubt}. An OE model follows")
+    assert result.to_dict()["chosen"]["doubts"] == [doubt]
+    passing = replace(found, search=replace(found.search, rows=(replace(doubtful, bic=-99.0), row)))
+    title = f"OE of order 1 2, {row.validation_fit:.1f} % on unseen data: {doubt}"
+    assert passing.sentence == found.sentence
+    assert passing.remarks == [f"passed over: {title}"]
+    assert passing.to_dict()["passed_over"] == [title]
+
+
+@pytest.mark.slow
+def test_a_model_of_the_circuit_is_preferred_to_degenerate_ones(tmp_path):
+    """The delay of one sample, which the circuit does not have, leaves room for spare poles.
+
+    The circuit has one pole, exp(-T / ((R1 + R2) C)), with the means of table 3-1.
+    """
+    write(draw(None, seed=1, duration=60.0), tmp_path / "record.csv")
+    found = ppy.black_box(
+        tmp_path / "record.csv",
+        "voltage",
+        ["current"],
+        structures=["OE", "BJ"],
+        path_orders=[2, 3],
+        noise_orders=[2],
+    )
+    assert found.search.passed_over
+    for row in found.search.best:
+        assert np.isfinite([p.standard_error for p in row.identification.parameters]).all()
+        assert np.abs(row.identification.model.output_offset) < 1.5  # V
+        slowest = np.abs(row.identification.model.poles()).max()
+        assert slowest == pytest.approx(np.exp(-0.1 / ((0.43 + 2.35) * 2.7)), abs=5e-3)
 
 
 def test_a_wall_that_counts_its_samples(public_data):
