@@ -48,6 +48,7 @@ EXAMPLES = {
     "export modelica": (
         "ppy export modelica",
         "ppy export modelica ppy_actuator --with self_heating --out warm",
+        "ppy export modelica ppy_actuator --fitted fit.json --out specimen",
     ),
     "check": (
         "ppy check fmu/native/ppy_actuator.fmu",

@@ -10,7 +10,10 @@ from fmus.kit import UserError
 from orchestration.reporting.console import detail, note, progress, warn
 
 if TYPE_CHECKING:
+    from fmus.kit import Component
     from orchestration.cli.commands.options import (
+        BuildCommand,
+        ExportModelicaCommand,
         IdentifyCommand,
         MeasuredOptions,
         MeasuringOptions,
@@ -92,6 +95,25 @@ def open_model(name: str, runtime: str | None = None, effects: Sequence[str] = (
     from orchestration.api import as_runnable
 
     return build_model(as_runnable(name, effects, runtime), runtime)
+
+
+def class_and_settings(
+    name: str, options: BuildCommand | ExportModelicaCommand
+) -> tuple[type[Component], dict[str, Value]]:
+    """Return a component with effects laid over it, and settings of its parameters.
+
+    Raises
+    ------
+    UserError
+        If there is none, or a setting is impossible.
+    """
+    from orchestration.fmu.model import find_class, read_settings
+    from orchestration.fmu.signal import declared_signal
+
+    cls = find_class(name, options["laid_over"])
+    known = {p.name: declared_signal(p) for p in (*cls.layout.parameters, *cls.layout.texts)}
+    texts = [f"{key}={value}" for key, value in (options["settings"] or {}).items()]
+    return cls, read_settings(name, texts, known)
 
 
 def build_model(declared: Model, runtime: str | None = None) -> Model:

@@ -70,6 +70,14 @@ class SweepFit:
     distribution: Distribution
     settings: dict[str, Value]
 
+    @property
+    def values(self) -> dict[str, Value]:
+        """Settings and estimates of parameters, in the units of the model."""
+        centre = self.distribution.centre
+        estimates = np.where(self.distribution.logarithmic, np.exp(centre), centre)
+        settings = {k: x for k, x in self.settings.items() if k in self.model.parameters}
+        return settings | dict(zip(self.distribution.names, estimates.tolist(), strict=True))
+
     def draws(self, samples: int | None, seed: int) -> dict[str, Array]:
         """Return random values of the parameters.
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 import rumoca
@@ -25,6 +26,7 @@ from orchestration.fmu.model import find_class, known_effects
 from tests.support.effect_samples import ACTIVE, active
 from tests.support.modelica import (
     Courses,
+    causalised,
     driven,
     flatten_by_pymoca,
     parse_by_pymoca,
@@ -39,6 +41,7 @@ from tests.support.pace import slow_but
 
 # pymoca 0.12 knows no sample; all others are rumoca's alone
 CONTINUOUS = [name for name in COMPONENTS if not fmus.component(name).layout.sampled]
+ELEMENT = str.maketrans("[,", "__", "]")  # in a name
 _LEVELS = 12  # values of the reference that inputs go through
 _STEPS = {"foot_free": 0.0025}  # touches of the ground are short
 
@@ -156,40 +159,64 @@ def test_pymoca_flattens_it_into_as_many_equations_as_variables(name, flat):
     assert equations == len(unknown) - len(given)
 
 
-def transferred(folder, name, first="Resources/Pymoca"):
-    """Return a model as a user of pymoca gets it, with the package as its library."""
-    options = {"library_folders": [str(folder)]}
-    return transfer_model(str(folder / first), f"PpyRig.{class_name(name)}", options)
+@dataclass(frozen=True)
+class Point:
+    """Values of a component, drawn at random.
+
+    Attributes
+    ----------
+    given, states : dict of str to float
+        Of inputs and discrete states, and of continuous states.
+    """
+
+    given: dict[str, float]
+    states: dict[str, float]
+
+
+def drawn(cls, random):
+    """Return inputs and states of both signs, about as large as they are in use."""
+    layout = cls.layout
+    given = {
+        v.name: float(random.random() < 0.5)
+        if v.type == "boolean"
+        else float(np.clip(v.start + v.nominal * random.standard_normal(), v.min, v.max))
+        for v in (*layout.inputs, *layout.discretes)
+    }
+    states = {s.name: s.nominal * float(random.standard_normal()) for s in layout.states}
+    return Point(given, states)
+
+
+def by_floats(cls, point):
+    """Return what the class itself computes at a point: outputs, rates and new discrete states."""
+    one = cls()
+    types = {v.name: v.type for v in (*cls.layout.inputs, *cls.layout.discretes)}
+    for name, value in (point.given | point.states).items():
+        setattr(one, name, bool(value) if types.get(name) == "boolean" else value)
+    layout = cls.layout
+    values = {v.name: x for v, x in zip(layout.outputs, one.outputs(), strict=True)}
+    values |= {f"der({s.name})": x for s, x in zip(layout.states, one.rates(), strict=True)}
+    updates = one.laws([d.update for d in layout.discretes])
+    values |= {f"next_{d.name}": law() for d, law in zip(layout.discretes, updates, strict=True)}
+    return {name.translate(ELEMENT): float(x) for name, x in values.items()}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", CONTINUOUS)
-def test_pymoca_transfers_it_as_it_stands(name, folder):
-    """Potentials whose rate is an input are states, and signals that are inputs are unknowns."""
+@pytest.mark.parametrize("name", COMPONENTS)
+def test_pymoca_transfers_it_as_it_stands(name, folder, monkeypatch):
+    """A plain call, with CasADi as it is, and what is sampled as inputs and outputs."""
+    monkeypatch.delattr(ca.MX, "__div__", raising=False)
+    made = transfer_model(str(folder / "Resources/Pymoca"), f"PpyRig.{class_name(name)}", {})
     cls = fmus.component(name)
-    model = transferred(folder, name)
-    states = {s.name for s in cls.layout.states} | {p.potential for p in cls.ports if p.rate}
-    assert {v.symbol.name() for v in model.states} == states
-    unknown = {v.symbol.name() for v in (*model.states, *model.alg_states)}
-    at_ports = {n for port in cls.ports for n in port.variables}
-    given = {v.name for v in cls.layout.inputs} - at_ports
-    assert given <= unknown
-    assert sum(e.numel() for e in model.equations) == len(unknown - given)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", sorted(COMPONENTS.keys() - CONTINUOUS))
-def test_pymoca_knows_no_samples(name, folder):
-    """The day it does, these join the others."""
-    with pytest.raises(Exception, match=r"^Unknown function (sample|noEvent)$"):
-        transferred(folder, name)
-
-
-@pytest.mark.slow
-def test_pymoca_loses_signals_that_are_connectors(folder):
-    """The day it does not, the types that replace them are not needed any more."""
-    with pytest.raises(KeyError, match="voltage"):
-        transferred(folder, "ppy_actuator", first="Interfaces")
+    solved, unknown = causalised(made, {})
+    random = np.random.default_rng(len(name))
+    for _ in range(20):
+        point = drawn(cls, random)
+        given = {k.translate(ELEMENT): x for k, x in point.given.items()}
+        inputs = [given[v.symbol.name().rstrip("_")] for v in made.inputs]
+        states = [point.states[v.symbol.name()] for v in made.states]
+        found = dict(zip(unknown, solved(0.0, inputs, 0.0, states).full().ravel(), strict=True))
+        for output, value in by_floats(cls, point).items():
+            assert found[output] == pytest.approx(value, rel=1e-9, abs=1e-12), output
 
 
 @pytest.mark.slow
@@ -286,6 +313,17 @@ def test_every_effect_compiles(name, tmp_path):
     for chosen in (continuous, *([e] for e in sampled)):
         cls = find_class(name, chosen)
         assert compiles_balanced(cls, tmp_path / cls.name[:60]), chosen
+
+
+@pytest.mark.slow
+def test_a_compiler_refuses_an_equation_too_few(files, tmp_path):
+    """rumoca balances whatever it compiles, which is every component and every example."""
+    path = "PpyRig/PpyActuator.mo"
+    fewer = files[path].replace(b"  maxwell_rate = force / b1;\n", b"")
+    assert fewer != files[path]
+    write(files | {path: fewer}, tmp_path)
+    with pytest.raises(rumoca.CompileError, match="unbalanced model"):
+        by_rumoca(fmus.component("ppy_actuator"), "ppy_actuator", tmp_path / "PpyRig")
 
 
 @pytest.mark.slow

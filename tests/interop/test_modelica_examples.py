@@ -20,6 +20,7 @@ from tests.support.modelica import (
     simulate_by_rumoca,
     write,
 )
+from tests.support.modelica_units import misfits
 
 EXAMPLES = {example.system.name: example for example in registry.examples()}
 COMPARED = 60  # distances between points that are compared
@@ -89,7 +90,7 @@ def test_it_says_how_long_to_simulate_it(name, files):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_pymoca_flattens_it_into_as_many_equations_as_variables(name, tree):
+def test_pymoca_flattens_it_into_as_many_equations_as_variables_whose_units_fit(name, tree):
     flat = flatten_by_pymoca(tree(), f"PpyRig.Examples.{class_name(name)}")
     unknown = [
         name
@@ -98,6 +99,11 @@ def test_pymoca_flattens_it_into_as_many_equations_as_variables(name, tree):
     ]
     count = sum(len(e.blocks[0]) if hasattr(e, "blocks") else 1 for e in flat.equations)
     assert count == len(unknown)
+    members = EXAMPLES[name].system.members.values()
+    unchecked = sum(len(fmus.component(m.component).unchecked) for m in members)
+    found, compared = misfits(flat)
+    assert len(found) <= unchecked, found
+    assert compared > 5
 
 
 @pytest.mark.slow

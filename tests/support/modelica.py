@@ -297,15 +297,29 @@ def simulate_by_rumoca(
 # --- pymoca --------------------------------------------------------------------------------------
 
 
+# pymoca 0.12 loses a connector that is one number
+_TYPES = """\
+package PpyRig
+  package Interfaces
+    type RealInput = input Real;
+    type RealOutput = output Real;
+    type IntegerInput = input Integer;
+    type IntegerOutput = output Integer;
+    type BooleanInput = input Boolean;
+    type BooleanOutput = output Boolean;
+  end Interfaces;
+end PpyRig;
+"""
+
+
 def parse_by_pymoca(files: Mapping[str, bytes], texts: Sequence[str] = ()) -> pymoca.ast.Tree:
     """Return the syntax tree of a package's files and of further texts, in pymoca's order.
 
-    The first definition of a class counts.
+    The first definition of a class counts: signals are types.
     """
-    modelica = [path for path in files if path.endswith(".mo")]
-    first = sorted(modelica, key=lambda path: ("Resources/Pymoca/" not in path, path))
+    modelica = sorted(path for path in files if path.endswith(".mo") and "Resources" not in path)
     tree = None
-    for text in [*(files[path].decode() for path in first), *texts]:
+    for text in [_TYPES, *(files[path].decode() for path in modelica), *texts]:
         parsed = pymoca.parser.parse(text)
         assert parsed is not None, text
         if tree is None:
@@ -349,7 +363,7 @@ def simulate_by_pymoca(
     forced = forced or {}
     names = [v.symbol.name() for v in made.inputs]
     free = [v for v in made.states if v.symbol.name() not in forced]
-    solved, unknown = _causalised(made, forced)
+    solved, unknown = causalised(made, forced)
     state = _start_values(made, free)
     rows = []
     for start, end in zip(courses.times, courses.times[1:], strict=False):
@@ -387,7 +401,7 @@ def _start_values(made: Any, states: Sequence[Any]) -> np.ndarray:
     return starts.call([float(v.value) for v in made.parameters])[0].full().ravel()
 
 
-def _causalised(made: Any, forced: Mapping[str, str]) -> tuple[ca.Function, list[str]]:
+def causalised(made: Any, forced: Mapping[str, str]) -> tuple[ca.Function, list[str]]:
     """Return rates and all other unknowns from time, inputs, their slopes and free states.
 
     One equation after the other is solved that has one unknown left and is linear in it.

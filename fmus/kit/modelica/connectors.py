@@ -207,22 +207,5 @@ def interface_classes() -> dict[str, str]:
     return classes
 
 
-def pymoca_interfaces() -> str:
-    """Write the signals as types, for pymoca 0.12, which loses a connector that is one number.
-
-    Returns
-    -------
-    str
-        Text of a file that pymoca must read before the package, whose connectors it replaces.
-    """
-    types = [
-        f"type {kind}{causality} = {causality.lower()} {kind};"
-        for kind in _COLOURS
-        for causality in ("Input", "Output")
-    ]
-    lines = [f"package {PACKAGE}", f"package {INTERFACES}", *types]
-    return "\n".join([*lines, f"end {INTERFACES};", f"end {PACKAGE};", ""])
-
-
 def _variable(name: str, quantity: str, unit: str) -> str:
     return f"Real {name}(quantity={string(quantity)}, unit={string(to_modelica(unit))})"

@@ -18,7 +18,7 @@ from fmus.kit.errors import find
 from fmus.kit.modelica.connectors import SIGNALS, reference_name, source_class
 from fmus.kit.modelica.declarations import declaration, literal
 from fmus.kit.modelica.graphics import placement, positions
-from fmus.kit.modelica.model import model_text
+from fmus.kit.modelica.model import trace_model
 from fmus.kit.modelica.names import (
     PACKAGE,
     class_name,
@@ -61,7 +61,7 @@ def example_classes(classes: Sequence[type[Component]]) -> dict[str, str]:
             members = {name: registry.member_class(d) for name, d in declared.items()}
             for cls in members.values():
                 if cls not in classes:
-                    texts[class_name(cls.name)] = model_text(cls)
+                    texts[class_name(cls.name)] = trace_model(cls).text()
             texts[class_name(example.system.name)] = _Model(example, members).text()
     return texts
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -38,8 +38,8 @@ from fmus.kit.units import to_modelica
 
 
 @uninterrupted()
-def model_text(cls: type[Component]) -> str:
-    """Write a component as a Modelica model.
+def trace_model(cls: type[Component]) -> TracedModel:
+    """Trace the laws of a component, of which a Modelica model is written.
 
     Parameters
     ----------
@@ -48,17 +48,11 @@ def model_text(cls: type[Component]) -> str:
 
     Returns
     -------
-    str
-        Text of the class, without the ``within`` clause.
-
-    Raises
-    ------
-    UserError
-        If a law calls a function that Modelica does not have.
+    TracedModel
     """
     with recorded_intermediates() as intermediates:
         graph, laws = trace_with_laws(cls)
-    return _Model(cls, graph, laws, intermediates).text()
+    return TracedModel(cls, graph, laws, intermediates)
 
 
 @dataclass(frozen=True)
@@ -80,7 +74,7 @@ class _ModelEquations:
 
 
 @dataclass(frozen=True)
-class _Model:
+class TracedModel:
     """A component with its graph, from which the model is written.
 
     Attributes
@@ -124,7 +118,13 @@ class _Model:
         return units_of_laws(self.cls, [*laws, *(o.name for o in layout.outputs)])
 
     def text(self) -> str:
-        """Write the class."""
+        """Write the class, without the ``within`` clause.
+
+        Raises
+        ------
+        UserError
+            If a law calls a function that Modelica does not have.
+        """
         name = class_name(self.cls.name)
         kind = "model" if self.cls.ports else "block"
         equations = self._equations()
@@ -151,9 +151,9 @@ class _Model:
 
     def _protected(self, equations: _ModelEquations) -> list[str]:
         """Write the declarations of auxiliary variables and event variables."""
-        lines = [self._auxiliary(a) for a in equations.continuous.auxiliaries]
+        lines = [self.auxiliary(a) for a in equations.continuous.auxiliaries]
         for part in equations.sampled:
-            lines += [self._auxiliary(a, "start=0.0, fixed=true") for a in part.auxiliaries]
+            lines += [self.auxiliary(a, "start=0.0, fixed=true") for a in part.auxiliaries]
         lines += [f"Boolean {name};" for name in equations.events]
         return ["protected", *indented(lines)] if lines else []
 
@@ -169,7 +169,7 @@ class _Model:
             ]
         return lines
 
-    def _auxiliary(self, auxiliary: Auxiliary, start: str = "") -> str:
+    def auxiliary(self, auxiliary: Auxiliary, start: str = "") -> str:
         """Write the declaration of an auxiliary variable, with attributes of its start."""
         unit = self.units.get(auxiliary.law, "")
         of_unit = f"unit={string(to_modelica(unit))}" if unit and unit != "1" else ""
@@ -186,7 +186,7 @@ class _Model:
         """
         layout = self.layout
         graph = self.graph
-        rates, outputs, signs, *named = self._expression_nodes(
+        rates, outputs, signs, *named = self.expression_nodes(
             self.texts, [graph.rates, graph.outputs, graph.indicators > 0.0]
         )
         targets = [
@@ -198,7 +198,7 @@ class _Model:
             for o, node in zip(layout.outputs, outputs, strict=True)
         ]
         targets += [Target(name, "boolean", node) for name, node in zip(events, signs, strict=True)]
-        return define(targets, *self._names(*named), taken, literal=True)
+        return define(targets, *self.names_of(*named), taken, literal=True)
 
     def _sampled(self, group: int, taken: set[str]) -> EquationSet:
         """Write the equations of one clock.
@@ -212,7 +212,7 @@ class _Model:
         for v in (*layout.inputs, *layout.discretes):
             if v.name not in before:
                 texts[v.name] = f"pre({texts[v.name]})"
-        after, *named = self._expression_nodes(texts, [self.graph.updates[group]])
+        after, *named = self.expression_nodes(texts, [self.graph.updates[group]])
         shifted = {state for register in self.registers for state in register.states[1:]}
         members = {d.name for d in layout.sampled[group][1]} - shifted
         targets = [
@@ -220,7 +220,7 @@ class _Model:
             for d, node in zip(layout.discretes, after, strict=True)
             if d.name in members
         ]
-        part = define(targets, *self._names(*named), taken)
+        part = define(targets, *self.names_of(*named), taken)
         for register in self.registers:
             start = f"{register.array}[1] = "
             part.lines[:] = [
@@ -231,8 +231,11 @@ class _Model:
             ]
         return part
 
-    def _expression_nodes(
-        self, texts: Mapping[str, str], results: list[ca.SX]
+    def expression_nodes(
+        self,
+        texts: Mapping[str, str],
+        results: list[ca.SX],
+        operation: Callable[[int, list[ExpressionNode]], ExpressionNode] = apply,
     ) -> list[list[ExpressionNode]]:
         """Return the expression of every element of some columns, a list for each column.
 
@@ -242,6 +245,8 @@ class _Model:
             Text of each variable by its name.
         results : list of casadi.SX
             Columns in the symbols of the graph.
+        operation : callable
+            Returns the expression of an operation of CasADi.
 
         Returns
         -------
@@ -258,9 +263,9 @@ class _Model:
         arguments = [[symbol("time")]]
         for group in (layout.parameters, layout.inputs, layout.states, layout.discretes):
             arguments.append([symbol(texts[v.name], v.type == "boolean") for v in group])
-        return carry_out(function, arguments, constant, apply)
+        return carry_out(function, arguments, constant, operation)
 
-    def _names(
+    def names_of(
         self, laws: Sequence[ExpressionNode], intermediates: Sequence[ExpressionNode]
     ) -> tuple[dict[ExpressionNode, str], dict[ExpressionNode, str]]:
         """Return the names of the expressions of laws and of intermediate values.

@@ -19,12 +19,12 @@ from fmus.kit.modelica.connectors import (
     INTERFACES,
     SOURCES,
     interface_classes,
-    pymoca_interfaces,
     source_classes,
 )
 from fmus.kit.modelica.examples import EXAMPLES, example_classes
+from fmus.kit.modelica.flat import flat_text
 from fmus.kit.modelica.functions import function_classes
-from fmus.kit.modelica.model import model_text
+from fmus.kit.modelica.model import trace_model
 from fmus.kit.modelica.names import PACKAGE, class_name, comment, string
 from fmus.kit.modelica.wrapper import WRAPPERS, support_classes, wrapper_text
 
@@ -61,6 +61,7 @@ def package_files(
         does not have.
     """
     models: dict[str, str] = {}
+    flat: list[str] = []
     for cls in classes:
         if cls.engine is not None:
             raise UserError(
@@ -69,7 +70,9 @@ def package_files(
         name = class_name(cls.name)
         if name in models:
             raise UserError(f"{cls.name}: there is a model {name} already; name each once")
-        models[name] = model_text(cls)
+        model = trace_model(cls)
+        models[name] = model.text()
+        flat.append(flat_text(model))
     examples = example_classes(classes)
     packages = [INTERFACES, _FUNCTIONS, SOURCES]
     packages += [name for name, there in ((EXAMPLES, examples), (WRAPPERS, fmus)) if there]
@@ -85,7 +88,9 @@ def package_files(
         about = "Systems of components, ready to simulate"
         texts |= _files_of_package(EXAMPLES, PACKAGE, examples, about)
     # no class of the package: it has no package.mo, by which a tool knows a folder of classes
-    texts[f"{PACKAGE}/Resources/Pymoca/{INTERFACES}.mo"] = pymoca_interfaces()
+    texts[f"{PACKAGE}/Resources/Pymoca/{PACKAGE}.mo"] = "\n".join(
+        [f"package {PACKAGE}", *flat, f"end {PACKAGE};", ""]
+    )
     files = {path: text.encode() for path, text in texts.items()}
     return files | (_wrapper_files(classes, fmus) if fmus else {})
 

@@ -78,13 +78,9 @@ def _plan(options: BuildCommand) -> list[_PlannedFmu]:
 def _class_with_settings(name: str, options: BuildCommand) -> type[Component]:
     """Return a component with effects laid over it, and with settings as its defaults."""
     from fmus.kit import stack
-    from orchestration.fmu.model import find_class, read_settings
-    from orchestration.fmu.signal import declared_signal
+    from orchestration.cli.models import class_and_settings
 
-    cls = find_class(name, options["laid_over"])
-    known = {p.name: declared_signal(p) for p in (*cls.layout.parameters, *cls.layout.texts)}
-    texts = [f"{key}={value}" for key, value in (options["settings"] or {}).items()]
-    values = read_settings(name, texts, known)
+    cls, values = class_and_settings(name, options)
     return stack(cls, name=f"{cls.name}_set", defaults=values) if values else cls
 
 

@@ -30,25 +30,24 @@ def modelica(options: ExportModelicaCommand) -> None:
     """Write components as a package of Modelica, OUT/PpyRig: laws, ports as connectors.
 
     It needs no library; its connectors fit those of the standard library. --with adds effects to a
-    model, and their parameters switch them. --fmus adds PpyRig.FMUs, in which the same models call
-    their FMUs.
+    model, and their parameters switch them. --fitted and --set give parameters their defaults.
+    --fmus adds PpyRig.FMUs, in which the same models call their FMUs.
     """
     from fmus.kit import files, registry
     from fmus.kit.build import version
     from fmus.kit.modelica import PACKAGE, package_files
     from orchestration.cli.models import model_file
-    from orchestration.fmu.model import find_class
     from orchestration.reporting.console import wrote
 
     names = options["names"] or []
-    if options["laid_over"] and not names:
-        raise UserError("--with is about one model; name it")
+    if (options["laid_over"] or options["settings"] or options["fitted"]) and not names:
+        raise UserError("--with, --set and --fitted are about one model; name it")
     folder = options["out"]
     package = folder / PACKAGE
     reads = {f"the model {name}": model_file(name) for name in names}
     Outputs(reads, folders={"--out": folder}).check()
     _check_empty(package)
-    classes = [find_class(name, options["laid_over"]) for name in names or registry.components()]
+    classes = [_class_with_values(name, options) for name in names or registry.components()]
     contents = package_files(classes, version(), _fmus(classes) if options["fmus"] else None)
     with files.replacing(package) as new:
         for path, data in contents.items():
@@ -57,6 +56,19 @@ def modelica(options: ExportModelicaCommand) -> None:
             files.put(target, data)
         _check_empty(package)  # FMUs take their time
     wrote(package)
+
+
+def _class_with_values(name: str, options: ExportModelicaCommand) -> type[Component]:
+    """Return a component with effects laid over it; a fit and settings are its defaults."""
+    from fmus.kit import stack
+    from orchestration.cli.models import class_and_settings
+    from orchestration.fmu.model import model_of
+    from orchestration.sweeps.fitted import read_fitted
+
+    cls, settings = class_and_settings(name, options)
+    path = options["fitted"]
+    fitted = read_fitted(path, model_of(cls)).values if path else {}
+    return stack(cls, name=cls.name, defaults=fitted | settings)
 
 
 def _fmus(classes: Sequence[type[Component]]) -> dict[str, bytes]:

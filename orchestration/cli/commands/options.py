@@ -161,9 +161,13 @@ class ExportOptions(TypedDict, total=False):
     ]
     out: Annotated[Path, Option("Folder that gets the package.", default=Path("modelica"))]
     fmus: Annotated[bool, Option("Also models that FMUs for this machine compute.", default=False)]
+    fitted: Annotated[
+        Path | None,
+        Option("Parameters from a fit (ppy identify --json), as defaults.", metavar="FILE"),
+    ]
 
 
-class ExportModelicaCommand(LaidOverOption, ExportOptions, total=False):
+class ExportModelicaCommand(LaidOverOption, SettingsOption, ExportOptions, total=False):
     """Options of ``ppy export modelica``."""
 
 

@@ -1,6 +1,8 @@
 """Claims: ``ppy export modelica`` writes a package that a compiler reads, over no other one."""
 
+import json
 import os
+import re
 import sys
 from pathlib import Path
 
@@ -30,6 +32,22 @@ def test_effects_are_laid_over_a_named_component(tmp_path):
     assert "parameter Real conductance_rise_per_kelvin" in text
 
 
+def test_fitted_values_and_settings_are_defaults(tmp_path):
+    """A logarithm that is normally distributed has its centre at the estimate."""
+    figures = {"value": 0.61, "ci95": [0.6, 0.62], "unit": "ohm", "logarithmic": True}
+    fit = {"set": {"k1": 5e3, "R2": 3.0}, "fitted": {"parameters": {"R1": figures}}}
+    fit["fitted"]["correlations"] = []
+    (tmp_path / "fit.json").write_text(json.dumps(fit))
+    given = ("--fitted", "fit.json", "--set", "k1=7 N/mm")
+    works("export", "modelica", "ppy_actuator", *given, cwd=tmp_path)
+    folder = tmp_path / "modelica" / "PpyRig"
+    for path in (folder / "PpyActuator.mo", folder / "Resources" / "Pymoca" / "PpyRig.mo"):
+        declared = re.findall(r"parameter Real (\w+)\(.*\) = (\S+) ", path.read_text())
+        values = {name: float(value) for name, value in declared}
+        assert values["R1"] == pytest.approx(0.61, rel=1e-12)
+        assert (values["R2"], values["k1"], values["C"]) == (3.0, 7e3, 2.7)
+
+
 def test_fmus_come_with_what_loads_them(tmp_path):
     works("export", "modelica", "pid", "--fmus", cwd=tmp_path)
     folder = tmp_path / "modelica" / "PpyRig"
@@ -51,7 +69,10 @@ def test_fmus_come_with_what_loads_them(tmp_path):
         (("galvanosta",), "no component named 'galvanosta' (did you mean galvanostat?)"),
         (("rig_proxy",), "rig_proxy: it has an engine in the place of laws"),
         (("pid", "pid"), "pid: there is a model Pid already; name each once"),
-        (("--with", "slack"), "--with is about one model; name it"),
+        (("--with", "slack"), "--with, --set and --fitted are about one model; name it"),
+        (("--set", "R1=0.5"), "--with, --set and --fitted are about one model; name it"),
+        (("pid", "--set", "R1=0.5"), "pid: no parameter named 'R1'"),
+        (("pid", "--fitted", "none.json"), "none.json: cannot be read: No such file or directory"),
         (
             ("--out", "taken"),
             f"--out taken: {os.path.join('taken', 'PpyRig')} is there and not empty",

@@ -6,7 +6,7 @@ import rumoca
 import fmus
 from fmus.kit import Component, Discrete, Input, Output, Parameter, PowerPort, State, stack, where
 from fmus.kit.modelica import package_files
-from fmus.kit.modelica.model import model_text
+from fmus.kit.modelica.model import trace_model
 from tests.support.kit_samples import Thermostat, Warmer
 from tests.support.modelica import flatten_by_pymoca, parse_by_pymoca, write
 
@@ -44,11 +44,11 @@ class Oven(Component):
 
 
 def lines_of(cls):
-    return [line.strip() for line in model_text(cls).splitlines()]
+    return [line.strip() for line in trace_model(cls).text().splitlines()]
 
 
 def test_variables_with_their_attributes():
-    text = model_text(Oven)
+    text = trace_model(Oven).text()
     for line in (
         'parameter Real capacity(unit="J/K", nominal=10.0, min=0.001, max=1000000.0) = 20.0'
         ' "the \\"thermal\\" mass";',
@@ -86,12 +86,12 @@ def test_equations_of_port_rate_and_samples():
 
 
 def test_a_component_without_ports_is_a_block():
-    assert model_text(Thermostat).startswith('block Thermostat "A heated room under')
-    assert model_text(Oven).startswith('model Oven "A heated wall: a port')
+    assert trace_model(Thermostat).text().startswith('block Thermostat "A heated room under')
+    assert trace_model(Oven).text().startswith('model Oven "A heated wall: a port')
 
 
 def test_effects_carry_over_with_their_parameters():
-    text = model_text(stack(Thermostat, Warmer))
+    text = trace_model(stack(Thermostat, Warmer)).text()
     assert text.startswith("block ThermostatWithWarmer ")
     assert 'parameter Real extra(unit="W") = 0.0' in text
 

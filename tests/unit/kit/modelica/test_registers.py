@@ -2,7 +2,7 @@
 
 import fmus
 from fmus.kit import Array, Component, Discrete, Input
-from fmus.kit.modelica.model import model_text
+from fmus.kit.modelica.model import trace_model
 from fmus.kit.modelica.registers import Register, registers
 from fmus.kit.symbolic import trace
 
@@ -30,7 +30,7 @@ def test_only_what_is_handed_on_unchanged_is_a_register():
 
 
 def test_a_register_is_an_array_in_declarations_and_equations():
-    lines = [line.strip() for line in model_text(Chain).splitlines()]
+    lines = [line.strip() for line in trace_model(Chain).text().splitlines()]
     for line in (
         'parameter Real old_start[3](each unit="V") = {1.0, 2.0, 3.0}'
         ' "values of old at the start";',
