@@ -122,7 +122,13 @@ navigation = {
         "benchmarks/README",
     ],
     "docs/decisions/index": ["docs/decisions/0*", "docs/decisions/archive"],
-    "docs/project": ["docs/architecture", "docs/errata", "CONTRIBUTING", "CHANGELOG"],
+    "docs/project": [
+        "docs/architecture",
+        "docs/errata",
+        "docs/coverage",
+        "CONTRIBUTING",
+        "CHANGELOG",
+    ],
 }
 
 # What a page is called in the navigation, where its heading is too long for that.
