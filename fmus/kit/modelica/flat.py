@@ -8,14 +8,22 @@ its clock. Clocks that coincide are sampled in the order of their declaration.
 
 from __future__ import annotations
 
+import re
+
 import casadi as ca
 
 from fmus.kit.declare import Declaration, summary
+from fmus.kit.layout import Layout
 from fmus.kit.modelica.declarations import declaration, declared_identifiers, literal
 from fmus.kit.modelica.equations import Target, define
 from fmus.kit.modelica.expressions import ExpressionNode, apply, constant
 from fmus.kit.modelica.model import TracedModel
 from fmus.kit.modelica.names import class_name, comment, identifier, indented, wrapped
+
+Names = dict[ExpressionNode, str]
+# functions of the package, by those of CasADi, which have no events either
+_BUILT_IN = {"roundedDown": "floor", "roundedUp": "ceil", "hypotenuse": "hypot"}
+_FUNCTION = re.compile(r"Functions\.(\w+)")
 
 
 def flat_text(model: TracedModel) -> str:
@@ -30,59 +38,57 @@ def flat_text(model: TracedModel) -> str:
     str
         Text of the class, without the ``within`` clause.
     """
-    layout = model.layout
-    graph = model.graph
-    texts = {v.name: identifier(v.name) for v in layout.variables}
-    rates, outputs, *updates, laws, intermediates = model.expression_nodes(
-        texts, [graph.rates, graph.outputs, *graph.updates], _without_division
-    )
-    places = {d.name: k for k, d in enumerate(layout.discretes)}
-    sampled = {
-        d.name: after[places[d.name]]
-        for (_, members), after in zip(layout.sampled, updates, strict=True)
-        for d in members
-    }
-    targets = [
-        Target(f"der({texts[s.name]})", "real", node)
-        for s, node in zip(layout.states, rates, strict=True)
-    ]
-    targets += [
-        Target(texts[o.name], _type_of(o), node)
-        for o, node in zip(layout.outputs, outputs, strict=True)
-    ]
-    targets += [Target(_next(d), _type_of(d), sampled[d.name]) for d in layout.discretes]
-    taken = declared_identifiers(model.cls) | set(map(_next, layout.discretes))
-    equations = define(targets, *model.names_of(laws, intermediates), taken)
+    targets, *names = _targets(model)
+    taken = declared_identifiers(model.cls) | {target.text for target in targets}
+    equations = define(targets, *names, taken)
     name = class_name(model.cls.name)
     lines = [
         f"model {name}{comment(summary(model.cls))}",
-        *indented(_declarations(model)),
+        *indented(_declarations(model.layout)),
         "protected",
-        *indented([model.auxiliary(each) for each in equations.auxiliaries]),
+        *indented(map(model.auxiliary, equations.auxiliaries)),
         "equation",
-        *wrapped(map(_with_built_in_functions, equations.lines)),
+        *wrapped(_FUNCTION.sub(lambda match: _BUILT_IN[match[1]], x) for x in equations.lines),
         f"end {name};",
     ]
     return "\n".join(lines) + "\n"
 
 
-def _declarations(model: TracedModel) -> list[str]:
-    """Write the declarations of parameters, inputs, states and outputs."""
+def _targets(model: TracedModel) -> tuple[list[Target], Names, Names]:
+    """Return what is defined, and the names of the expressions of laws and intermediates."""
     layout = model.layout
-    starts = {name: {"start": identifier(start)} for name, start in layout.start_of.items()}
+    graph = model.graph
+    texts = {v.name: identifier(v.name) for v in layout.variables}
+    results = [graph.rates, graph.outputs, *graph.updates]
+    nodes = model.expression_nodes(texts, results, _without_division)
+    rates, outputs, *updates, laws, intermediates = nodes
+    clocks = {d.name: k for k, (_, members) in enumerate(layout.sampled) for d in members}
+    sampled = [updates[clocks[d.name]][place] for place, d in enumerate(layout.discretes)]
+    left = [f"der({texts[s.name]})" for s in layout.states]
+    left += [texts[o.name] for o in layout.outputs]
+    left += map(_next, layout.discretes)
+    types = map(_type_of, (*layout.states, *layout.outputs, *layout.discretes))
+    right = [*rates, *outputs, *sampled]
+    targets = [Target(*parts) for parts in zip(left, types, right, strict=True)]
+    return targets, *model.names_of(laws, intermediates)
+
+
+def _declarations(layout: Layout) -> list[str]:
+    """Write the declarations of parameters, inputs, states and outputs."""
     lines = [
         declaration(f"parameter {p.type.capitalize()}", p, {}, literal(p.start, p.type))
         for p in layout.parameters
     ]
-    for v in layout.inputs:
-        start = {"start": literal(v.start, v.type)}
-        lines.append(declaration(_prefixed("input", v), v, start))
-    lines += [declaration(_prefixed("input", d), d, starts[d.name]) for d in layout.discretes]
-    for s in layout.states:
-        prefix = "output Real" if s.output else "Real"
-        lines.append(declaration(prefix, s, starts[s.name] | {"fixed": "true"}))
-    lines += [declaration(_prefixed("output", o), o, {}) for o in layout.outputs]
-    lines += [declaration(_prefixed("output", d), d, {}, name=_next(d)) for d in layout.discretes]
+    shown = [s for s in layout.states if s.output]
+    hidden = [s for s in layout.states if not s.output]
+    groups = {"input ": (*layout.inputs, *layout.discretes), "": hidden}
+    for causality, variables in (groups | {"output ": (*shown, *layout.outputs)}).items():
+        for v in variables:
+            start = layout.start_of.get(v.name)
+            attributes = {"start": identifier(start)} if start else {}
+            lines.append(declaration(f"{causality}{_type_of(v).capitalize()}", v, attributes))
+    for d in layout.discretes:
+        lines.append(declaration(f"output {_type_of(d).capitalize()}", d, {}, name=_next(d)))
     return lines
 
 
@@ -91,25 +97,13 @@ def _next(d: Declaration) -> str:
     return identifier(f"next_{d.name}")
 
 
-def _with_built_in_functions(line: str) -> str:
-    """Return an equation that calls CasADi's functions, which have no events either."""
-    return line.replace("Functions.roundedDown(", "floor(").replace("Functions.roundedUp(", "ceil(")
-
-
 def _type_of(v: Declaration) -> str:
-    """Return the type of a variable that an equation defines; pymoca does not round."""
+    """Return the type of a variable; an integer is a real, as pymoca does not round."""
     return "boolean" if v.type == "boolean" else "real"
-
-
-def _prefixed(causality: str, v: Declaration) -> str:
-    return f"{causality} {_type_of(v).capitalize()}"
 
 
 def _without_division(operation: int, operands: list[ExpressionNode]) -> ExpressionNode:
     """Return the expression of an operation, with a power in the place of a division."""
-    if operation == ca.OP_HYPOT:
-        squares = [apply(ca.OP_SQ, [operand]) for operand in operands]
-        return apply(ca.OP_SQRT, [apply(ca.OP_ADD, squares)])
     if operation not in (ca.OP_DIV, ca.OP_INV):
         return apply(operation, operands)
     inverse = apply(ca.OP_POW, [operands[-1], constant(-1.0)])

@@ -33,11 +33,7 @@ class _Trial(NamedTuple):
     noise_order: int
 
     def __str__(self) -> str:
-        return _title(self.structure, self.path_orders)
-
-
-def _title(structure: str, path_orders: Sequence[int]) -> str:
-    return f"{structure} of order {' '.join(map(str, path_orders))}"
+        return f"{self.structure} of order {' '.join(map(str, self.path_orders))}"
 
 
 @dataclass(frozen=True)
@@ -72,7 +68,7 @@ class Row:
     def describe_passed_over(self) -> str:
         """Return why the row is passed over, in a line."""
         doubts = self.identification.doubts or ("it has a pole at one without need",)
-        title = _title(self.structure, self.path_orders)
+        title = _Trial(self.structure, self.path_orders, 0)
         return f"{title}, {self.validation_fit:.1f} % on unseen data: {'; '.join(doubts)}"
 
     def order_cells(self, inputs: int) -> list[str]:

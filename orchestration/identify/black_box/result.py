@@ -13,8 +13,6 @@ from orchestration.identify.black_box.residual_tests import ResidualTests, resid
 
 _LAGS = 25  # default of residual tests
 _LEAST = 1e-300  # smallest loss of which a logarithm is taken; data without noise have none
-# A rise that is cut off half-way settles beyond the record by as much as the record spans.
-_SPANS_BEYOND = 1.0
 
 
 @dataclass(frozen=True)
@@ -100,24 +98,22 @@ class Identification:
     @property
     def doubts(self) -> tuple[str, ...]:
         """What is degenerate about the model, in a phrase each."""
+        doubts = []
         open_ended = [p.name for p in self.parameters if not np.isfinite(p.standard_error)]
-        doubts = [f"the record does not determine {', '.join(open_ended)}"] if open_ended else []
-        if self._offset_is_beyond():
-            low, high = self.data.output.min(), self.data.output.max()
+        if open_ended:
+            doubts.append(f"the record does not determine {', '.join(open_ended)}")
+        offset, low, high = self.model.output_offset, *np.percentile(self.data.output, (0, 100))
+        # a rise that is cut off half-way settles beyond the record by as much as the record spans
+        if abs(2.0 * offset - low - high) > 3.0 * (high - low) and self._rests:
             doubts.append(
-                f"its offset, {self.model.output_offset:.4g}, is beyond the record, {low:.4g} to"
-                f" {high:.4g}"
+                f"its offset, {offset:.4g}, is beyond the record, {low:.4g} to {high:.4g}"
             )
         return tuple(doubts)
 
-    def _offset_is_beyond(self) -> bool:
-        """Return whether the output rests where the record comes nowhere near."""
-        model = self.model
-        if not np.isfinite(model.static_output(np.ones(len(model.input_names)))):
-            return False  # a model that integrates rests anywhere
-        low, high = self.data.output.min(), self.data.output.max()
-        slack = _SPANS_BEYOND * (high - low)
-        return not low - slack <= model.output_offset <= high + slack
+    @property
+    def _rests(self) -> bool:
+        """True if the output can rest, at the offset; a model that integrates rests anywhere."""
+        return bool(np.isfinite(self.model.static_output(np.ones(len(self.model.input_names)))))
 
     @property
     def is_integrating(self) -> bool:

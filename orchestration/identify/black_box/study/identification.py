@@ -96,13 +96,15 @@ class BlackBox(Displayable):
         return f" Others: {', '.join(others)}." if others else ""
 
     @property
+    def passed_over(self) -> list[str]:
+        """A line for each degenerate model that was passed over."""
+        return [row.describe_passed_over() for row in self.search.passed_over]
+
+    @property
     def remarks(self) -> list[str]:
         """Models that were passed over and left out, a line for each."""
-        passed_over = [row.describe_passed_over() for row in self.search.passed_over]
-        return [
-            *(f"passed over: {line}" for line in passed_over),
-            *(f"left out: {line}" for line in self.search.left_out),
-        ]
+        passed_over = [f"passed over: {line}" for line in self.passed_over]
+        return [*passed_over, *(f"left out: {line}" for line in self.search.left_out)]
 
     def __str__(self) -> str:
         return "\n".join(
@@ -164,7 +166,7 @@ class BlackBox(Displayable):
             },
             "criterion": self.search.criterion,
             "models": [_row_figures(row) for row in self.search.rows],
-            "passed_over": [row.describe_passed_over() for row in self.search.passed_over],
+            "passed_over": self.passed_over,
             "left_out": [*self.search.left_out],
             "chosen": _row_figures(self.chosen) | self._details(),
         }

@@ -39,10 +39,10 @@ def test_equations_of_rates_outputs_and_samples():
         "end Tank;",
     ]
     for line in (
-        'input Real heat(start=0.0, unit="W");',
-        "input Boolean on(start=true);",
+        'input Real heat(unit="W");',
+        "input Boolean on;",
         "input Real count(start=count_start);",
-        'output Real temperature(start=temperature_start, fixed=true, unit="K");',
+        'output Real temperature(start=temperature_start, unit="K");',
         "output Boolean hot;",
         "output Real next_count;",
     ):
