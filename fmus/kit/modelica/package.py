@@ -61,7 +61,7 @@ def package_files(
         does not have.
     """
     models: dict[str, str] = {}
-    flat: list[str] = []
+    flat = ""
     for cls in classes:
         if cls.engine is not None:
             raise UserError(
@@ -72,7 +72,7 @@ def package_files(
             raise UserError(f"{cls.name}: there is a model {name} already; name each once")
         model = trace_model(cls)
         models[name] = model.text()
-        flat.append(flat_text(model))
+        flat += flat_text(model)
     examples = example_classes(classes)
     packages = [INTERFACES, _FUNCTIONS, SOURCES]
     packages += [name for name, there in ((EXAMPLES, examples), (WRAPPERS, fmus)) if there]
@@ -88,9 +88,7 @@ def package_files(
         about = "Systems of components, ready to simulate"
         texts |= _files_of_package(EXAMPLES, PACKAGE, examples, about)
     # no class of the package: it has no package.mo, by which a tool knows a folder of classes
-    texts[f"{PACKAGE}/Resources/Pymoca/{PACKAGE}.mo"] = "\n".join(
-        [f"package {PACKAGE}", *flat, f"end {PACKAGE};", ""]
-    )
+    texts[f"{PACKAGE}/Resources/Pymoca/{PACKAGE}.mo"] = f"package {PACKAGE}\n{flat}end {PACKAGE};\n"
     files = {path: text.encode() for path, text in texts.items()}
     return files | (_wrapper_files(classes, fmus) if fmus else {})
 

@@ -34,16 +34,16 @@ def test_equations_of_rates_outputs_and_samples():
     assert lines[start + 1 :] == [
         "heating = heat * capacity ^ (-1.0);",
         "der(temperature) = heating;",
-        "hot = 300.0 < temperature;",
+        "hot = if 300.0 < temperature then 1.0 else 0.0;",
         "next_count = count + (if on then 1.0 else 0.0);",
         "end Tank;",
     ]
     for line in (
         'input Real heat(unit="W");',
         "input Boolean on;",
-        "input Real count(start=count_start);",
+        "input Integer count(start=count_start);",
         'output Real temperature(start=temperature_start, unit="K");',
-        "output Boolean hot;",
+        "output Real hot;",
         "output Real next_count;",
     ):
         assert line in lines, lines
