@@ -62,25 +62,19 @@ def parts() -> dict[str, list[Row]]:
 
 def page() -> str:
     """Return the page as Markdown."""
-    return "\n".join([_INTRODUCTION, *_lines()]) + "\n"
+    return "\n".join([_INTRODUCTION, *_lines()])
 
 
 def _lines() -> Iterator[str]:
     numbers = itertools.count(1)
-    every = [row for rows in parts().values() for row in rows]
-    in_part = sum(bool(row.missing) for row in every)
-    yield f"{len(every) - in_part} of {len(every)} rows work, {in_part} in part."
     for title, rows in parts().items():
-        yield from (
-            "",
-            f"## {title}",
-            "",
-            "| # | where | what | shown by | |",
-            "|---|---|---|---|---|",
-        )
+        whole = sum(not row.missing for row in rows)
+        yield f"## {title}\n\n{whole} of {len(rows)} rows work in full.\n"
+        yield "| # | where | what | shown by | |\n|---|---|---|---|---|"
         for row in rows:
             state = f"in part: {row.missing}" if row.missing else "works"
             yield f"| {next(numbers)} | {row.where} | {row.what} | `{row.command}` | {state} |"
+        yield ""
 
 
 if __name__ == "__main__":
