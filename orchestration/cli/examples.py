@@ -48,7 +48,7 @@ EXAMPLES = {
     "export modelica": (
         "ppy export modelica",
         "ppy export modelica ppy_actuator --with self_heating --out warm",
-        "ppy export modelica ppy_actuator --fitted fit.json --out specimen",
+        "ppy export modelica ppy_actuator --set R1=0.61 --out specimen",
     ),
     "check": (
         "ppy check fmu/native/ppy_actuator.fmu",
