@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..kit.registry import ComponentPackage, StimulusDeclaration
-from .systems import EXAMPLES, FOOT_GAIT
+from .systems import EXAMPLES, FOOT_GAIT, FOOT_STANCE
 
 if TYPE_CHECKING:
     from .model import Foot
@@ -14,10 +14,11 @@ PACKAGE = ComponentPackage(
     components={
         "foot": "fmus.foot.model:Foot",
         "foot_design": "fmus.foot.design:FootDesign",
+        "foot_displacement_driven": "fmus.foot.model:FootDisplacementDriven",
         "foot_dynamic": "fmus.foot.model:FootDynamic",
         "foot_free": "fmus.foot.model:FootFree",
     },
-    declared_systems=(FOOT_GAIT,),
+    declared_systems=(FOOT_GAIT, FOOT_STANCE),
     examples=EXAMPLES,
     stimuli={
         "gait": StimulusDeclaration(

@@ -11,9 +11,8 @@ import math
 from typing import Any
 
 from ..kit import UserError, sin
-from .kinematics import FootKinematics
+from .kinematics import ACTUATORS, FootKinematics
 
-ACTUATORS = ("an", "po", "do", "pl")
 _AMPLITUDE = 1e-3  # m
 _PERIOD = 1.0  # s
 

@@ -13,6 +13,7 @@ from typing import Any
 
 from ..kit import Component, Output, Parameter, Preset, cos, shared, sin, sqrt
 
+ACTUATORS = ("an", "po", "do", "pl")
 _TABLE = "thesis table 5-1"
 
 

@@ -1,17 +1,18 @@
 """The humanoid foot with a given posture; this module offers the moving ones, too.
 
 Thesis chapter 5: geometry in ``kinematics.py``, forces in ``statics.py``, motion in ``dynamic.py``,
-with a leg that moves and a ground in ``free.py``.
+with a leg that moves and a ground in ``free.py``, and with its actuators in ``driven.py``.
 """
 
 from __future__ import annotations
 
 from ..kit import Input, PowerPort
+from .driven import FootDisplacementDriven
 from .dynamic import FootDynamic
 from .free import FootFree
 from .statics import FootStatics
 
-__all__ = ["Foot", "FootDynamic", "FootFree"]
+__all__ = ["Foot", "FootDisplacementDriven", "FootDynamic", "FootFree"]
 
 
 def _joint(name: str) -> PowerPort:

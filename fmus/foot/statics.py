@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..kit import Input, Output, Parameter, PowerPort, maximum, shared
-from .kinematics import FootKinematics
+from .kinematics import ACTUATORS, FootKinematics
 
 _FIGURE = "thesis fig. 5-7, 12-layer actuator"
 # Determinant of J over ankle and mtp below which the toe counts as locked, in m^2; within the
@@ -51,15 +51,15 @@ def _muscle(actuator: str) -> PowerPort:
 class FootStatics(FootKinematics):
     """Forces in the foot, common to given and dynamic posture."""
 
-    muscles = tuple(map(_muscle, ("an", "po", "do", "pl")))
+    muscles = tuple(map(_muscle, ACTUATORS))
     ports = (
         *muscles,
         PowerPort("toe_along_leg", "translational", "toe_x", "toe_force_x", ("toe_flange_x",)),
         PowerPort("toe_forward", "translational", "toe_y", "toe_force_y", ("toe_flange_y",)),
     )
 
-    k_an, k_po, k_do, k_pl = (_stiffness(actuator) for actuator in ("an", "po", "do", "pl"))
-    b_an, b_po, b_do, b_pl = (_damping(actuator) for actuator in ("an", "po", "do", "pl"))
+    k_an, k_po, k_do, k_pl = (_stiffness(actuator) for actuator in ACTUATORS)
+    b_an, b_po, b_do, b_pl = (_damping(actuator) for actuator in ACTUATORS)
     tm_stiffness = Parameter(
         100.0,
         "N*m/rad",

@@ -1,10 +1,10 @@
-"""The gait: the foot under four actuators, each driven by its current (thesis chapter 5)."""
+"""The foot under four actuators: the gait of thesis chapter 5, and a stance on the ground."""
 
 from __future__ import annotations
 
 from ..kit.registry import Example, MemberDeclaration, SystemDeclaration
+from .kinematics import ACTUATORS
 
-ACTUATORS = ("an", "po", "do", "pl")
 # N, tensions under which the foot rests in its reference configuration: 5 N in the actuators with
 # the longer arms, balanced by their antagonists. A charge of 2 C lowers a tension by less than 1 N.
 TENSIONS = {"an": 11.624264677425735, "po": 5.0, "do": 13.543483552441367, "pl": 5.0}
@@ -66,4 +66,80 @@ EXAMPLES = (
             "toe_force_y": 0.0,
         },
     ),
+)
+
+# kg and kg m^2, a tenth of those of `foot_free`: its 31 g weigh 0.3 N. What the films can move binds,
+# not what they bear: 1.3 A for a quarter of 8 s moves the weight from heel to ball, within 1.5 V.
+_MASSES = {
+    "leg_mass": 0.02,
+    "m1": 0.006,
+    "m2": 0.003,
+    "m3": 0.001,
+    "m4": 0.001,
+    "ankle_inertia": 1e-4,
+    "tm_inertia": 5e-5,
+    "mtp_inertia": 2e-6,
+    "mtp2_inertia": 2e-6,
+}
+# Heel and ball would be on the ground at once at an ankle of 0.162 rad: the heel is 0.28 mm lower than
+# the ball and 0.2 mm above the ground. Dashpots have flowed to tensions of 1 N in po and 0.4 N in pl
+# with balance of moments by an and do.
+_START = {
+    "ankle_angle_start": 0.1635,
+    "mtp_angle_start": -0.14,
+    "leg_height_start": 0.027923,
+    "an_flow_start": -2.4961e-3,
+    "po_flow_start": 4.3683e-3,
+    "do_flow_start": 0.3685e-3,
+    "pl_flow_start": -2.3455e-3,
+}
+# N s/m; over seconds, a Kelvin element of 200 s is a second dashpot, of 2.0e6, in series
+_DAMPING_OF_SECONDS = 1.0 / (1.0 / _DAMPING + 1.0 / 2.0e6)
+# galvanostatic; at 15 V, its compliance, the protection does not act
+_GALVANOSTAT = MemberDeclaration("galvanostat", {"voltage_command": 0.0, "voltage_limit": 15.0})
+FOOT_STANCE = SystemDeclaration(
+    name="foot_stance",
+    summary=(
+        "Foot under a leg that stands on the ground, with four actuators behind galvanostats (thesis"
+        " sections 5.4.1, 6.2)."
+    ),
+    members={
+        **{f"{name}_drive": _GALVANOSTAT for name in ACTUATORS},
+        **{name: MemberDeclaration("ppy_actuator") for name in ACTUATORS},
+        "foot": MemberDeclaration(
+            "foot_displacement_driven",
+            {
+                **_MASSES,
+                **_START,
+                **{f"k_{name}": _STIFFNESS for name in ACTUATORS},
+                **{f"b_{name}": _DAMPING_OF_SECONDS for name in ACTUATORS},
+                "toe_force_x": 0.0,
+                "toe_force_y": 0.0,
+            },
+        ),
+    },
+    # springs and dashpots of the actuators are the foot's, so that what is exchanged is slow
+    connections=tuple(
+        wire
+        for name in ACTUATORS
+        for wire in (
+            f"{name}_drive.current -> {name}.current",
+            f"{name}.voltage -> {name}_drive.voltage",
+            f"{name}.electrochemical_displacement -> foot.{name}_displacement",
+            f"foot.{name}_force -> {name}.force",
+        )
+    ),
+    inputs={
+        **{f"{name}_current": (f"{name}_drive.current_command",) for name in ACTUATORS},
+        **{f"leg_force_{axis}": (f"foot.leg_force_{axis}",) for axis in "xy"},
+    },
+    outputs=(
+        "foot.ground_force_x",
+        "foot.ground_force_y",
+        "foot.leg_height",
+        "foot.ankle_angle",
+        "foot.mtp_angle",
+    ),
+    step=5e-3,
+    stop=8.0,
 )

@@ -4,6 +4,7 @@
 their moment arms cross products, matrices are inverted by NumPy. ``foot_dynamic``: integrated by
 scipy's DOP853 to 1e-12. ``foot_free``: Newton's and Euler's equations of four rods,
 projected on leg and joints (Kane), where the component has those of Lagrange.
+``foot_displacement_driven``: the same under springs and dashpots in series.
 
 Run ``python -m studies.references.foot`` after changing a default value; its output is in the
 component's folder ``reference``.
@@ -34,6 +35,7 @@ FRICTION = np.array([0.02, 0.2, 1e-3])
 LOWER = np.array([-0.7, -0.26, -0.15])
 UPPER = np.array([0.7, 0.26, 1.05])
 STOP_FREQUENCY = 200.0
+ACTUATORS = ("an", "po", "do", "pl")
 LOADS = ("an_tension", "po_tension", "do_tension", "pl_tension", "toe_force_x", "toe_force_y")
 POSTURE = ("ankle_angle", "tm_angle", "mtp_angle", "ankle_rate", "tm_rate", "mtp_rate")
 OUTPUTS = (
@@ -313,6 +315,24 @@ def free_slope(x: np.ndarray, loads: np.ndarray) -> np.ndarray:
     return np.array([*moved, *works])
 
 
+def stretched(x: np.ndarray, displacements: np.ndarray) -> np.ndarray:
+    """Tensions of springs between the attachments, behind dashpots and displacements."""
+    lengths, _ = actuators(x[0], x[2])
+    return np.maximum(STIFFNESS * (lengths - REFERENCE - displacements - x[16:]), 0.0)
+
+
+def driven_slope(x: np.ndarray, fed: np.ndarray) -> np.ndarray:
+    """Return derivatives of the states of the foot under four displacements."""
+    tensions = stretched(x, fed[:4])
+    return np.array([*free_slope(x[:16], np.array([*tensions, *fed[4:]])), *(tensions / DAMPING)])
+
+
+def driven_outputs(x: np.ndarray, fed: np.ndarray) -> list[float]:
+    """Return the flows, tensions, and states and outputs of the free foot."""
+    tensions = stretched(x, fed[:4])
+    return [*x[16:], *tensions, *free_outputs(x[:16], np.array([*tensions, *fed[4:]]))]
+
+
 def design_outputs(posture: np.ndarray) -> list[float]:
     """Return forces and stroke of the toe, from levers and arms."""
     _, arms = actuators(posture[0], posture[2])
@@ -350,6 +370,12 @@ def fed_free(time: float) -> np.ndarray:
     k = np.floor(time * 10.0 + 1e-6)
     loads[3] += 0.8 * float(k % 4 < 2)
     return np.array([*loads, 0.4 * np.sin(1.1 * k), 0.3 * np.cos(1.6 * k)])
+
+
+def fed_displacements(time: float) -> np.ndarray:
+    """Return displacements at which some actuators are slack, and the other loads."""
+    k = np.floor(time * 10.0 + 1e-6)
+    return np.array([*(-1e-4 + 2e-4 * np.sin(k + np.arange(4.0))), *fed_free(time)[4:]])
 
 
 class Case(NamedTuple):
@@ -410,6 +436,21 @@ CASES = {
         free_outputs,
         free_slope,
         np.array([*np.zeros(8), 0.25, *np.zeros(7)]),
+        "DOP853",
+        FREE_STOP,
+    ),
+    "foot_displacement_driven": Case(
+        (*(f"{a}_displacement" for a in ACTUATORS), *FREE_LOADS[4:]),
+        (
+            *(f"{a}_{what}" for what in ("flow", "force") for a in ACTUATORS),
+            *FREE_STATES,
+            *OUTPUTS,
+            *FREE_OUTPUTS,
+        ),
+        fed_displacements,
+        driven_outputs,
+        driven_slope,
+        np.array([*np.zeros(8), 0.25, *np.zeros(11)]),
         "DOP853",
         FREE_STOP,
     ),

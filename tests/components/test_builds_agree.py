@@ -23,11 +23,11 @@ from orchestration.fmu.instance import Fmu
 from orchestration.fmu.simulation import simulate_instance
 from tests.contract.subjects import SUBJECTS, TELLING_NAMES, actuators_only, each_front_end
 from tests.support import hosts
-from tests.support.pace import slow_but
+from tests.support.pace import FREE_FEET, slow_but
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="the hosts of the tests run on Linux")
 QUICK = slow_but(
-    COMPONENTS, *(name for name in COMPONENTS if name not in ("foot_dynamic", "foot_free"))
+    COMPONENTS, *(name for name in COMPONENTS if name not in ("foot_dynamic", *FREE_FEET))
 )  # whose laws in Python take long
 OPTIONS = ("-std=c99 -O2", "-O0", "-O3")
 FORCED, LENGTH_DRIVEN = "ppy_actuator", "ppy_actuator_length_driven"

@@ -12,18 +12,18 @@ import pytest
 
 from fmus import COMPONENTS
 from fmus.kit.build.building import RUNTIMES
-from tests.support.pace import TELLING_NAMES, slow_but
+from tests.support.pace import FREE_FEET, TELLING_NAMES, slow_but
 
 ACTUATORS = ("ppy_actuator", "ppy_actuator_length_driven")
 # Tests of the front-end and of the exact solutions for a current, which need no other component
 actuators_only = pytest.mark.parametrize("name", ACTUATORS)
 
-# the free foot in Python takes as long as all others together; it is compared with its native build
+# a free foot in Python takes as long as all others together; it is compared with its native build
 EACH = [
     (name, runtime)
     for name in COMPONENTS
     for runtime in RUNTIMES
-    if (name, runtime) != ("foot_free", "python")
+    if runtime != "python" or name not in FREE_FEET
 ]
 TELLING = [(name, runtime) for name in TELLING_NAMES for runtime in RUNTIMES]
 # Claims on the laws and the description of each component: the front-end in Python is one for all
@@ -89,12 +89,23 @@ class Subject:
 _ACTUATOR = {"R1": 0.5, "charge_start": 0.25, "C": 2.0}
 _MARGINS = " compression_margin N displacement_margin m force_margin N voltage_margin V"
 _ELONGATED = {"kelvin_elongation_start": 2e-5, "maxwell_elongation_start": 1e-5}
-_FOOT = (
-    "an_tension N po_tension N do_tension N pl_tension N toe_force_x N toe_force_y N an_length m"
-    " po_length m do_length m pl_length m an_length_change m an_length_rate m/s toe_x m toe_y m"
+_MOVED = (
+    "toe_force_x N toe_force_y N an_length m po_length m do_length m pl_length m an_length_change m an_length_rate m/s toe_x m toe_y m"
     " ankle_torque N.m tm_torque N.m mtp_torque N.m toe_compliance_xx m/N toe_damping_xx N.s/m"
     " ankle_angle rad tm_angle rad mtp_angle rad ankle_rate rad/s tm_rate rad/s mtp_rate rad/s"
 )
+_FOOT = f"an_tension N po_tension N do_tension N pl_tension N {_MOVED}"
+_FREE = (
+    "leg_force_x N leg_force_y N mtp2_angle rad mtp2_rate rad/s leg_height m leg_advance m"
+    " leg_velocity_x m/s leg_velocity_y m/s actuator_work J ground_work J load_work J joint_loss J"
+    " kinetic_energy J potential_energy J ground_force_x N ground_force_y N heel_pressure N"
+    " ball_pressure N toe_pressure N toes_pressure N"
+)
+_IN_THE_GROUND = {
+    "leg_height_start": 0.021,
+    "leg_velocity_y_start": 0.01,
+    "leg_velocity_x_start": 0.01,
+}
 SUBJECTS = {
     "ppy_actuator": Subject(
         {"current": 0.9, "force": 1.0},
@@ -206,16 +217,22 @@ SUBJECTS = {
         "reference N measured N manual - manual_command V tracking - applied_command V command V"
         " saturated -",
     ),
-    # all points of it in the ground, and slipping
+    # taut; all points of both in the ground, and slipping
+    "foot_displacement_driven": Subject(
+        {"po_displacement": -1e-4, "leg_force_y": 0.1},
+        "toe_x",
+        {"l1": 0.052, "tm_angle_start": 0.01, "leg_held": False, "leg_mass": 0.3, "k_an": 8000.0},
+        "an_displacement m po_displacement m do_displacement m pl_displacement m an_force N"
+        f" po_force N do_force N pl_force N an_flow m po_flow m do_flow m pl_flow m {_MOVED} {_FREE}",
+        _IN_THE_GROUND | {f"{name}_flow_start": -1e-4 for name in ("an", "po", "do", "pl")},
+        1e-11,
+    ),
     "foot_free": Subject(
         {"po_tension": 0.1, "leg_force_y": 0.1},
         "toe_x",
         {"l1": 0.052, "tm_angle_start": 0.01, "leg_held": False, "leg_mass": 0.3, "k_an": 8000.0},
-        f"{_FOOT} leg_force_x N leg_force_y N mtp2_angle rad mtp2_rate rad/s leg_height m"
-        " leg_advance m leg_velocity_x m/s leg_velocity_y m/s actuator_work J ground_work J"
-        " load_work J joint_loss J kinetic_energy J potential_energy J ground_force_x N"
-        " ground_force_y N heel_pressure N ball_pressure N toe_pressure N toes_pressure N",
-        {"leg_height_start": 0.021, "leg_velocity_y_start": 0.01, "leg_velocity_x_start": 0.01},
+        f"{_FOOT} {_FREE}",
+        _IN_THE_GROUND,
         1e-11,
     ),
 }

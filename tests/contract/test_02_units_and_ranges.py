@@ -63,6 +63,7 @@ POSITIVE = {
     "pid": "sample_period integral_time",
     "foot_design": "l1 l2 l3 k_an b_an r_po",
     "foot_dynamic": "l1 l2 l3 k_an b_an r_po ankle_inertia tm_inertia mtp_inertia",
+    "foot_displacement_driven": "l4 k_an b_an mtp_inertia ground_depth slip_velocity",
     "foot_free": "l1 l4 k_an r_po ankle_inertia mtp2_inertia ground_depth slip_velocity",
 }
 

@@ -37,13 +37,13 @@ from tests.support.modelica import (
     write,
 )
 from tests.support.modelica_units import misfits
-from tests.support.pace import slow_but
+from tests.support.pace import FREE_FEET, slow_but
 
 # pymoca 0.12 knows no sample; all others are rumoca's alone
 CONTINUOUS = [name for name in COMPONENTS if not fmus.component(name).layout.sampled]
 ELEMENT = str.maketrans("[,", "__", "]")  # in a name
 _LEVELS = 12  # values of the reference that inputs go through
-_STEPS = {"foot_free": 0.0025}  # touches of the ground are short
+_STEPS = dict.fromkeys(FREE_FEET, 0.0025)  # touches of the ground are short
 
 
 @pytest.fixture(scope="module")

@@ -24,6 +24,7 @@ from orchestration.fmu.check.shared_library import read_library
 from tests.support import hosts
 from tests.support.compatibility import PORTED
 from tests.support.machines import MACHINES
+from tests.support.pace import FREE_FEET
 from tests.support.stimuli import STIMULI
 
 pytestmark = [
@@ -60,7 +61,7 @@ LINUX = {
     "aarch64-linux": "AArch64",
 }  # as readelf calls processors
 # feet that move grow the last bit, in which functions of another C library differ
-AMPLIFIED = {("win64", "foot_dynamic"): PORTED, ("win64", "foot_free"): PORTED}
+AMPLIFIED = {("win64", name): PORTED for name in ("foot_dynamic", *FREE_FEET)}
 PLATFORMS = (*LINUX, "win64", "darwin64")
 
 

@@ -11,9 +11,10 @@ from fmus import COMPONENTS
 
 # a small component, and one with samples and all types of variables
 TELLING_NAMES = ("ppy_actuator", "voice_coil_dma")
+FREE_FEET = frozenset(("foot_displacement_driven", "foot_free"))
 _OTHERS = frozenset(COMPONENTS) - set(TELLING_NAMES)
 # they have the laws of the foot, and cost more than all others together
-_FEET = frozenset({"foot_design", "foot_dynamic", "foot_free"})
+_FEET = FREE_FEET | {"foot_design", "foot_dynamic"}
 
 
 def slow_but(cases: Iterable[Any], *fast: Any) -> list[Any]:

@@ -75,5 +75,10 @@ STIMULI = {
     "foot_design": (1.0, 0.013, {"ankle_angle": (0.0, 0.3, 2.0), "mtp_angle": (0.1, 0.1, 4)}),
     "foot_dynamic": (1.0, 0.013, {"an_tension": (20.0, 20.0, 3.0), "po_tension": (5.0, 5.0, 7.0)}),
     "isotonic_stand": (2.0, 0.0137, {"mass": (0.1, 0.05, 3.0), "displacement": (1e-4, 1e-4, 5.0)}),
+    "foot_displacement_driven": (
+        0.3,
+        0.0047,
+        {"an_displacement": (-2e-4, 2e-4, 3.0), "leg_force_y": (0.0, 0.5, 7.0)},
+    ),
     "foot_free": (0.3, 0.0047, {"an_tension": (2.0, 2.0, 3.0), "leg_force_y": (0.0, 0.5, 7.0)}),
 }

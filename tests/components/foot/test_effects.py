@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import fmus
 from fmus.foot.effects import EFFECTS
-from fmus.foot.model import Foot, FootDynamic, FootFree
+from fmus.foot.model import Foot, FootDisplacementDriven, FootDynamic, FootFree
 from fmus.kit import stack
 from fmus.kit.integrate import Integrator
 from studies.plants.foot import Foot as Stand
@@ -73,7 +73,9 @@ MOVED = Listed(
 CASES = [(base, name) for base in (Foot, FootDynamic) for name in fmus.effects(base.name)]
 cases = pytest.mark.parametrize(("base", "name"), CASES, ids=lambda v: getattr(v, "name", v))
 bases = pytest.mark.parametrize("base", [Foot, FootDynamic], ids=lambda cls: cls.name)
-feet = pytest.mark.parametrize("base", [Foot, FootDynamic, FootFree], ids=lambda cls: cls.name)
+feet = pytest.mark.parametrize(
+    "base", [Foot, FootDynamic, FootFree, FootDisplacementDriven], ids=lambda cls: cls.name
+)
 LOADS = dict.fromkeys(
     ("an_tension", "po_tension", "do_tension", "pl_tension"), (0.1, 2.0)
 ) | dict.fromkeys(("toe_force_x", "toe_force_y"), (-0.5, 0.5))
@@ -109,6 +111,7 @@ def at_rest(base, cls):
 
 def test_catalogue():
     assert fmus.effects("foot_dynamic") == fmus.effects("foot_free") == EFFECTS
+    assert fmus.effects("foot_displacement_driven") == EFFECTS
     assert list(fmus.effects("foot")) == [
         "plantar_tendon_across_arch",
         "tension_stiffness",

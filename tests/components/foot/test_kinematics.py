@@ -160,7 +160,7 @@ def test_no_geometry_that_is_allowed_is_singular_within_the_joints_ranges():
         assert span[f"l_{a}"][0] > 2.0 * span[f"r_{a}"][1] * math.cos(angle)
 
 
-@pytest.mark.parametrize("name", ["foot", "foot_dynamic", "foot_free"])
+@pytest.mark.parametrize("name", ["foot", "foot_displacement_driven", "foot_dynamic", "foot_free"])
 def test_geometry_that_could_be_singular_is_refused(fmu, name, runtime):
     """Each parameter of the geometry, just beyond either end of its range, by name and with the
     range.

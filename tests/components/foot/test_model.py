@@ -17,7 +17,7 @@ from tests.support import hosts
 from tests.support.foot import ACTUATORS, JOINTS, lengths_at, toe_at
 from tests.support.pace import slow_but
 
-FEET = ["foot", "foot_design", "foot_dynamic", "foot_free"]
+FEET = ["foot", "foot_design", "foot_displacement_driven", "foot_dynamic", "foot_free"]
 OUTPUTS = [o.name for o in Foot.layout.outputs]
 FOLDER = Path(model.__file__).parent
 

@@ -96,7 +96,10 @@ def asked(words):
             "ppy info ppy_",
             ["ppy_actuator", "ppy_actuator_length_driven", "ppy_actuator_voltage_driven"],
         ),
-        ("ppy build galvanostat foo", ["foot", "foot_design", "foot_dynamic", "foot_free"]),
+        (
+            "ppy build galvanostat foo",
+            ["foot", "foot_design", "foot_displacement_driven", "foot_dynamic", "foot_free"],
+        ),
         ("ppy compare x.csv --model galv", ["galvanostat"]),
         (
             "ppy simulate ppy_actuator --with strain_sat",

@@ -23,6 +23,7 @@ def test_every_experiment_that_ships_is_valid_and_says_what_is_assumed():
     assert set(shipped()) == {
         *figures,
         "fig_3_3_stand",
+        "foot_stance",
         "hil_bench",
         "displacement_loop",
         "state_feedback_loop",

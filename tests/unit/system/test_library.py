@@ -9,7 +9,7 @@ from orchestration.system import library
 from orchestration.system.checking import check, warnings
 
 
-def test_fourteen_ship_and_another_name_is_refused():
+def test_fifteen_ship_and_another_name_is_refused():
     assert set(library.NAMES) == {
         "dma_bench",
         "isotonic_stand",
@@ -24,6 +24,7 @@ def test_fourteen_ship_and_another_name_is_refused():
         "potentiostat_watch",
         "protected_bench",
         "foot_gait",
+        "foot_stance",
         "hil_bench",
     }
     with pytest.raises(UserError, match=r"no system named 'dma_bnch' \(did you mean dma_bench\?\)"):

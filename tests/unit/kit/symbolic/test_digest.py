@@ -12,7 +12,7 @@ from fmus.kit import Component, Input, Output, Parameter, State, stack
 from fmus.kit.declare import Discrete
 from fmus.kit.symbolic import trace
 from tests.support.hosts import in_subprocess
-from tests.support.pace import slow_but
+from tests.support.pace import FREE_FEET, slow_but
 
 
 def lag(gain=2.0, period=0.5, largest=10.0, start=0.0, unit="s", exact=1e-6):
@@ -77,7 +77,7 @@ def test_a_law_of_an_output_enters():
 @pytest.mark.parametrize(
     "name",
     slow_but(
-        [name for name in MODELS if name != "foot_free"],
+        [name for name in MODELS if name not in FREE_FEET],
         *(name for name in MODELS if not name.startswith("foot_")),
     ),
 )

@@ -11,7 +11,7 @@ from fmus.kit import UserError, stack
 from fmus.kit.symbolic.tracing import dependencies, trace
 from tests.contract.subjects import ACTUATORS
 from tests.support.kit_samples import Curved, Divider, Doubled, Thermostat, Warmer
-from tests.support.pace import slow_but
+from tests.support.pace import FREE_FEET, slow_but
 
 CLASSES = [
     Curved,
@@ -224,7 +224,7 @@ def start_name(state):
             cls
             for cls in CLASSES
             if cls.name
-            not in ("degradation_estimator", "foot_dynamic", "foot_free", "learning_controller")
+            not in ("degradation_estimator", "foot_dynamic", *FREE_FEET, "learning_controller")
         ),
     ),
     ids=lambda cls: cls.name,
