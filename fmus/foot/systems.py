@@ -68,8 +68,8 @@ EXAMPLES = (
     ),
 )
 
-# kg and kg m^2, a tenth of those of `foot_free`: its 31 g weigh 0.3 N. What the films can move binds,
-# not what they bear: 1.3 A for a quarter of 8 s moves the weight from heel to ball, within 1.5 V.
+# kg and kg m^2, a tenth of those of `foot_free`: its 31 g weigh 0.3 N. What films can move binds,
+# not what they bear: 1.3 A for half of 8 s rolls that weight from heel to ball, within 1.5 V.
 _MASSES = {
     "leg_mass": 0.02,
     "m1": 0.006,
@@ -81,9 +81,8 @@ _MASSES = {
     "mtp_inertia": 2e-6,
     "mtp2_inertia": 2e-6,
 }
-# Heel and ball would be on the ground at once at an ankle of 0.162 rad: the heel is 0.28 mm lower than
-# the ball and 0.2 mm above the ground. Dashpots have flowed to tensions of 1 N in po and 0.4 N in pl
-# with balance of moments by an and do.
+# The heel is 0.2 mm above the ground and 0.28 mm lower than the ball. Dashpots have flowed to
+# tensions of 1 N in po and 0.4 N in pl, whose moments an and do balance.
 _START = {
     "ankle_angle_start": 0.1635,
     "mtp_angle_start": -0.14,
@@ -100,8 +99,8 @@ _GALVANOSTAT = MemberDeclaration("galvanostat", {"voltage_command": 0.0, "voltag
 FOOT_STANCE = SystemDeclaration(
     name="foot_stance",
     summary=(
-        "Foot under a leg that stands on the ground, with four actuators behind galvanostats (thesis"
-        " sections 5.4.1, 6.2)."
+        "Foot under a leg that stands on the ground, with four actuators behind galvanostats"
+        " (thesis sections 5.4.1, 6.2)."
     ),
     members={
         **{f"{name}_drive": _GALVANOSTAT for name in ACTUATORS},

@@ -90,7 +90,8 @@ _ACTUATOR = {"R1": 0.5, "charge_start": 0.25, "C": 2.0}
 _MARGINS = " compression_margin N displacement_margin m force_margin N voltage_margin V"
 _ELONGATED = {"kelvin_elongation_start": 2e-5, "maxwell_elongation_start": 1e-5}
 _MOVED = (
-    "toe_force_x N toe_force_y N an_length m po_length m do_length m pl_length m an_length_change m an_length_rate m/s toe_x m toe_y m"
+    "toe_force_x N toe_force_y N an_length m po_length m do_length m pl_length m"
+    " an_length_change m an_length_rate m/s toe_x m toe_y m"
     " ankle_torque N.m tm_torque N.m mtp_torque N.m toe_compliance_xx m/N toe_damping_xx N.s/m"
     " ankle_angle rad tm_angle rad mtp_angle rad ankle_rate rad/s tm_rate rad/s mtp_rate rad/s"
 )
@@ -223,7 +224,8 @@ SUBJECTS = {
         "toe_x",
         {"l1": 0.052, "tm_angle_start": 0.01, "leg_held": False, "leg_mass": 0.3, "k_an": 8000.0},
         "an_displacement m po_displacement m do_displacement m pl_displacement m an_force N"
-        f" po_force N do_force N pl_force N an_flow m po_flow m do_flow m pl_flow m {_MOVED} {_FREE}",
+        " po_force N do_force N pl_force N an_flow m po_flow m do_flow m pl_flow m"
+        f" {_MOVED} {_FREE}",
         _IN_THE_GROUND | {f"{name}_flow_start": -1e-4 for name in ("an", "po", "do", "pl")},
         1e-11,
     ),
