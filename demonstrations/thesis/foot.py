@@ -7,7 +7,7 @@ from math import degrees, log10
 
 import numpy as np
 
-from demonstrations.thesis import motor
+from demonstrations.thesis import motor, stance
 from demonstrations.thesis.claim import Claim, Entry, Erratum, Illustration, number
 from demonstrations.thesis.motor import DcMotor, Maxwell
 from demonstrations.thesis.printed_foot import MILLIMETRES_PER_INCH, printed
@@ -312,7 +312,7 @@ def _symbols() -> Iterator[Entry]:
 
 
 def illustrations() -> tuple[Illustration, ...]:
-    """Return the figure of the motor of eq. 5.1 and of the actuator."""
+    """Return figures of the motor of eq. 5.1 beside the actuator, and of the stance phase."""
     return (
         Illustration(
             "Eq. 5.1: a motor and a muscle under one load",
@@ -322,5 +322,16 @@ def illustrations() -> tuple[Illustration, ...]:
             " rotor's inertia delays it. The motor is a small brushed one on a spool, assumed, for"
             " the thesis gives no numbers.",
             motor.figure,
+        ),
+        Illustration(
+            "Fig. 5-8: the stance phase, prescribed and on a ground",
+            "Left: the lengths of eqs. 5.13 to 5.16, and a reaction that is given (fig. 5-8 has no"
+            " numbers). Right: a foot under a leg of 31 g, a tenth in mass, in a stance eight times"
+            " as slow, on a ground that makes its reaction. The body lets it down on its heel;"
+            " currents of 1.3 A roll the weight to the ball, as the phases of eqs. 5.13 to 5.16 ask"
+            " for, and the body lifts it. Actuators move by 0.2 mm at most where the equations have"
+            " millimetres: that is what the charge of 1.3 A makes of films of 0.068 mm/C."
+            " `ppy run foot_stance` gives the figures.",
+            stance.figure,
         ),
     )

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..kit.registry import ComponentPackage, StimulusDeclaration
-from .systems import EXAMPLES, FOOT_GAIT, FOOT_STANCE
+from .systems import EXAMPLES, FOOT_GAIT, FOOT_STANCE, HIL_STANCE
 
 if TYPE_CHECKING:
     from .model import Foot
@@ -18,7 +18,7 @@ PACKAGE = ComponentPackage(
         "foot_dynamic": "fmus.foot.model:FootDynamic",
         "foot_free": "fmus.foot.model:FootFree",
     },
-    declared_systems=(FOOT_GAIT, FOOT_STANCE),
+    declared_systems=(FOOT_GAIT, FOOT_STANCE, HIL_STANCE),
     examples=EXAMPLES,
     stimuli={
         "gait": StimulusDeclaration(

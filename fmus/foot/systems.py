@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ..kit.registry import Example, MemberDeclaration, SystemDeclaration
 from .kinematics import ACTUATORS
 
@@ -141,4 +143,32 @@ FOOT_STANCE = SystemDeclaration(
     ),
     step=5e-3,
     stop=8.0,
+)
+# The rig's displacement includes its spring, and answers to a force a step later: in series with
+# that spring of 6300 N/m, a tendon below it lets the exchange settle. It is taut by 1 N at first.
+_TENDON = 3000.0
+HIL_STANCE = replace(
+    FOOT_STANCE,
+    name="hil_stance",
+    summary=(
+        "Stance of a foot whose actuator ``po`` is a real one behind a tendon: the member stands for"
+        " it and asks the rig (``ppy rig serve``)."
+    ),
+    members={
+        **FOOT_STANCE.members,
+        "po": MemberDeclaration("rig_proxy"),
+        "foot": MemberDeclaration(
+            "foot_displacement_driven",
+            {
+                **FOOT_STANCE.members["foot"].values,
+                "k_po": _TENDON,
+                "b_po": 1e15,  # the films of the rig flow themselves
+                "po_flow_start": 4.5270e-3 - 1.0 / _TENDON - 1.0 / _STIFFNESS,
+            },
+        ),
+    },
+    connections=tuple(
+        wire.replace("po.electrochemical_displacement", "po.displacement")
+        for wire in FOOT_STANCE.connections
+    ),
 )
