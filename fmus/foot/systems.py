@@ -151,8 +151,8 @@ HIL_STANCE = replace(
     FOOT_STANCE,
     name="hil_stance",
     summary=(
-        "Stance of a foot whose actuator ``po`` is a real one behind a tendon: the member stands for"
-        " it and asks the rig (``ppy rig serve``)."
+        "Stance of a foot whose actuator ``po`` is a real one behind a tendon: the member stands"
+        " for it and asks the rig (``ppy rig serve``)."
     ),
     members={
         **FOOT_STANCE.members,

@@ -36,6 +36,7 @@ HEAVY = {
     "design",
     "frequency",
     "diagnose",
+    "stance",
     "systems",
     "own-record",
     "hardware-in-the-loop",
