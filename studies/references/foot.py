@@ -328,9 +328,9 @@ def driven_slope(x: np.ndarray, fed: np.ndarray) -> np.ndarray:
 
 
 def driven_outputs(x: np.ndarray, fed: np.ndarray) -> list[float]:
-    """Return the flows, tensions, and states and outputs of the free foot."""
+    """Return the tensions, and states and outputs of the free foot."""
     tensions = stretched(x, fed[:4])
-    return [*x[16:], *tensions, *free_outputs(x[:16], np.array([*tensions, *fed[4:]]))]
+    return [*tensions, *free_outputs(x[:16], np.array([*tensions, *fed[4:]]))]
 
 
 def design_outputs(posture: np.ndarray) -> list[float]:
@@ -442,7 +442,7 @@ CASES = {
     "foot_displacement_driven": Case(
         (*(f"{a}_displacement" for a in ACTUATORS), *FREE_LOADS[4:]),
         (
-            *(f"{a}_{what}" for what in ("flow", "force") for a in ACTUATORS),
+            *(f"{a}_force" for a in ACTUATORS),
             *FREE_STATES,
             *OUTPUTS,
             *FREE_OUTPUTS,

@@ -220,12 +220,11 @@ SUBJECTS = {
     ),
     # taut; all points of both in the ground, and slipping
     "foot_displacement_driven": Subject(
-        {"po_displacement": -1e-4, "leg_force_y": 0.1},
+        {"pl_displacement": -4e-4, "leg_force_y": 0.1},
         "toe_x",
         {"l1": 0.052, "tm_angle_start": 0.01, "leg_held": False, "leg_mass": 0.3, "k_an": 8000.0},
         "an_displacement m po_displacement m do_displacement m pl_displacement m an_force N"
-        " po_force N do_force N pl_force N an_flow m po_flow m do_flow m pl_flow m"
-        f" {_MOVED} {_FREE}",
+        f" po_force N do_force N pl_force N {_MOVED} {_FREE}",
         _IN_THE_GROUND | {f"{name}_flow_start": -1e-4 for name in ("an", "po", "do", "pl")},
         1e-11,
     ),
