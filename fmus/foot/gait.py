@@ -11,7 +11,8 @@ import math
 from typing import Any
 
 from ..kit import UserError, sin
-from .kinematics import ACTUATORS, FootKinematics
+from .kinematics import ACTUATORS as ACTUATORS
+from .kinematics import FootKinematics
 
 _AMPLITUDE = 1e-3  # m
 _PERIOD = 1.0  # s
