@@ -22,8 +22,9 @@ from orchestration.api.simulation import Inputs, as_declared, inputs_over, value
 from orchestration.api.sweeping import ranges_over
 from orchestration.experiment.subjects import with_classes
 from orchestration.experiment.system_model import system_model
-from orchestration.fmu import Model, Value, read_description
+from orchestration.fmu import Model, Value
 from orchestration.fmu.signal import declared_signal, numeric, read_setting
+from orchestration.fmu.simulation import source_of
 from orchestration.linear import (
     Equations,
     ForeignSubject,
@@ -37,7 +38,7 @@ from orchestration.linear import (
 from orchestration.reporting import option
 from orchestration.sweeps import design
 from orchestration.sweeps.fitted import read_fitted
-from orchestration.system import NAMES, System, library, ssp
+from orchestration.system import NAMES, Member, System, library, ssp
 
 _ENDINGS = ssp.ENDINGS
 _DRAWS = 50  # default number of models in a band
@@ -104,7 +105,10 @@ def _subject(model: Any) -> Iterator[Equations | ForeignSubject]:
         return
     declared = as_declared(name)
     if declared.cls is None:
-        yield ForeignSubject(declared)
+        step = source_of(declared).default_experiment[2] or 1e-3
+        yield ForeignSubject(
+            declared, System(declared.name, (Member("", declared.path),), (), step=step)
+        )
     else:
         yield subject_of(declared.cls, declared.title)
 
@@ -292,7 +296,7 @@ def _linearise_without_equations(
     constants, driven, points = _split_inputs(model, stimulus, options)
     known = values_of(model, options["settings"]) | constants
     given = _step(options)
-    step = given or _own_step(subject)
+    step = given or subject.system.step
     signals = (options["inputs"], options["outputs"])
     drive = (np.zeros(1) if points is None else points, driven)
 
@@ -304,7 +308,7 @@ def _linearise_without_equations(
         else:
             found = there.linearise(there.point, *signals, held)
         notes = (*model.notes, *found.notes, *there.remarks)
-        if there.is_held and subject.system is not None:
+        if there.is_held and subject.system.connections:
             notes += (f"values are exchanged every {step:g} s, and act a step later (Jacobi)",)
         return replace(found, notes=notes)
 
@@ -313,15 +317,7 @@ def _linearise_without_equations(
 
 def _reason(subject: ForeignSubject) -> str:
     """Return the part of a message that equations are unknown."""
-    if subject.system is None:
+    if subject.model.system is None:
         return subject.model.without_equations
     names = [member.name for member in subject.system.members if member.cls is None]
     return f"{subject.model.name}: equations of {', '.join(names)} are not known"
-
-
-def _own_step(subject: ForeignSubject) -> float:
-    """Return the communication step that a system or an FMU declares, s; else a millisecond."""
-    if subject.system is not None:
-        return subject.system.step
-    own = read_description(subject.model.path).defaultExperiment
-    return float(getattr(own, "stepSize", None) or 1e-3)

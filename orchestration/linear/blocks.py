@@ -24,7 +24,7 @@ from fmus.kit.interrupt import uninterrupted
 from fmus.kit.symbolic import Graph
 from orchestration.linear.operating_point import OperatingPoint
 from orchestration.reporting import option
-from orchestration.system import Connection
+from orchestration.system import Connection, Port
 
 _MOST_LISTED = 12  # names in a message
 
@@ -171,11 +171,13 @@ class LinearBlocks:
         """
         return self._following(self._received(connections))
 
-    def fed_by(self, inputs: Mapping[str, Sequence[str]]) -> LinearBlocks:
-        """Return the blocks with new inputs, by the names of the inputs that each of them feeds."""
-        blocks = replace(self, inputs=(*self.inputs, *inputs))._with_columns_from(self)
-        sources = {fed: name for name, targets in inputs.items() for fed in targets}
-        return blocks._following({fed: blocks.signals[name] for fed, name in sources.items()})
+    def fed_by(self, inputs: Mapping[str, Sequence[str | Port]]) -> LinearBlocks:
+        """Return the blocks with new inputs, each with what it feeds; others are left out."""
+        sources = {str(fed): name for name, ends in inputs.items() for fed in ends}
+        known = {fed: name for fed, name in sources.items() if fed in self.inputs}
+        new = dict.fromkeys(known.values())
+        blocks = replace(self, inputs=(*self.inputs, *new))._with_columns_from(self)
+        return blocks._following({fed: blocks.signals[name] for fed, name in known.items()})
 
     def _received(self, connections: Sequence[Connection]) -> dict[str, Array]:
         """Return the row, shape (n,), of what each connected input receives."""

@@ -12,35 +12,32 @@ slopes least: larger ones leave the tangent, smaller ones drown in rounding and 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from itertools import pairwise
-from pathlib import Path
-from typing import NamedTuple, TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array, Signals
 from fmus.kit.extras import optional
-from orchestration.fmu import ExchangeFmu, Fmu, Model, Value
-from orchestration.fmu.signal import numeric
-from orchestration.fmu.simulation import grid
+from orchestration.fmu import ExchangeFmu, Model, Value, read_description
+from orchestration.fmu.simulation import source_of
 from orchestration.linear.blocks import LinearBlocks, SampledUpdate, check_finite
 from orchestration.linear.operating_point import (
-    MOST_LISTED,
     OperatingPoint,
+    listed,
     motion,
     not_at_rest,
+    with_unit,
 )
 from orchestration.reporting import option
 
 _DIRECTIONAL = "directional derivatives of the FMU"
 _DIFFERENCES = "central differences of the FMU's laws"
 _PULSES = "central differences of responses to pulses"
-# sizes of differences and pulses that are tried, relative to a value or its nominal value
+# sizes of differences that are tried, relative to a value or its nominal value
 _SIZES = 10.0 ** -np.arange(2.0, 11.0)
-_PULSE_SIZES = 10.0 ** -np.arange(1.0, 6.0)
 _EXACT = 1e-9  # relative change of slopes, below which no other size is better
 _RESPONSE = 400  # communication steps of a response
 _NOISE = 1e-6  # singular values due to the integration error, relative to the largest one
@@ -52,98 +49,101 @@ _SOON = 1e-3  # of a communication step, after which a sampler has answered
 _AT_REST = 1e-3  # largest change of an output at constant inputs, of its magnitude
 
 
-_Kind = TypeVar("_Kind", bound=Fmu)
-
-
 @dataclass(frozen=True)
 class FmuRequest:
-    """Variables and operating point for the linearisation of an FMU.
+    """An FMU at an operating point, and variables for its linearisation.
 
     Attributes
     ----------
     model : Model
-    time : float
-        Time of the operating point, s.
     settings : Mapping of str to float or str
         Parameters and constant inputs.
-    inputs, outputs : sequence of str
-    step : float
-        Communication step, s.
-    prefix : str
-        What stands before the names of its variables, such as ``member.``.
     points : ndarray, shape (n,)
-        Communication points until the operating point, s; by default at every step.
+        Communication points until the operating point, s.
     driven : Mapping of str to ndarray, shape (n,)
-        Inputs at `points` that vary until then.
+        Inputs at `points`.
+    inputs, outputs : sequence of str
+        Those that are to be linearised; the inputs are among `driven`.
+    step : float
+        Communication step of responses, s.
+    prefix : str
+        What stands before the names of its variables in a system: ``member.``.
     """
 
     model: Model
-    time: float
     settings: Mapping[str, Value]
+    points: Array
+    driven: Signals
     inputs: Sequence[str]
     outputs: Sequence[str]
     step: float
     prefix: str = ""
-    points: Array | None = None
-    driven: Signals = field(default_factory=dict)
 
-    @property
-    def path(self) -> Path:
-        """Path of the FMU."""
-        return self.model.path
+    def run(
+        self,
+        outputs: Sequence[str],
+        steps: Sequence[float] | Array = (),
+        pulse: Mapping[str, float] | None = None,
+        at: int = 0,
+    ) -> Array:
+        """Simulate to the operating point and beyond, with inputs that are constant from there.
 
-    @property
-    def levels(self) -> dict[str, float]:
-        """Inputs at the operating point."""
-        model = self.model
-        constant = {n: self.settings.get(n, model.inputs[n].start) for n in self.inputs}
-        driven = {name: values[-1] for name, values in self.driven.items()}
-        return {name: float(value) for name, value in {**constant, **driven}.items()}
+        Parameters
+        ----------
+        outputs : sequence of str
+            Any variables.
+        steps : array_like, shape (m,)
+            Communication points after the operating point, s from there.
+        pulse : Mapping of str to float, optional
+            What is added to inputs at one communication point.
+        at : int
+            That point, 0 for the operating point.
 
-    def opened(self, kind: type[_Kind]) -> _Kind:
-        """Return an instance with the settings, to be entered."""
-        return kind(self.path, self.settings, tolerance=self.model.tolerance)
+        Returns
+        -------
+        ndarray, shape (m + 1, outputs)
+            From the operating point on.
+        """
+        now = self.points.size - 1
+        time = np.append(self.points, self.points[-1] + np.array(steps))
+        inputs = {}
+        for name, values in self.driven.items():
+            inputs[name] = np.append(values, np.full(len(steps), values[-1]))
+        for name, size in (pulse or {}).items():
+            inputs[name][now + at] += size
+        with source_of(self.model).open() as runs:
+            return runs.run(time, inputs, self.settings, outputs)[now:]
 
-    def start(self, fmu: Fmu) -> None:
-        """Initialize an instance; it knows of the end of the longest response."""
-        first = {name: float(values[0]) for name, values in self.driven.items()}
-        fmu.start(0.0, self.time + _RESPONSE * self.step, first)
+    def names(self, names: Iterable[str]) -> tuple[str, ...]:
+        """Return the names that variables have in the system."""
+        return tuple(f"{self.prefix}{name}" for name in names)
 
-    def advance(self, fmu: Fmu) -> None:
-        """Step an instance to the operating point, whose inputs it has then."""
-        names = list(self.driven)
-        write = fmu.writer(names)
-        rows = np.array([self.driven[name] for name in names]).T
-        points = self.points
-        if points is None:
-            step = min(self.step, self.time)
-            points = grid(0.0, self.time, step) if self.time else np.zeros(1)
-        for k, (begin, end) in enumerate(pairwise(points.tolist())):
-            if names:
-                write(rows[k])
-            fmu.step(begin, end - begin)
-        if names:
-            write(rows[-1])
+    def named(self, names: Iterable[str], values: Array) -> dict[str, float]:
+        """Return values by the names that variables have in the system."""
+        return dict(zip(self.names(names), values.tolist(), strict=True))
 
-    def named(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return values by the names that variables have outside."""
-        return {f"{self.prefix}{name}": value for name, value in values.items()}
-
-    def point(
-        self, states: Mapping[str, float], rates: Mapping[str, float], outputs: Array
-    ) -> OperatingPoint:
-        """Return the operating point, with the numeric parameters of the settings."""
-        numbers = {n: v for n, v in self.settings.items() if not isinstance(v, str)}
-        parameters = {n: v for n, v in numeric(numbers).items() if n not in self.model.inputs}
+    def point(self, outputs: Array, **groups: dict[str, float]) -> OperatingPoint:
+        """Return the operating point of values of outputs, and of states and rates if known."""
+        inputs = self.named(self.driven, np.array([v[-1] for v in self.driven.values()]))
+        known = {"states": {}, "rates": {}, **groups}
         return OperatingPoint(
-            self.time,
-            self.named(parameters),
-            self.named(self.levels),
-            self.named(states),
-            {},
-            self.named(dict(zip(self.outputs, outputs.tolist(), strict=True))),
-            self.named(rates),
+            float(self.points[-1]),
+            parameters={},
+            inputs=inputs,
+            discretes={},
+            outputs=self.named(self.outputs, outputs),
+            **known,
         )
+
+    def words(self, found: Mapping[str, _Slope]) -> str:
+        """Return the sizes of differences, and their error, in words."""
+        units = units_of(self.model)
+        sizes = [
+            f"{self.prefix}{name} ±{with_unit(f'{one.size:.1g}', units.get(name))}"
+            for name, one in found.items()
+        ]
+        error = max(one.error for one in found.values())
+        return f"{listed(sizes)}; a tenth changes slopes by {100.0 * error:.1g} %"
 
 
 class LinearPart(NamedTuple):
@@ -155,7 +155,7 @@ class LinearPart(NamedTuple):
     point : OperatingPoint
     method : str
         Origin of the derivatives, with the sizes of differences.
-    nominal : dict of str to float
+    nominal : Mapping of str to float
         Magnitudes of continuous states.
     notes : tuple of str
         Remarks for the user.
@@ -166,9 +166,15 @@ class LinearPart(NamedTuple):
     blocks: LinearBlocks
     point: OperatingPoint
     method: str
-    nominal: dict[str, float]
+    nominal: Mapping[str, float]
     notes: tuple[str, ...] = ()
     is_held: bool = False
+
+
+def units_of(model: Model) -> dict[str, str]:
+    """Return the units of all variables of a model, by name."""
+    signals = {**model.settable, **model.outputs, **model.others}
+    return {name: signal.unit for name, signal in signals.items()}
 
 
 def linearise_fmu(request: FmuRequest) -> LinearPart:
@@ -189,11 +195,10 @@ def linearise_fmu(request: FmuRequest) -> LinearPart:
     UserError
         If the FMU fails, a derivative is not finite, or responses are not those of a linear model.
     """
-    with request.opened(Fmu) as probe:
-        exchange = probe.description.modelExchange
-        has_states = exchange is not None and bool(probe.description.derivatives)
+    description = read_description(request.model.path)
+    exchange = description.modelExchange
     part = None
-    if has_states:
+    if exchange is not None and description.derivatives:
         part = _by_laws(request, bool(exchange.providesDirectionalDerivative))
     found = part or _by_pulses(request)
     check_finite(found.blocks, request.model.name, found.point)
@@ -202,81 +207,85 @@ def linearise_fmu(request: FmuRequest) -> LinearPart:
 
 def _by_laws(request: FmuRequest, directional: bool) -> LinearPart | None:
     """Linearise the rates and outputs of model exchange; return None if the FMU samples within."""
-    with request.opened(ExchangeFmu) as fmu:
-        simulated = _states_at(request, fmu.states)
-        request.start(fmu)
-        fmu.enter_continuous_time(
-            request.time, fmu.get_states() if simulated is None else simulated
-        )
+    model = request.model
+    starts, ends = (
+        {name: float(values[k]) for name, values in request.driven.items()} for k in (0, -1)
+    )
+    with ExchangeFmu(model.path, request.settings, tolerance=model.tolerance) as fmu:
+        fmu.start(0.0, inputs=starts)
+        is_start = request.points.size == 1
+        states = fmu.get_states() if is_start else request.run(fmu.states)[0].tolist()
+        fmu.enter_continuous_time(float(request.points[-1]), states)
         if fmu.samples:
             return None
-        laws = _laws(fmu, list(request.levels), request.outputs)
-        centre = np.array([*fmu.get_states(), *request.levels.values()])
-        point = _point(request, fmu, centre, laws(centre))
-        nominal = request.named({name: _nominal(fmu, name) for name in fmu.states})
-        knowns = [*fmu.states, *request.inputs]
+        fmu.writer([*ends])(np.array([*ends.values()]))
+        write = fmu.writer(request.inputs)
+        read = fmu.reader(request.outputs)
+        count = len(states)
+        outputs = np.empty(len(request.outputs))
+
+        def laws(point: Array) -> Array:
+            fmu.set_states(point[:count].tolist())
+            write(point[count:])
+            read(outputs)
+            return np.concatenate([fmu.get_rates(), outputs])
+
+        def along(direction: Array) -> Callable[[float], Array]:
+            return lambda size: laws(centre + size * direction)[:, None]
+
+        centre = np.array([*states, *(ends[name] for name in request.inputs)])
+        rates, values = np.split(laws(centre), [count])
+        point = request.point(
+            values,
+            states=request.named(fmu.states, centre[:count]),
+            rates=request.named(fmu.states, rates),
+        )
+        columns = [*fmu.states, *request.inputs]
+        known = source_of(model).nominal
+        nominal = np.array([known.get(name, 1.0) for name in columns])
         if directional:
-            jacobian = fmu.directional_derivatives([*fmu.rates, *request.outputs], knowns)
-            return LinearPart(_blocks(request, fmu.states, jacobian), point, _DIRECTIONAL, nominal)
-        found = {
-            name: _slope_along(laws, centre, k, max(abs(centre[k]), _nominal(fmu, name)))
-            for k, name in enumerate(knowns)
-        }
-        jacobian = np.column_stack([one.slope for one in found.values()])
-        method = f"{_DIFFERENCES} ({_words_of_sizes(request, found)})"
-        return LinearPart(_blocks(request, fmu.states, jacobian), point, method, nominal)
+            method = _DIRECTIONAL
+            jacobian = fmu.directional_derivatives([*fmu.rates, *request.outputs], columns)
+        else:
+            scales = np.fmax(np.abs(centre), nominal)
+            found = {
+                name: _slope(along(direction), scale * _SIZES)
+                for name, direction, scale in zip(
+                    columns, np.eye(len(columns)), scales, strict=True
+                )
+            }
+            method = f"{_DIFFERENCES} ({request.words(found)})"
+            jacobian = np.column_stack([one.slope for one in found.values()])
+        blocks = _blocks(request, fmu.states, jacobian)
+        return LinearPart(blocks, point, method, request.named(columns, nominal))
 
 
-def _point(request: FmuRequest, fmu: ExchangeFmu, centre: Array, values: Array) -> OperatingPoint:
-    """Return the operating point of states and inputs, with the values of rates and outputs."""
-    count = len(fmu.states)
-    states = dict(zip(fmu.states, centre[:count].tolist(), strict=True))
-    rates = dict(zip(fmu.states, values[:count].tolist(), strict=True))
-    return request.point(states, rates, values[count:])
+def _blocks(
+    request: FmuRequest, states: Sequence[str], matrix: Array, period: float = 0.0
+) -> LinearBlocks:
+    """Return the blocks of a matrix with rows of laws of states and of outputs.
 
-
-def _laws(
-    fmu: ExchangeFmu, inputs: Sequence[str], outputs: Sequence[str]
-) -> Callable[[Array], Array]:
-    """Return the function of states and inputs that evaluates rates and outputs."""
-    write = fmu.writer(inputs)
-    read = fmu.reader(outputs)
-    count = len(fmu.states)
-
-    def laws(point: Array) -> Array:
-        fmu.set_states(point[:count].tolist())
-        write(point[count:])
-        values = np.empty(len(outputs))
-        read(values)
-        return np.concatenate([fmu.get_rates(), values])
-
-    return laws
-
-
-def _blocks(request: FmuRequest, states: Sequence[str], jacobian: Array) -> LinearBlocks:
-    """Return the blocks of derivatives of rates and outputs by states and inputs."""
-    prefix = request.prefix
-    rates, outputs = np.split(jacobian, [len(states)])
-    own = tuple(f"{prefix}{name}" for name in states)
-    inputs = tuple(f"{prefix}{name}" for name in request.inputs)
+    Parameters
+    ----------
+    request : FmuRequest
+    states : sequence of str
+    matrix : ndarray, shape (states + outputs, states + inputs)
+    period : float
+        That of sampled states, s; 0 if rows of states are rates.
+    """
+    own = request.names(states)
+    inputs = request.names(request.inputs)
     columns = (*own, *inputs)
-    signals = {f"der({name})": row for name, row in zip(own, rates, strict=True)}
-    signals |= zip((f"{prefix}{name}" for name in request.outputs), outputs, strict=True)
+    laws, outputs = np.split(matrix, [len(own)])
+    signals = dict(zip(request.names(request.outputs), outputs, strict=True))
     # after outputs: of one that is a state FMUs may know no derivative
     signals |= zip(columns, np.eye(len(columns)), strict=True)
-    return LinearBlocks(own, (), inputs, rates, (), signals)
-
-
-def _states_at(request: FmuRequest, states: Sequence[str]) -> list[float] | None:
-    """Return the states at the operating point by co-simulation; None at the start."""
-    if request.time == 0.0:
-        return None
-    values = np.empty(len(states))
-    with request.opened(Fmu) as fmu:
-        request.start(fmu)
-        request.advance(fmu)
-        fmu.reader(states)(values)
-    return values.tolist()
+    if not period:
+        signals |= zip((f"der({name})" for name in own), laws, strict=True)
+        return LinearBlocks(own, (), inputs, laws, (), signals)
+    rows = tuple(range(len(own)))
+    update = SampledUpdate("the communication step", period, 0.0, rows, laws)
+    return LinearBlocks((), own, inputs, np.empty((0, len(columns))), (update,), signals)
 
 
 class _Slope(NamedTuple):
@@ -296,11 +305,9 @@ class _Slope(NamedTuple):
     error: float
 
 
-def _slope_along(laws: Callable[[Array], Array], centre: Array, k: int, scale: float) -> _Slope:
-    """Return the slope of laws by element k of their argument."""
-    direction = np.zeros(centre.size)
-    direction[k] = 1.0
-    return _slope(lambda size: laws(centre + size * direction)[:, None], scale * _SIZES)
+def _difference(values: Callable[[float], Array], size: float) -> Array:
+    """Return the slope at zero by a central difference."""
+    return (values(size) - values(-size)) / (2.0 * size)
 
 
 def _slope(values: Callable[[float], Array], sizes: Array) -> _Slope:
@@ -313,18 +320,15 @@ def _slope(values: Callable[[float], Array], sizes: Array) -> _Slope:
     sizes : ndarray, shape (m,)
         Falling.
     """
-
-    def difference(size: float) -> Array:
+    slopes: list[Array] = []
+    errors = np.zeros(0)
+    for size in sizes.tolist():
         try:
-            return (values(size) - values(-size)) / (2.0 * size)
+            slopes.append(_difference(values, size))
         except UserError:  # too far, where it refuses a value
-            return np.full_like(values(0.0), np.nan)
-
-    slopes = [difference(sizes[0])]
-    for size in sizes[1:].tolist():
-        slopes.append(difference(size))
+            slopes.append(np.full_like(values(0.0), np.nan))
         errors = _errors(np.array(slopes))
-        if errors.min() <= _EXACT:
+        if errors.min(initial=np.inf) <= _EXACT:
             break
     best = int(np.argmin(errors))
     return _Slope(slopes[best], float(sizes[best]), float(errors[best]))
@@ -341,211 +345,149 @@ def _errors(slopes: Array) -> Array:
     -------
     ndarray, shape (m - 1,)
     """
-    with np.errstate(invalid="ignore"):
-        changes = np.abs(np.diff(slopes, axis=0)).max(axis=2)
-    extents = np.abs(slopes).max(axis=2)
-    extents[~np.isfinite(extents)] = 0.0
+    extents = np.nan_to_num(np.abs(slopes).max(axis=2), posinf=0.0)
     # where most differences show a change, one of exactly zero is too small for the digits
     is_lost = (extents == 0.0) & (np.median(extents, axis=0) > 0.0)
+    with np.errstate(invalid="ignore"):
+        changes = np.abs(np.diff(slopes, axis=0)).max(axis=2)
+    changes[is_lost[:-1] | is_lost[1:] | np.isnan(changes)] = np.inf
     largest = extents.max(axis=0)
-    errors = changes / np.where(largest > 0.0, largest, 1.0)
-    errors[is_lost[:-1] | is_lost[1:] | ~np.isfinite(changes)] = np.inf
-    return np.asarray(errors.max(axis=1))
-
-
-def _words_of_sizes(request: FmuRequest, found: Mapping[str, _Slope]) -> str:
-    """Return the sizes of differences, and their error, in words."""
-    signals = {**request.model.inputs, **request.model.outputs}
-    words = []
-    for name, one in list(found.items())[:MOST_LISTED]:
-        unit = f" {signals[name].unit}" if name in signals and signals[name].unit != "1" else ""
-        words.append(f"{request.prefix}{name} ±{one.size:.1g}{unit}")
-    rest = len(found) - len(words)
-    error = max(one.error for one in found.values())
-    sizes = ", ".join(words) + (f" and {rest} more" if rest else "")
-    return f"{sizes}; a tenth changes slopes by {100.0 * error:.1g} %"
-
-
-def _nominal(fmu: Fmu, name: str) -> float:
-    """Return the absolute nominal value of a variable; 1 if the FMU states none."""
-    value = fmu.variable(name).nominal
-    return abs(float(value)) if value else 1.0
+    return np.asarray((changes / np.where(largest > 0.0, largest, 1.0)).max(axis=1))
 
 
 def _by_pulses(request: FmuRequest) -> LinearPart:
     """Linearise by a realisation of responses to pulses, sampled at the communication step."""
     if not request.inputs:
         raise UserError(f"{request.model.name}: has no real input whose pulses show its states")
-    with request.opened(Fmu) as probe:
-        nominal = {name: _nominal(probe, name) for name in request.inputs}
-    at_rest = _response(request, {}, 0)
-    found = {name: _pulsed(request, name, scale) for name, scale in nominal.items()}
-    A, B, C, D = _realised(request, found)
-    blocks = _sampled_blocks(request, A, B, C, D)
-    is_sampler = len(A) > 0 and _answers_at_once(request, found)
+    known = source_of(request.model).nominal
+    found = {}
+    for name in request.inputs:
+        scale = max(abs(request.driven[name][-1]), known.get(name, 1.0))
+        found[name] = _slope(_response(request, name), scale * _SIZES)
+    states, matrix, is_sampler = _realised(request, found)
+    at_rest = request.run(request.outputs, _steps(request))
     moving = _moving(request, at_rest)
-    notes = (not_at_rest(moving),) if moving else ()
-    point = request.point({}, {}, at_rest[:, 0])
-    method = f"{_PULSES} ({_words_of_sizes(request, found)})"
-    return LinearPart(blocks, point, method, {}, notes, not is_sampler)
+    return LinearPart(
+        _blocks(request, states, matrix, request.step),
+        request.point(at_rest[0]),
+        f"{_PULSES} ({request.words(found)})",
+        {},
+        (not_at_rest(moving),) if moving else (),
+        not is_sampler,
+    )
 
 
-def _pulsed(request: FmuRequest, name: str, nominal: float) -> _Slope:
-    """Return the response to a unit pulse on an input in the first step."""
-    level = request.levels[name]
-
-    def response(size: float) -> Array:
-        return _response(request, {name: level + size}, 0)
-
-    return _slope(response, max(nominal, abs(level)) * _PULSE_SIZES)
+def _steps(request: FmuRequest) -> Array:
+    """Return the communication points of a response after the first one, s."""
+    return request.step * np.arange(1, _RESPONSE)
 
 
-def _realised(
-    request: FmuRequest, found: Mapping[str, _Slope]
-) -> tuple[Array, Array, Array, Array]:
-    """Return A, B, C and D of a realisation of responses to unit pulses on each input."""
+def _response(
+    request: FmuRequest, name: str, at: int = 0, steps: Array | None = None
+) -> Callable[[float], Array]:
+    """Return the function from the size of a pulse on an input to outputs, (outputs, steps)."""
+    points = _steps(request) if steps is None else steps
+    return lambda size: request.run(request.outputs, points, {name: size}, at).T
+
+
+def _unit_responses(
+    request: FmuRequest, found: Mapping[str, _Slope], at: int, steps: Array | None = None
+) -> Array:
+    """Return responses to unit pulses, shape (outputs, inputs, steps), of sizes that are found."""
+    return np.stack(
+        [_difference(_response(request, name, at, steps), one.size) for name, one in found.items()],
+        axis=1,
+    )
+
+
+def _realised(request: FmuRequest, found: Mapping[str, _Slope]) -> tuple[list[str], Array, bool]:
+    """Realise responses to unit pulses on each input.
+
+    Returns
+    -------
+    states : list of str
+        Names of the states of the realisation.
+    matrix : ndarray, shape (states + outputs, states + inputs)
+        A, B, C and D.
+    is_sampler : bool
+        Whether outputs step after an input at a communication point, and then stay, as those of a
+        controller do.
+    """
     responses = np.stack([one.slope for one in found.values()], axis=1)
-    delayed = np.stack([_delayed(request, name, one) for name, one in found.items()], axis=1)
     largest = np.abs(responses).max(axis=(1, 2), keepdims=True)  # of each output
     scale = np.where(largest == 0.0, 1.0, largest)
     scaled = responses / scale
     # the response to a later pulse is the same one, later, if the model does not change with time
-    change = np.abs(delayed[:, :, 1:] / scale - scaled[:, :, :-1]).max(initial=0.0)
+    delayed = _unit_responses(request, found, 1) / scale
+    change = np.abs(delayed[:, :, 1:] - scaled[:, :, :-1]).max(initial=0.0)
     noise = max(_NOISE, *(one.error for one in found.values()))
-    order, error = _realisation_order(scaled[:, :, 1:], noise)
+    A, B, C, D, error = _realisation(scaled, noise)
     if error > _FAITHFUL or change > _FAITHFUL:
         raise UserError(
             f"{request.model.name}: its responses are not those of a linear model of up to"
             f" {_MOST_ORDER} states that is the same at every step of {request.step:g} s; if"
             f" it samples, take a multiple of its sample period as {option('step')}"
         )
-    A, B, C = _realisation(scaled, order)
-    return A, B, C * scale[:, :, 0], scaled[:, :, 0] * scale[:, :, 0]
+    stem = "x"
+    while f"{stem}1" in (*request.inputs, *request.outputs):
+        stem += "x"
+    states = [f"{stem}{k + 1}" for k in range(len(A))]
+    matrix = np.block([[A, B], [C * scale[:, :, 0], D * scale[:, :, 0]]])
+    return states, matrix, len(A) > 0 and _answers_at_once(request, found, responses)
 
 
-def _answers_at_once(request: FmuRequest, found: Mapping[str, _Slope]) -> bool:
+def _answers_at_once(request: FmuRequest, found: Mapping[str, _Slope], responses: Array) -> bool:
     """Return whether outputs step after an input at a communication point, and then stay.
 
-    So does a sampler, such as a controller. An FMU of which steps of one size are required cannot
-    be asked.
+    So does a sampler, such as a controller. An FMU that refuses a short step cannot be asked.
     """
-    for name, one in found.items():
-        level = request.levels[name]
-        try:
-            high = _soon_after(request, {name: level + one.size})
-            low = _soon_after(request, {name: level - one.size})
-        except UserError:
-            return False
-        difference = np.abs((high - low) / (2.0 * one.size) - one.slope[:, 1])
-        largest = np.abs(one.slope).max(axis=1)
-        feedthrough = np.abs(one.slope[:, 0])
-        if (np.maximum(difference, feedthrough) > _FAITHFUL * largest).any():
-            return False
-    return True
+    try:
+        soon = _unit_responses(request, found, 0, np.array([_SOON * request.step]))
+    except UserError:
+        return False
+    at_once = np.abs(soon[:, :, 1] - responses[:, :, 1]) + np.abs(responses[:, :, 0])
+    return bool((at_once <= _FAITHFUL * np.abs(responses).max(axis=2)).all())
 
 
-def _soon_after(request: FmuRequest, pulse: Mapping[str, float]) -> Array:
-    """Return the outputs, shape (outputs,), soon after inputs are set at the operating point."""
-    now = {**request.levels, **pulse}
-    outputs = np.empty(len(request.outputs))
-    with request.opened(Fmu) as fmu:
-        request.start(fmu)
-        request.advance(fmu)
-        fmu.writer(list(now))(np.array(list(now.values())))
-        fmu.step(request.time, _SOON * request.step)
-        fmu.reader(request.outputs)(outputs)
-    return outputs
+def _realisation(responses: Array, noise: float) -> tuple[Array, Array, Array, Array, float]:
+    """Realise responses by the eigensystem realisation algorithm.
 
+    The order is the number of singular values of their Hankel matrix above the noise; the error is
+    the first one after it. Both are relative to the largest one.
 
-def _delayed(request: FmuRequest, name: str, found: _Slope) -> Array:
-    """Return the response to a unit pulse a step later, of the same size."""
-    level = request.levels[name]
-    high = _response(request, {name: level + found.size}, 1)
-    low = _response(request, {name: level - found.size}, 1)
-    return (high - low) / (2.0 * found.size)
+    Parameters
+    ----------
+    responses : ndarray, shape (outputs, inputs, steps)
+        To unit pulses.
+    noise : float
 
-
-def _moving(request: FmuRequest, at_rest: Array) -> list[str]:
-    """Return in words which outputs, shape (outputs, steps), move at constant inputs."""
-    units = {name: signal.unit for name, signal in request.model.outputs.items()}
-    moving = []
-    for name, values in zip(request.outputs, at_rest, strict=True):
-        if np.ptp(values) > _AT_REST * np.abs(values).max():
-            rate = float(values[1] - values[0]) / request.step
-            outside = f"{request.prefix}{name}"
-            moving.append(motion(outside, rate, {outside: units[name]}))
-    return moving
-
-
-def _sampled_blocks(request: FmuRequest, A: Array, B: Array, C: Array, D: Array) -> LinearBlocks:
-    """Return the blocks of a sampled model, whose inputs are held over the communication step."""
-    prefix = request.prefix
-    count = len(A)
-    stem = "x"
-    while f"{stem}1" in request.inputs or f"{stem}1" in request.outputs:
-        stem += "x"
-    states = tuple(f"{prefix}{stem}{k + 1}" for k in range(count))
-    inputs = tuple(f"{prefix}{name}" for name in request.inputs)
-    columns = (*states, *inputs)
-    update = SampledUpdate(
-        "the communication step", request.step, 0.0, tuple(range(count)), np.hstack([A, B])
-    )
-    signals = dict(zip(columns, np.eye(len(columns)), strict=True))
-    outputs = (f"{prefix}{name}" for name in request.outputs)
-    signals |= zip(outputs, np.hstack([C, D]), strict=True)
-    return LinearBlocks((), states, inputs, np.zeros((0, len(columns))), (update,), signals)
-
-
-def _realisation(responses: Array, order: int) -> tuple[Array, Array, Array]:
-    """Return A, B and C of the given order by the eigensystem realisation algorithm.
-
-    Responses are those to unit pulses, shape (outputs, inputs, steps).
+    Returns
+    -------
+    A, B, C, D : ndarray
+    error : float
     """
     with optional():
         import control
 
     outputs, inputs, steps = responses.shape
-    if not order:
-        return np.zeros((0, 0)), np.zeros((0, inputs)), np.zeros((outputs, 0))
     rows = (steps - 1) // 2
+    if not responses[:, :, 1:].any():
+        A, B, C = np.empty((0, 0)), np.empty((0, inputs)), np.empty((outputs, 0))
+        return A, B, C, responses[:, :, 0], 0.0
+    _, sizes = control.eigensys_realization(responses, 1, rows, rows, dt=True)
+    relative = sizes / sizes[0]
+    order = min(int((relative > noise).sum()), _MOST_ORDER)
     system, _ = control.eigensys_realization(responses, order, rows, rows, dt=True)
-    return system.A, system.B, system.C
+    error = float(relative[order:].max(initial=0.0))
+    return system.A, system.B, system.C, system.D, error
 
 
-def _realisation_order(responses: Array, noise: float) -> tuple[int, float]:
-    """Return the order of a realisation of pulse responses, and its error.
-
-    The order is the number of singular values of the Hankel matrix of the responses above its
-    noise; the error is the first singular value after it. Both are relative to the largest one.
-    """
-    outputs, inputs, steps = responses.shape
-    rows = np.arange(steps // 2)
-    blocks = responses[:, :, np.add.outer(rows, rows)]
-    hankel = blocks.transpose(2, 0, 3, 1).reshape(rows.size * outputs, rows.size * inputs)
-    sizes = np.linalg.svd(hankel, compute_uv=False)
-    largest = sizes.max(initial=0.0)
-    if largest == 0.0:
-        return 0, 0.0
-    order = min(int((sizes > noise * largest).sum()), _MOST_ORDER)
-    return order, float(sizes[order:].max(initial=0.0) / largest)
-
-
-def _response(request: FmuRequest, pulse: Mapping[str, float], at: int) -> Array:
-    """Simulate with the inputs of a pulse in step `at`, else constant ones; return the outputs.
-
-    Their shape is (outputs, steps).
-    """
-    levels = request.levels
-    names = list(levels)
-    responses = np.empty((_RESPONSE, len(request.outputs)))
-    with request.opened(Fmu) as fmu:
-        write = fmu.writer(names)
-        read = fmu.reader(request.outputs)
-        request.start(fmu)
-        request.advance(fmu)
-        for k, row in enumerate(responses):
-            now = {**levels, **pulse} if k == at else levels
-            write(np.array([now[name] for name in names]))
-            read(row)
-            fmu.step(request.time + k * request.step, request.step)
-    return responses.T
+def _moving(request: FmuRequest, at_rest: Array) -> list[str]:
+    """Return in words which outputs, shape (steps, outputs), move at constant inputs."""
+    units = units_of(request.model)
+    moving = []
+    for name, values in zip(request.outputs, at_rest.T, strict=True):
+        if np.ptp(values) > _AT_REST * np.abs(values).max():
+            rate = float(values[1] - values[0]) / request.step
+            moving.append(motion(f"{request.prefix}{name}", rate, units[name]))
+    return moving

@@ -17,7 +17,7 @@ from fmus.kit.errors import UserError, suggestion
 from fmus.kit.extras import optional
 from fmus.kit.interrupt import uninterrupted
 from orchestration.linear.discretisation import Matrices
-from orchestration.linear.operating_point import OperatingPoint
+from orchestration.linear.operating_point import OperatingPoint, with_unit
 from orchestration.linear.poles import poles_table
 from orchestration.reporting import Displayable, one_line, plain_table
 
@@ -99,10 +99,10 @@ class LinearModel(Displayable):
     @property
     def words(self) -> str:
         """Text for tables and legends: the operating point, or the values of a variation."""
-        values = []
-        for name, value in self.case.items():
-            unit = self.units.get(name, "1")
-            values.append(f"{name} = {value:.6g}" + ("" if unit == "1" else f" {unit}"))
+        values = [
+            f"{name} = {with_unit(f'{value:.6g}', self.units.get(name))}"
+            for name, value in self.case.items()
+        ]
         return ", ".join(values) or self.point.words
 
     @property

@@ -16,7 +16,7 @@ from fmus.kit.symbolic import Graph
 from orchestration.reporting import option
 
 _AT_REST = 1e-3  # largest way to the equilibrium that is none, of a state's magnitude
-MOST_LISTED = 6  # signals in a note
+_MOST_LISTED = 6  # signals in a note
 _INTEGRATES = 1e-9  # of the fastest pole, below which a pole is that of an integrator
 
 
@@ -109,21 +109,29 @@ def rest_notes(
     for name in names:
         rate = point.rates.get(name, 0.0)
         if abs(rate) > _AT_REST * slowest * max(abs(point.values[name]), nominal[name]):
-            moving.append(motion(name, rate, units))
+            moving.append(motion(name, rate, units.get(name)))
     return (not_at_rest(moving),) if moving else ()
 
 
-def motion(name: str, rate: float, units: Mapping[str, str]) -> str:
+def motion(name: str, rate: float, unit: str | None) -> str:
     """Return in words how a signal moves, with its rate in its unit per second."""
-    unit = units.get(name) or "1"
-    return f"{name} changes by {rate:.3g}{'' if unit == '1' else f' {unit}'} per second"
+    return f"{name} changes by {with_unit(f'{rate:.3g}', unit)} per second"
 
 
 def not_at_rest(moving: Sequence[str]) -> str:
     """Return the note on signals that move, each in words."""
-    rest = len(moving) - MOST_LISTED
-    more = f" and {rest} more" if rest > 0 else ""
-    return f"not at rest here: {', '.join(moving[:MOST_LISTED])}{more}"
+    return f"not at rest here: {listed(moving)}"
+
+
+def with_unit(number: str, unit: str | None) -> str:
+    """Return a number with its unit, if it has one."""
+    return f"{number} {unit}" if unit and unit != "1" else number
+
+
+def listed(words: Sequence[str]) -> str:
+    """Return the first ones of some words, and the number of others."""
+    rest = len(words) - _MOST_LISTED
+    return ", ".join(words[:_MOST_LISTED]) + (f" and {rest} more" if rest > 0 else "")
 
 
 @uninterrupted()

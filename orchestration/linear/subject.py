@@ -23,10 +23,10 @@ from orchestration.master.reference import fuse
 from orchestration.reporting import option
 from orchestration.system import Connection, System
 
-BY_LAWS = "Jacobians of the laws"
 _SAME = 1e-9  # relative difference of periods due to rounding
 
 
+@dataclass(frozen=True)
 class LinearSubject(ABC):
     """A model that can be linearised, cut or not.
 
@@ -37,36 +37,23 @@ class LinearSubject(ABC):
         Signal of the blocks by output: the same name for a component, ``member.variable`` for a
         system.
     system : System, optional
+    inputs : sequence of str
+        Names of the inputs that are real numbers.
+    units : Mapping of str to str
+        Units of all signals.
+    nominal : Mapping of str to float
+        Magnitudes of continuous states.
+    method : str
+        Origin of the derivatives.
     """
 
     name: str
     outputs: Mapping[str, str]
     system: System | None
-
-    @property
-    @abstractmethod
-    def inputs(self) -> Sequence[str]:
-        """Names of the inputs that are real numbers."""
-
-    @property
-    @abstractmethod
-    def states(self) -> Sequence[str]:
-        """Names of continuous and discrete states."""
-
-    @property
-    @abstractmethod
-    def units(self) -> dict[str, str]:
-        """Units of all signals, by name."""
-
-    @property
-    @abstractmethod
-    def nominal(self) -> dict[str, float]:
-        """Magnitudes of continuous states, by name."""
-
-    @property
-    @abstractmethod
-    def method(self) -> str:
-        """Origin of the derivatives."""
+    inputs: Sequence[str]
+    units: dict[str, str]
+    nominal: Mapping[str, float]
+    method: str
 
     @abstractmethod
     def complete(self, point: OperatingPoint) -> OperatingPoint:
@@ -164,8 +151,9 @@ class LinearSubject(ABC):
             factors = {str(c.target): c.factor for c in cuts}
             output = str(cuts[0].source)
         else:
-            self._check_state(cut)
-            blocks = self.blocks(point, (), step).cut_at(cut)
+            blocks = self.blocks(point, (), step)
+            self._check_state(blocks, cut)
+            blocks = blocks.cut_at(cut)
             factors = {input: 1.0}
             output = cut
         path = blocks.between(list(factors), [output])
@@ -203,9 +191,9 @@ class LinearSubject(ABC):
         connections = self.system.connections if self.system else ()
         return [c for c in connections if cut in (str(c.source), str(c.target))]
 
-    def _check_state(self, cut: str) -> None:
-        """Raise if there is no state of a name."""
-        if cut in self.states:
+    def _check_state(self, blocks: LinearBlocks, cut: str) -> None:
+        """Raise if there is no state of a name, or it is one of a realisation, without a unit."""
+        if cut in (*blocks.states, *blocks.discretes) and cut in self.units:
             return
         connections = self.system.connections if self.system else ()
         known = [*(str(c.target) for c in connections), *self.units]
@@ -222,57 +210,17 @@ class Equations(LinearSubject):
 
     Attributes
     ----------
-    name : str
     graph : Graph
-    outputs : dict of str to str
-        Signal of the graph by output: the same name for a component, ``member.variable`` for a
-        system.
-    system : System, optional
     cls : type[Component], optional
         The class of a component.
     """
 
-    name: str
     graph: Graph
-    outputs: dict[str, str]
-    system: System | None = None
     cls: type[Component] | None = None
     # by the connections that a graph is without
     _graphs: dict[tuple[Connection, ...], tuple[Graph, ca.Function]] = field(
         default_factory=dict, repr=False, compare=False
     )
-
-    @property
-    def inputs(self) -> list[str]:
-        """Names of the inputs that are real numbers."""
-        return real_names(self.graph.layout.inputs)
-
-    @property
-    def states(self) -> list[str]:
-        """Names of continuous and discrete states."""
-        layout = self.graph.layout
-        return [v.name for v in (*layout.states, *layout.discretes)]
-
-    @property
-    def nominal(self) -> dict[str, float]:
-        """Magnitudes of continuous states, by name."""
-        return {v.name: v.nominal for v in self.graph.layout.states}
-
-    @property
-    def method(self) -> str:
-        """Origin of the derivatives."""
-        return BY_LAWS
-
-    @property
-    def units(self) -> dict[str, str]:
-        """Units of all signals, by name."""
-        units = {v.name: v.unit for v in self.graph.layout.variables}
-        units |= dict(self.graph.layout.derivatives)
-        units |= {f"next({v.name})": v.unit for v in self.graph.layout.discretes}
-        for member in self.system.members if self.system else ():
-            declared = member.cls.layout.inputs if member.cls else ()
-            units |= {f"{member.name}.{v.name}": v.unit for v in declared}
-        return units | {name: units[signal] for name, signal in self.outputs.items()}
 
     def complete(self, point: OperatingPoint) -> OperatingPoint:
         """Return an operating point with outputs and rates, also by their names in the system."""
@@ -383,13 +331,38 @@ def subject_of(model: type[Component] | System, name: str = "") -> Equations:
         for member in model.members:
             if member.cls is not None:
                 _check_laws(member.cls, f"system {model.name}: {member.name}")
-        graph = fuse(model)
         outputs = {alias: str(port) for alias, port in model.outputs.items()}
-        return Equations(name or model.name, graph, outputs, model)
+        return _equations(name or model.name, fuse(model), outputs, model)
     _check_laws(model, name or model.name)
-    graph = trace(model)
     outputs = {n: n for n in real_names(model.layout.measurable)}
-    return Equations(name or model.name, graph, outputs, cls=model)
+    return _equations(name or model.name, trace(model), outputs, cls=model)
+
+
+def _equations(
+    name: str,
+    graph: Graph,
+    outputs: dict[str, str],
+    system: System | None = None,
+    cls: type[Component] | None = None,
+) -> Equations:
+    """Return the equations of a graph."""
+    layout = graph.layout
+    units = {v.name: v.unit for v in layout.variables} | dict(layout.derivatives)
+    units |= {f"next({v.name})": v.unit for v in layout.discretes}
+    for member in system.members if system else ():
+        declared = member.cls.layout.inputs if member.cls else ()
+        units |= {f"{member.name}.{v.name}": v.unit for v in declared}
+    return Equations(
+        name,
+        outputs,
+        system,
+        inputs=real_names(layout.inputs),
+        units=units | {alias: units[signal] for alias, signal in outputs.items()},
+        nominal={v.name: v.nominal for v in layout.states},
+        method="Jacobians of the laws",
+        graph=graph,
+        cls=cls,
+    )
 
 
 def _check_laws(cls: type[Component], name: str) -> None:

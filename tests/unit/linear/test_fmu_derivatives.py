@@ -215,5 +215,6 @@ def test_a_state_that_is_an_output_is_itself_whatever_derivative_the_fmu_knows()
     found = ppy.linearise(model, settings={"k": 2.0}, inputs="x", outputs="der(x)")
     assert found.matrices.D.tolist() == [[pytest.approx(-2.0, rel=1e-9)]]
     assert "x ±0.01" in found.method
-    blocks = _blocks(FmuRequest(model, 0.0, {}, [], ["x"], 0.1), ["x"], np.array([[-2.0], [0.0]]))
+    request = FmuRequest(model, {}, np.zeros(1), {}, [], ["x"], 0.1)
+    blocks = _blocks(request, ["x"], np.array([[-2.0], [0.0]]))
     assert blocks.signals["x"].tolist() == [1.0]
