@@ -13,8 +13,10 @@ slopes least: larger ones leave the tangent, smaller ones drown in rounding and 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import compress
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,7 +29,6 @@ from orchestration.linear.blocks import LinearBlocks, SampledUpdate, check_finit
 from orchestration.linear.operating_point import (
     OperatingPoint,
     listed,
-    motion,
     not_at_rest,
     with_unit,
 )
@@ -79,71 +80,73 @@ class FmuRequest:
     step: float
     prefix: str = ""
 
-    def run(
-        self,
-        outputs: Sequence[str],
-        steps: Sequence[float] | Array = (),
-        pulse: Mapping[str, float] | None = None,
-        at: int = 0,
-    ) -> Array:
+    def run(self, at: int, steps: Sequence[float] | Array, name: str, size: float) -> Array:
         """Simulate to the operating point and beyond, with inputs that are constant from there.
 
         Parameters
         ----------
-        outputs : sequence of str
-            Any variables.
+        at : int
+            Communication point of a pulse on an input, 0 for the operating point.
         steps : array_like, shape (m,)
             Communication points after the operating point, s from there.
-        pulse : Mapping of str to float, optional
-            What is added to inputs at one communication point.
-        at : int
-            That point, 0 for the operating point.
+        name : str
+            Input with the pulse.
+        size : float
+            What is added to it for a step.
 
         Returns
         -------
-        ndarray, shape (m + 1, outputs)
+        ndarray, shape (outputs, m + 1)
             From the operating point on.
         """
         now = self.points.size - 1
         time = np.append(self.points, self.points[-1] + np.array(steps))
         inputs = {}
-        for name, values in self.driven.items():
-            inputs[name] = np.append(values, np.full(len(steps), values[-1]))
-        for name, size in (pulse or {}).items():
+        for driven, values in self.driven.items():
+            inputs[driven] = np.append(values, np.full(len(steps), values[-1]))
+        if size:
             inputs[name][now + at] += size
         with source_of(self.model).open() as runs:
-            return runs.run(time, inputs, self.settings, outputs)[now:]
+            return runs.run(time, inputs, self.settings, self.outputs)[now:].T
 
-    def names(self, names: Iterable[str]) -> tuple[str, ...]:
-        """Return the names that variables have in the system."""
-        return tuple(f"{self.prefix}{name}" for name in names)
-
-    def named(self, names: Iterable[str], values: Array) -> dict[str, float]:
+    def named(self, names: Iterable[str], values: Iterable[Any]) -> dict[str, Any]:
         """Return values by the names that variables have in the system."""
-        return dict(zip(self.names(names), values.tolist(), strict=True))
+        return {f"{self.prefix}{n}": value for n, value in zip(names, values, strict=True)}
 
-    def point(self, outputs: Array, **groups: dict[str, float]) -> OperatingPoint:
-        """Return the operating point of values of outputs, and of states and rates if known."""
-        inputs = self.named(self.driven, np.array([v[-1] for v in self.driven.values()]))
-        known = {"states": {}, "rates": {}, **groups}
-        return OperatingPoint(
-            float(self.points[-1]),
-            parameters={},
-            inputs=inputs,
-            discretes={},
-            outputs=self.named(self.outputs, outputs),
-            **known,
-        )
+    def point(
+        self, outputs: Array, states: dict[str, float], rates: dict[str, float]
+    ) -> OperatingPoint:
+        """Return the operating point."""
+        inputs = self.named(self.driven, (float(values[-1]) for values in self.driven.values()))
+        shown = self.named(self.outputs, outputs.tolist())
+        return OperatingPoint(float(self.points[-1]), {}, inputs, states, {}, shown, rates)
 
-    def words(self, found: Mapping[str, _Slope]) -> str:
-        """Return the sizes of differences, and their error, in words."""
+    def slopes(
+        self, levels: Mapping[str, float], values: Callable[[str, float], Array]
+    ) -> dict[str, _Slope]:
+        """Return slopes by variables at their levels.
+
+        Parameters
+        ----------
+        levels : Mapping of str to float
+        values : callable
+            Takes a variable and its deviation, and returns an array, shape (rows, n).
+        """
+        nominal = source_of(self.model).nominal
+        return {
+            name: _slope(partial(values, name), max(abs(level), nominal.get(name, 1.0)) * _SIZES)
+            for name, level in levels.items()
+        }
+
+    def method(self, way: str, found: Mapping[str, _Slope]) -> str:
+        """Return in words how slopes were found, with sizes of differences and their error."""
         units = units_of(self.model)
         sizes = [
             f"{self.prefix}{name} ±{with_unit(f'{one.size:.1g}', units.get(name))}"
             for name, one in found.items()
         ]
         error = max(one.error for one in found.values())
-        return f"{listed(sizes)}; a tenth changes slopes by {100.0 * error:.1g} %"
+        return f"{way} ({listed(sizes)}; a tenth changes slopes by {100.0 * error:.1g} %)"
 
 
 class LinearPart(NamedTuple):
@@ -208,56 +211,49 @@ def linearise_fmu(request: FmuRequest) -> LinearPart:
 def _by_laws(request: FmuRequest, directional: bool) -> LinearPart | None:
     """Linearise the rates and outputs of model exchange; return None if the FMU samples within."""
     model = request.model
-    starts, ends = (
-        {name: float(values[k]) for name, values in request.driven.items()} for k in (0, -1)
-    )
     with ExchangeFmu(model.path, request.settings, tolerance=model.tolerance) as fmu:
-        fmu.start(0.0, inputs=starts)
-        is_start = request.points.size == 1
-        states = fmu.get_states() if is_start else request.run(fmu.states)[0].tolist()
+        fmu.start(0.0, inputs={name: float(v[0]) for name, v in request.driven.items()})
+        states = fmu.get_states()
+        if request.points.size > 1:
+            states = replace(request, outputs=fmu.states).run(0, (), "", 0.0).ravel().tolist()
         fmu.enter_continuous_time(float(request.points[-1]), states)
         if fmu.samples:
             return None
-        fmu.writer([*ends])(np.array([*ends.values()]))
-        write = fmu.writer(request.inputs)
-        read = fmu.reader(request.outputs)
-        count = len(states)
-        outputs = np.empty(len(request.outputs))
-
-        def laws(point: Array) -> Array:
-            fmu.set_states(point[:count].tolist())
-            write(point[count:])
-            read(outputs)
-            return np.concatenate([fmu.get_rates(), outputs])
-
-        def along(direction: Array) -> Callable[[float], Array]:
-            return lambda size: laws(centre + size * direction)[:, None]
-
-        centre = np.array([*states, *(ends[name] for name in request.inputs)])
-        rates, values = np.split(laws(centre), [count])
+        laws = _laws(fmu, request)
+        centre = dict(zip(fmu.states, states, strict=True))
+        rates, outputs = np.split(laws(centre), [len(states)])
         point = request.point(
-            values,
-            states=request.named(fmu.states, centre[:count]),
-            rates=request.named(fmu.states, rates),
+            outputs, request.named(centre, states), request.named(centre, rates.tolist())
         )
-        columns = [*fmu.states, *request.inputs]
-        known = source_of(model).nominal
-        nominal = np.array([known.get(name, 1.0) for name in columns])
+        centre |= {name: float(request.driven[name][-1]) for name in request.inputs}
         if directional:
+            jacobian = fmu.directional_derivatives([*fmu.rates, *request.outputs], [*centre])
             method = _DIRECTIONAL
-            jacobian = fmu.directional_derivatives([*fmu.rates, *request.outputs], columns)
         else:
-            scales = np.fmax(np.abs(centre), nominal)
-            found = {
-                name: _slope(along(direction), scale * _SIZES)
-                for name, direction, scale in zip(
-                    columns, np.eye(len(columns)), scales, strict=True
-                )
-            }
-            method = f"{_DIFFERENCES} ({request.words(found)})"
+            found = request.slopes(
+                centre, lambda name, size: laws({**centre, name: centre[name] + size})[:, None]
+            )
+            method = request.method(_DIFFERENCES, found)
             jacobian = np.column_stack([one.slope for one in found.values()])
-        blocks = _blocks(request, fmu.states, jacobian)
-        return LinearPart(blocks, point, method, request.named(columns, nominal))
+        known = source_of(model).nominal
+        nominal = request.named(known, known.values())
+        return LinearPart(_blocks(request, fmu.states, jacobian), point, method, nominal)
+
+
+def _laws(fmu: ExchangeFmu, request: FmuRequest) -> Callable[[Mapping[str, float]], Array]:
+    """Return the function of states, and perhaps inputs, that evaluates rates and outputs."""
+    levels = {name: float(values[-1]) for name, values in request.driven.items()}
+    write = fmu.writer([*levels])
+    read = fmu.reader(request.outputs)
+
+    def laws(point: Mapping[str, float]) -> Array:
+        fmu.set_states([point[name] for name in fmu.states])
+        write(np.array([point.get(name, level) for name, level in levels.items()]))
+        outputs = np.empty(len(request.outputs))
+        read(outputs)
+        return np.concatenate([fmu.get_rates(), outputs])
+
+    return laws
 
 
 def _blocks(
@@ -273,11 +269,13 @@ def _blocks(
     period : float
         That of sampled states, s; 0 if rows of states are rates.
     """
-    own = request.names(states)
-    inputs = request.names(request.inputs)
+    own, inputs, shown = (
+        tuple(f"{request.prefix}{name}" for name in names)
+        for names in (states, request.inputs, request.outputs)
+    )
     columns = (*own, *inputs)
     laws, outputs = np.split(matrix, [len(own)])
-    signals = dict(zip(request.names(request.outputs), outputs, strict=True))
+    signals = dict(zip(shown, outputs, strict=True))
     # after outputs: of one that is a state FMUs may know no derivative
     signals |= zip(columns, np.eye(len(columns)), strict=True)
     if not period:
@@ -359,70 +357,19 @@ def _by_pulses(request: FmuRequest) -> LinearPart:
     """Linearise by a realisation of responses to pulses, sampled at the communication step."""
     if not request.inputs:
         raise UserError(f"{request.model.name}: has no real input whose pulses show its states")
-    known = source_of(request.model).nominal
-    found = {}
-    for name in request.inputs:
-        scale = max(abs(request.driven[name][-1]), known.get(name, 1.0))
-        found[name] = _slope(_response(request, name), scale * _SIZES)
-    states, matrix, is_sampler = _realised(request, found)
-    at_rest = request.run(request.outputs, _steps(request))
-    moving = _moving(request, at_rest)
-    return LinearPart(
-        _blocks(request, states, matrix, request.step),
-        request.point(at_rest[0]),
-        f"{_PULSES} ({request.words(found)})",
-        {},
-        (not_at_rest(moving),) if moving else (),
-        not is_sampler,
-    )
-
-
-def _steps(request: FmuRequest) -> Array:
-    """Return the communication points of a response after the first one, s."""
-    return request.step * np.arange(1, _RESPONSE)
-
-
-def _response(
-    request: FmuRequest, name: str, at: int = 0, steps: Array | None = None
-) -> Callable[[float], Array]:
-    """Return the function from the size of a pulse on an input to outputs, (outputs, steps)."""
-    points = _steps(request) if steps is None else steps
-    return lambda size: request.run(request.outputs, points, {name: size}, at).T
-
-
-def _unit_responses(
-    request: FmuRequest, found: Mapping[str, _Slope], at: int, steps: Array | None = None
-) -> Array:
-    """Return responses to unit pulses, shape (outputs, inputs, steps), of sizes that are found."""
-    return np.stack(
-        [_difference(_response(request, name, at, steps), one.size) for name, one in found.items()],
-        axis=1,
-    )
-
-
-def _realised(request: FmuRequest, found: Mapping[str, _Slope]) -> tuple[list[str], Array, bool]:
-    """Realise responses to unit pulses on each input.
-
-    Returns
-    -------
-    states : list of str
-        Names of the states of the realisation.
-    matrix : ndarray, shape (states + outputs, states + inputs)
-        A, B, C and D.
-    is_sampler : bool
-        Whether outputs step after an input at a communication point, and then stay, as those of a
-        controller do.
-    """
+    steps = request.step * np.arange(1, _RESPONSE)
+    levels = {name: float(request.driven[name][-1]) for name in request.inputs}
+    found = request.slopes(levels, partial(request.run, 0, steps))
     responses = np.stack([one.slope for one in found.values()], axis=1)
-    largest = np.abs(responses).max(axis=(1, 2), keepdims=True)  # of each output
-    scale = np.where(largest == 0.0, 1.0, largest)
-    scaled = responses / scale
     # the response to a later pulse is the same one, later, if the model does not change with time
-    delayed = _unit_responses(request, found, 1) / scale
-    change = np.abs(delayed[:, :, 1:] - scaled[:, :, :-1]).max(initial=0.0)
+    delayed = _responses(request, found, 1, steps)
+    largest = np.abs(responses).max(axis=(1, 2))  # of each output
+    scale = np.where(largest == 0.0, 1.0, largest)[:, None]
+    change = np.abs(delayed[:, :, 1:] - responses[:, :, :-1]) / scale[:, :, None]
     noise = max(_NOISE, *(one.error for one in found.values()))
-    A, B, C, D, error = _realisation(scaled, noise)
-    if error > _FAITHFUL or change > _FAITHFUL:
+    order, matrix, error = _realisation(responses / scale[:, :, None], noise)
+    matrix[order:] *= scale
+    if max(error, change.max(initial=0.0)) > _FAITHFUL:
         raise UserError(
             f"{request.model.name}: its responses are not those of a linear model of up to"
             f" {_MOST_ORDER} states that is the same at every step of {request.step:g} s; if"
@@ -431,9 +378,22 @@ def _realised(request: FmuRequest, found: Mapping[str, _Slope]) -> tuple[list[st
     stem = "x"
     while f"{stem}1" in (*request.inputs, *request.outputs):
         stem += "x"
-    states = [f"{stem}{k + 1}" for k in range(len(A))]
-    matrix = np.block([[A, B], [C * scale[:, :, 0], D * scale[:, :, 0]]])
-    return states, matrix, len(A) > 0 and _answers_at_once(request, found, responses)
+    states = [f"{stem}{k + 1}" for k in range(order)]
+    at_rest = request.run(0, steps, "", 0.0)
+    return LinearPart(
+        _blocks(request, states, matrix, request.step),
+        request.point(at_rest[:, 0], {}, {}),
+        request.method(_PULSES, found),
+        {},
+        _notes(request, at_rest),
+        not (order and _answers_at_once(request, found, responses)),
+    )
+
+
+def _responses(request: FmuRequest, found: Mapping[str, _Slope], at: int, steps: Array) -> Array:
+    """Return responses to unit pulses, shape (outputs, inputs, steps), of sizes that are found."""
+    ways = {name: partial(request.run, at, steps, name) for name in found}
+    return np.stack([_difference(ways[n], one.size) for n, one in found.items()], axis=1)
 
 
 def _answers_at_once(request: FmuRequest, found: Mapping[str, _Slope], responses: Array) -> bool:
@@ -442,14 +402,14 @@ def _answers_at_once(request: FmuRequest, found: Mapping[str, _Slope], responses
     So does a sampler, such as a controller. An FMU that refuses a short step cannot be asked.
     """
     try:
-        soon = _unit_responses(request, found, 0, np.array([_SOON * request.step]))
+        soon = _responses(request, found, 0, np.array([_SOON * request.step]))
     except UserError:
         return False
-    at_once = np.abs(soon[:, :, 1] - responses[:, :, 1]) + np.abs(responses[:, :, 0])
-    return bool((at_once <= _FAITHFUL * np.abs(responses).max(axis=2)).all())
+    change = np.abs(soon[:, :, 1] - responses[:, :, 1]) + np.abs(responses[:, :, 0])
+    return bool((change <= _FAITHFUL * np.abs(responses).max(axis=2)).all())
 
 
-def _realisation(responses: Array, noise: float) -> tuple[Array, Array, Array, Array, float]:
+def _realisation(responses: Array, noise: float) -> tuple[int, Array, float]:
     """Realise responses by the eigensystem realisation algorithm.
 
     The order is the number of singular values of their Hankel matrix above the noise; the error is
@@ -463,31 +423,27 @@ def _realisation(responses: Array, noise: float) -> tuple[Array, Array, Array, A
 
     Returns
     -------
-    A, B, C, D : ndarray
+    order : int
+    matrix : ndarray, shape (order + outputs, order + inputs)
+        A, B, C and D.
     error : float
     """
     with optional():
         import control
 
-    outputs, inputs, steps = responses.shape
-    rows = (steps - 1) // 2
-    if not responses[:, :, 1:].any():
-        A, B, C = np.empty((0, 0)), np.empty((0, inputs)), np.empty((outputs, 0))
-        return A, B, C, responses[:, :, 0], 0.0
-    _, sizes = control.eigensys_realization(responses, 1, rows, rows, dt=True)
-    relative = sizes / sizes[0]
+    rows = (responses.shape[2] - 1) // 2
+    _, sizes = control.eigensys_realization(responses, 0, rows, rows, dt=True)
+    relative = sizes / (sizes[0] or 1.0)
     order = min(int((relative > noise).sum()), _MOST_ORDER)
-    system, _ = control.eigensys_realization(responses, order, rows, rows, dt=True)
-    error = float(relative[order:].max(initial=0.0))
-    return system.A, system.B, system.C, system.D, error
+    found, _ = control.eigensys_realization(responses, order, rows, rows, dt=True)
+    matrix = np.block([[found.A, found.B], [found.C, found.D]])
+    return order, matrix, float(relative[order:].max(initial=0.0))
 
 
-def _moving(request: FmuRequest, at_rest: Array) -> list[str]:
-    """Return in words which outputs, shape (steps, outputs), move at constant inputs."""
+def _notes(request: FmuRequest, at_rest: Array) -> tuple[str, ...]:
+    """Return a note on outputs, shape (outputs, steps), that move at constant inputs."""
+    rates = request.named(request.outputs, (at_rest[:, 1] - at_rest[:, 0]).tolist())
+    is_moving = np.ptp(at_rest, axis=1) > _AT_REST * np.abs(at_rest).max(axis=1)
+    moving = {n: rate / request.step for n, rate in compress(rates.items(), is_moving)}
     units = units_of(request.model)
-    moving = []
-    for name, values in zip(request.outputs, at_rest.T, strict=True):
-        if np.ptp(values) > _AT_REST * np.abs(values).max():
-            rate = float(values[1] - values[0]) / request.step
-            moving.append(motion(f"{request.prefix}{name}", rate, units[name]))
-    return moving
+    return not_at_rest(moving, request.named(units, units.values()))

@@ -105,22 +105,22 @@ def rest_notes(
     """
     poles = np.abs(np.linalg.eigvals(by_states)) if names else np.zeros(0)
     slowest = min(poles[poles > _INTEGRATES * poles.max(initial=0.0)], default=1.0)
-    moving = []
+    moving = {}
     for name in names:
         rate = point.rates.get(name, 0.0)
-        if abs(rate) > _AT_REST * slowest * max(abs(point.values[name]), nominal[name]):
-            moving.append(motion(name, rate, units.get(name)))
-    return (not_at_rest(moving),) if moving else ()
+        magnitude = max(abs(point.values[name]), nominal.get(name, 1.0))
+        if abs(rate) > _AT_REST * slowest * magnitude:
+            moving[name] = rate
+    return not_at_rest(moving, units)
 
 
-def motion(name: str, rate: float, unit: str | None) -> str:
-    """Return in words how a signal moves, with its rate in its unit per second."""
-    return f"{name} changes by {with_unit(f'{rate:.3g}', unit)} per second"
-
-
-def not_at_rest(moving: Sequence[str]) -> str:
-    """Return the note on signals that move, each in words."""
-    return f"not at rest here: {listed(moving)}"
+def not_at_rest(rates: Mapping[str, float], units: Mapping[str, str]) -> tuple[str, ...]:
+    """Return a note on signals that move, with their rates in their units per second, if any."""
+    words = [
+        f"{name} changes by {with_unit(f'{rate:.3g}', units.get(name))} per second"
+        for name, rate in rates.items()
+    ]
+    return (f"not at rest here: {listed(words)}",) if words else ()
 
 
 def with_unit(number: str, unit: str | None) -> str:
