@@ -11,7 +11,7 @@ to cut a loop at a state and to remove states that are on no path are operations
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 
@@ -146,20 +146,7 @@ class LinearBlocks:
         UserError
             If an algebraic loop has no solution.
         """
-        received = self._received(connections)
-        solution, substitute = self._eliminated(received)
-        names = tuple(received)
-        first = len(self.discretes)
-        indices = tuple(range(first, first + len(names)))
-        exchange = SampledUpdate("the communication step", step, 0.0, indices, solution)
-        blocks = replace(
-            self,
-            discretes=(*self.discretes, *names),
-            inputs=tuple(name for name in self.inputs if name not in received),
-            updates=(exchange, *self.updates),
-            signals={name: substitute(row) for name, row in self.signals.items()},
-        )
-        return blocks._with_columns_from(self)
+        return self._following(self._received(connections), step)
 
     def connected(self, connections: Sequence[Connection]) -> LinearBlocks:
         """Return the blocks with inputs that follow the outputs to which they are connected.
@@ -183,41 +170,37 @@ class LinearBlocks:
         """Return the row, shape (n,), of what each connected input receives."""
         return {str(c.target): c.factor * self.signals[str(c.source)] for c in connections}
 
-    def _following(self, received: Mapping[str, Array]) -> LinearBlocks:
-        """Return the blocks without inputs that receive what is in a row, shape (n,)."""
-        _, substitute = self._eliminated(received)
-        blocks = replace(
-            self,
-            inputs=tuple(name for name in self.inputs if name not in received),
-            rates=substitute(self.rates),
-            updates=tuple(replace(u, matrix=substitute(u.matrix)) for u in self.updates),
-            signals={name: substitute(row) for name, row in self.signals.items()},
-        )
-        return blocks._with_columns_from(self)
+    def _following(self, received: Mapping[str, Array], step: float = 0.0) -> LinearBlocks:
+        """Return the blocks with inputs that receive what is in a row, shape (n,).
 
-    def _eliminated(self, received: Mapping[str, Array]) -> tuple[Array, Callable[[Array], Array]]:
-        """Return the solution of inputs for what they receive, and how rows are without them.
-
-        Returns
-        -------
-        solution : ndarray, shape (inputs, n)
-        substitute : callable
-            Takes and returns an array of shape (..., n).
+        With a communication step, s, they keep it for the step, as discrete states.
         """
         names = tuple(received)
+        width = len(self.columns)
         connected = [self.columns.index(name) for name in names]
-        rows = np.array(list(received.values())).reshape(len(names), len(self.columns))
+        rows = np.array(list(received.values())).reshape(len(names), width)
         loop_matrix = np.eye(len(names)) - rows[:, connected]  # I - F
         if names and np.linalg.cond(loop_matrix) > 1.0 / np.finfo(float).eps:
             raise UserError(f"{', '.join(names)}: an algebraic loop without a solution")
-        is_other = np.ones(len(self.columns))  # columns z
-        is_other[connected] = 0.0
-        solution = np.linalg.solve(loop_matrix, rows * is_other)
-
-        def substitute(row: Array) -> Array:
-            return np.asarray(row * is_other + row[..., connected] @ solution)
-
-        return solution, substitute
+        rows[:, connected] = 0.0  # R
+        solution = np.linalg.solve(loop_matrix, rows)
+        substitution = np.eye(width)
+        substitution[connected] = solution
+        blocks = replace(
+            self,
+            inputs=tuple(name for name in self.inputs if name not in received),
+            signals={name: row @ substitution for name, row in self.signals.items()},
+        )
+        if step:
+            first = len(self.discretes)
+            indices = tuple(range(first, first + len(names)))
+            exchange = SampledUpdate("the communication step", step, 0.0, indices, solution)
+            discretes = (*self.discretes, *names)
+            blocks = replace(blocks, discretes=discretes, updates=(exchange, *self.updates))
+        else:
+            updates = tuple(replace(u, matrix=u.matrix @ substitution) for u in self.updates)
+            blocks = replace(blocks, rates=self.rates @ substitution, updates=updates)
+        return blocks._with_columns_from(self)
 
     def between(self, inputs: Sequence[str], outputs: Sequence[str]) -> LinearBlocks:
         """Return the blocks with only these inputs and the states between them and these outputs.

@@ -109,6 +109,11 @@ class FmuRequest:
         with source_of(self.model).open() as runs:
             return runs.run(time, inputs, self.settings, self.outputs)[now:].T
 
+    @property
+    def levels(self) -> dict[str, float]:
+        """Inputs at the operating point."""
+        return {name: float(values[-1]) for name, values in self.driven.items()}
+
     def named(self, names: Iterable[str], values: Iterable[Any]) -> dict[str, Any]:
         """Return values by the names that variables have in the system."""
         return {f"{self.prefix}{n}": value for n, value in zip(names, values, strict=True)}
@@ -117,7 +122,7 @@ class FmuRequest:
         self, outputs: Array, states: dict[str, float], rates: dict[str, float]
     ) -> OperatingPoint:
         """Return the operating point."""
-        inputs = self.named(self.driven, (float(values[-1]) for values in self.driven.values()))
+        inputs = self.named(self.levels, self.levels.values())
         shown = self.named(self.outputs, outputs.tolist())
         return OperatingPoint(float(self.points[-1]), {}, inputs, states, {}, shown, rates)
 
@@ -225,7 +230,7 @@ def _by_laws(request: FmuRequest, directional: bool) -> LinearPart | None:
         point = request.point(
             outputs, request.named(centre, states), request.named(centre, rates.tolist())
         )
-        centre |= {name: float(request.driven[name][-1]) for name in request.inputs}
+        centre |= {name: request.levels[name] for name in request.inputs}
         if directional:
             jacobian = fmu.directional_derivatives([*fmu.rates, *request.outputs], [*centre])
             method = _DIRECTIONAL
@@ -242,7 +247,7 @@ def _by_laws(request: FmuRequest, directional: bool) -> LinearPart | None:
 
 def _laws(fmu: ExchangeFmu, request: FmuRequest) -> Callable[[Mapping[str, float]], Array]:
     """Return the function of states, and perhaps inputs, that evaluates rates and outputs."""
-    levels = {name: float(values[-1]) for name, values in request.driven.items()}
+    levels = request.levels
     write = fmu.writer([*levels])
     read = fmu.reader(request.outputs)
 
@@ -357,8 +362,8 @@ def _by_pulses(request: FmuRequest) -> LinearPart:
     """Linearise by a realisation of responses to pulses, sampled at the communication step."""
     if not request.inputs:
         raise UserError(f"{request.model.name}: has no real input whose pulses show its states")
-    steps = request.step * np.arange(1, _RESPONSE)
-    levels = {name: float(request.driven[name][-1]) for name in request.inputs}
+    steps: Array = request.step * np.arange(1, _RESPONSE)
+    levels = {name: request.levels[name] for name in request.inputs}
     found = request.slopes(levels, partial(request.run, 0, steps))
     responses = np.stack([one.slope for one in found.values()], axis=1)
     # the response to a later pulse is the same one, later, if the model does not change with time

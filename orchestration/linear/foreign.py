@@ -20,8 +20,7 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array, Signals
 from fmus.kit.errors import error_context
 from orchestration import master
-from orchestration.fmu import Model, Value
-from orchestration.fmu.signal import numeric
+from orchestration.fmu import Model, Signal, Value
 from orchestration.fmu.simulation import grid
 from orchestration.linear.blocks import LinearBlocks, joined
 from orchestration.linear.fmu_derivatives import (
@@ -126,13 +125,8 @@ class ForeignSubject:
         parameters = {n: v for n, v in settings.items() if n not in constant}
         members = self._members(parameters)
         received = self._received(members, points, inputs, step)
-        system = self.system
-        ends = [(str(c.source), str(c.target)) for c in system.connections]
-        needed = {target for _, target in ends} | {str(port) for _, port in system.fed_ports}
-        shown = {source for source, _ in ends} | {str(port) for port in system.outputs.values()}
-        asked = _asked(members, "inputs", {*needed, *signals[0]})
-        wanted = _asked(members, "outputs", {*shown, *signals[1]})
         parts = list(self._known_parts(parameters, points, received))
+        asked = self._ends.union(*signals)
         for prefix, (member, model) in members.items():
             if member.cls is None:
                 request = FmuRequest(
@@ -140,14 +134,22 @@ class ForeignSubject:
                     member.parameters,
                     points,
                     {name: received[f"{prefix}{name}"] for name in model.inputs},
-                    [name for name in model.inputs if f"{prefix}{name}" in asked],
-                    [name for name in model.outputs if f"{prefix}{name}" in wanted],
+                    _chosen(model.inputs, prefix, asked),
+                    _chosen(model.outputs, prefix, asked),
                     step,
                     prefix,
                 )
                 with error_context(f"member {member.name}") if prefix else nullcontext():
                     parts.append(linearise_fmu(request))
         return self._connected(members, parts, received)
+
+    @property
+    def _ends(self) -> set[str]:
+        """Inputs and outputs of members that are connected, inside the system or outside."""
+        system = self.system
+        ports = {port for c in system.connections for port in (c.source, c.target)}
+        ports |= {port for _, port in system.fed_ports} | {*system.outputs.values()}
+        return {str(port) for port in ports}
 
     def _members(self, parameters: Mapping[str, Value]) -> dict[str, tuple[Member, Model]]:
         """Return members with values of parameters, by what stands before their variables."""
@@ -215,9 +217,8 @@ class ForeignSubject:
         if known is None:
             return
         layout = known.graph.layout
-        own = numeric(
-            {v.name: parameters[v.name] for v in layout.parameters if v.name in parameters}
-        )
+        names = {v.name for v in layout.parameters}
+        own = {name: float(value) for name, value in parameters.items() if name in names}
         driven = {v.name: received[v.name] for v in layout.inputs}
         point = point_at(known.graph, float(points[-1]), own, driven, points, known.compiled)
         yield LinearPart(
@@ -267,12 +268,7 @@ class ForeignSubject:
         )
 
 
-def _asked(members: Mapping[str, tuple[Member, Model]], kind: str, names: set[str]) -> set[str]:
-    """Return those of some names that are real inputs or outputs of members; all if none is."""
-    real = {
-        f"{prefix}{name}"
-        for prefix, (_, model) in members.items()
-        for name, signal in getattr(model, kind).items()
-        if signal.type == "real"
-    }
-    return real & names or real
+def _chosen(signals: Mapping[str, Signal], prefix: str, asked: set[str]) -> list[str]:
+    """Return real signals of a member that are asked for; of an FMU alone all if none is."""
+    real = [name for name, signal in signals.items() if signal.type == "real"]
+    return [name for name in real if f"{prefix}{name}" in asked] or ([] if prefix else real)

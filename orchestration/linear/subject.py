@@ -291,10 +291,9 @@ def _acts_between_samples(path: LinearBlocks, count: int, period: float, step: f
 
     What reads them all the time does so once in a communication step, s, if there is one.
     """
-    longest = period * (1.0 - _SAME)
-    reads_always = step < longest and bool(path.rates[:, -count:].any())
-    faster = [u.matrix[:, -count:] for u in path.updates if u.period < longest]
-    return reads_always or any(bool(matrix.any()) for matrix in faster)
+    laws = [(step, path.rates), *((u.period, u.matrix) for u in path.updates)]
+    faster = [matrix for one, matrix in laws if one < period * (1.0 - _SAME)]
+    return any(bool(matrix[:, -count:].any()) for matrix in faster)
 
 
 def _loop_notes(cut: str, matrices: Matrices, acts_between_samples: bool) -> Iterator[str]:
