@@ -121,42 +121,37 @@ class LinearBlocks:
             signals=dict(zip(blocks.signals, rows, strict=True)),
         )
 
-    def exchanging(self, connections: Sequence[Connection], step: float) -> LinearBlocks:
-        """Return the blocks with connected inputs that are constant over a communication step.
+    def connected(self, connections: Sequence[Connection], step: float = 0.0) -> LinearBlocks:
+        """Return the blocks with connected inputs, which are no longer free.
 
-        This is a master with Jacobi's method: at each communication point all inputs take the
-        outputs of that point, including outputs that depend on inputs, and keep them for a step.
-        The inputs u at a point solve ``u = F u + R z`` with the feedthrough F of the connected
-        outputs and all other columns z.
+        With a communication step they are constant over it, which is a master with Jacobi's method:
+        at each communication point all inputs take the outputs of that point, including outputs
+        that depend on inputs. The inputs u at a point solve ``u = F u + R z`` with the feedthrough
+        F of the connected outputs and all other columns z.
 
         Parameters
         ----------
         connections : sequence of Connection
-            Connections to inputs ``member.variable``.
+            Those whose ends are not both among inputs and signals, as real ones are, do not count.
         step : float
-            Communication step, s.
+            Communication step, s; 0 for inputs that follow the outputs at all times.
 
         Returns
         -------
         LinearBlocks
-            The connected inputs are discrete states.
+            With a step the connected inputs are discrete states.
 
         Raises
         ------
         UserError
             If an algebraic loop has no solution.
         """
-        return self._following(self._received(connections), step)
-
-    def connected(self, connections: Sequence[Connection]) -> LinearBlocks:
-        """Return the blocks with inputs that follow the outputs to which they are connected.
-
-        Raises
-        ------
-        UserError
-            If an algebraic loop has no solution.
-        """
-        return self._following(self._received(connections))
+        received = {
+            str(c.target): c.factor * self.signals[str(c.source)]
+            for c in connections
+            if str(c.source) in self.signals and str(c.target) in self.inputs
+        }
+        return self._following(received, step)
 
     def fed_by(self, inputs: Mapping[str, Sequence[str | Port]]) -> LinearBlocks:
         """Return the blocks with new inputs, each with what it feeds; others are left out."""
@@ -165,10 +160,6 @@ class LinearBlocks:
         new = dict.fromkeys(known.values())
         blocks = replace(self, inputs=(*self.inputs, *new))._with_columns_from(self)
         return blocks._following({fed: blocks.signals[name] for fed, name in known.items()})
-
-    def _received(self, connections: Sequence[Connection]) -> dict[str, Array]:
-        """Return the row, shape (n,), of what each connected input receives."""
-        return {str(c.target): c.factor * self.signals[str(c.source)] for c in connections}
 
     def _following(self, received: Mapping[str, Array], step: float = 0.0) -> LinearBlocks:
         """Return the blocks with inputs that receive what is in a row, shape (n,).

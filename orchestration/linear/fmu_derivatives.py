@@ -362,7 +362,7 @@ def _by_pulses(request: FmuRequest) -> LinearPart:
     """Linearise by a realisation of responses to pulses, sampled at the communication step."""
     if not request.inputs:
         raise UserError(f"{request.model.name}: has no real input whose pulses show its states")
-    steps: Array = request.step * np.arange(1, _RESPONSE)
+    steps = np.multiply(request.step, np.arange(1, _RESPONSE), dtype=float)
     levels = {name: request.levels[name] for name in request.inputs}
     found = request.slopes(levels, partial(request.run, 0, steps))
     responses = np.stack([one.slope for one in found.values()], axis=1)

@@ -43,8 +43,6 @@ class MembersAtPoint(LinearSubject):
     ----------
     joined : LinearBlocks
         Those of all members, whose connected inputs are inputs.
-    connections : sequence of Connection
-        Connections between real signals.
     point : OperatingPoint
     is_held : bool
         Whether a member is known only with inputs that are held over the communication step.
@@ -53,7 +51,6 @@ class MembersAtPoint(LinearSubject):
     """
 
     joined: LinearBlocks
-    connections: Sequence[Connection]
     point: OperatingPoint
     is_held: bool
     remarks: tuple[str, ...]
@@ -66,8 +63,8 @@ class MembersAtPoint(LinearSubject):
         self, point: OperatingPoint, cuts: Sequence[Connection], step: float
     ) -> LinearBlocks:
         """Return the blocks about the operating point, without some connections."""
-        others = [c for c in self.connections if c not in cuts]
-        return self.joined.exchanging(others, step) if step else self.joined.connected(others)
+        connections = self.system.connections if self.system else ()
+        return self.joined.connected([c for c in connections if c not in cuts], step)
 
 
 @dataclass(frozen=True)
@@ -175,7 +172,7 @@ class ForeignSubject:
             for name, signal in model.inputs.items():
                 start = float(member.parameters.get(name, signal.start))
                 received[f"{prefix}{name}"] = np.full(points.size, start)
-        received |= {name: values for name, values in inputs.items() if name in received}
+        received |= inputs
         for name, port in self.system.fed_ports:
             received[str(port)] = inputs.get(name, received[str(port)])
         connections = self.system.connections
@@ -186,11 +183,11 @@ class ForeignSubject:
             replace(self.system, members=tuple(member for member, _ in members.values())),
             time,
             {name: np.resize(values, time.size) for name, values in inputs.items()},
-            record=list(dict.fromkeys(str(c.source) for c in connections)),
+            record=sorted({str(c.source) for c in connections}),
             method="jacobi",
         )
         if not run.complete:
-            raise UserError(f"system {self.system.name}: {run.message}")
+            raise KeyboardInterrupt  # at which a master returns a part
         for connection in connections:
             sent = run.signals[str(connection.source)][: points.size]
             values = sent.copy()
@@ -234,16 +231,12 @@ class ForeignSubject:
         """Return members that are linearised, with the connections between real signals."""
         system = self.system
         blocks = joined([part.blocks for part in parts]).fed_by(system.inputs)
-        known = {*blocks.inputs, *blocks.signals}
-        connections = [c for c in system.connections if {str(c.source), str(c.target)} <= known]
-        targets = {str(c.target) for c in connections}
         groups = ("parameters", "inputs", "states", "discretes", "outputs", "rates")
         values = {name: reduce(or_, (getattr(one.point, name) for one in parts)) for name in groups}
-        outputs = {name: name for name in values["outputs"]}
-        if system.outputs:
-            aliases = {alias: str(port) for alias, port in system.outputs.items()}
-            outputs = {alias: name for alias, name in aliases.items() if name in outputs}
-        values["outputs"] |= {alias: values["outputs"][name] for alias, name in outputs.items()}
+        shown = values["outputs"]
+        aliases = {alias: str(port) for alias, port in system.outputs.items()}
+        outputs = {a: n for a, n in aliases.items() if n in shown} or {n: n for n in shown}
+        shown |= {alias: shown[name] for alias, name in outputs.items()}
         values["inputs"] |= {n: float(received[str(port)][-1]) for n, port in system.fed_ports}
         real = {name for name, signal in self.model.inputs.items() if signal.type == "real"}
         units = {
@@ -256,12 +249,11 @@ class ForeignSubject:
             self.model.name,
             outputs,
             system,
-            inputs=[name for name in blocks.inputs if name in real - targets],
+            inputs=[name for name in blocks.inputs if name in real],
             units=units | {alias: units[name] for alias, name in outputs.items()},
             nominal=reduce(or_, (part.nominal for part in parts)),
             method=", ".join(dict.fromkeys(part.method for part in parts)),
             joined=blocks,
-            connections=connections,
             point=OperatingPoint(parts[0].point.time, **values),
             is_held=any(part.is_held for part in parts),
             remarks=tuple(note for part in parts for note in part.notes),

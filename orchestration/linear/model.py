@@ -374,7 +374,6 @@ class LinearModel(Displayable):
             "B": m.B.tolist(),
             "C": m.C.tolist(),
             "D": m.D.tolist(),
-            "poles": self._pole_pairs(),
             "operating_point": {
                 "time": point.time,
                 "trimmed": point.trimmed,
@@ -382,24 +381,19 @@ class LinearModel(Displayable):
                 "drift": point.drift,
                 "undetermined": list(point.undetermined),
             },
-            "notes": list(self.notes),
+            **self.summary(),
         }
-        if self.loop:
-            result["margins"] = self.margins()._asdict()
         if self.further:
             result["further"] = [one.to_dict() for one in self.further]
         if self.variations:
-            result["variations"] = [one.summary() for one in self.variations]
+            result["variations"] = [{"case": one.case, **one.summary()} for one in self.variations]
         return result
 
-    def _pole_pairs(self) -> list[list[float]]:
-        return [[float(p.real), float(p.imag)] for p in np.atleast_1d(self.poles()) + 0j]
-
     def summary(self) -> dict[str, Any]:
-        """Return what varies, poles, margins of a loop, and notes, for JSON."""
+        """Return poles, notes and margins of a loop, for JSON."""
         margins = {"margins": self.margins()._asdict()} if self.loop else {}
-        poles = self._pole_pairs()
-        return {"case": self.case, "poles": poles, "notes": list(self.notes), **margins}
+        poles = [[float(p.real), float(p.imag)] for p in np.atleast_1d(self.poles()) + 0j]
+        return {"poles": poles, "notes": list(self.notes), **margins}
 
     def to_mat(self, path: str | Path) -> Path:
         """Write A, B, C, D, the sample period Ts, names and units to a MATLAB file.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
@@ -217,10 +217,6 @@ class Equations(LinearSubject):
 
     graph: Graph
     cls: type[Component] | None = None
-    # by the connections that a graph is without
-    _graphs: dict[tuple[Connection, ...], tuple[Graph, ca.Function]] = field(
-        default_factory=dict, repr=False, compare=False
-    )
 
     def complete(self, point: OperatingPoint) -> OperatingPoint:
         """Return an operating point with outputs and rates, also by their names in the system."""
@@ -233,27 +229,24 @@ class Equations(LinearSubject):
     ) -> LinearBlocks:
         """Return the blocks about an operating point, without some connections."""
         if self.system is None or not (step or cuts):
-            graph, function = self._graph_without(())
-            return blocks_of(graph, point, function)
-        # connected inputs are variables of a graph without their connections
+            return blocks_of(self.graph, point, self._jacobians)
+        # connected inputs are variables of a graph without connections
         values = self.complete(point).values
         connections = self.system.connections
         inputs = {str(c.target): c.factor * values[str(c.source)] + c.offset for c in connections}
-        at = replace(point, inputs=point.inputs | inputs)
-        graph, function = self._graph_without(connections if step else tuple(cuts))
-        blocks = blocks_of(graph, at, function)
-        others = [c for c in connections if c not in cuts]
-        return blocks.exchanging(others, step) if step else blocks
+        blocks = blocks_of(self._apart, replace(point, inputs=point.inputs | inputs))
+        return blocks.connected([c for c in connections if c not in cuts], step)
 
-    def _graph_without(self, dropped: tuple[Connection, ...]) -> tuple[Graph, ca.Function]:
-        """Return the graph without some connections, and the function of its Jacobians."""
-        if dropped not in self._graphs:
-            graph = self.graph
-            if self.system and dropped:
-                others = tuple(c for c in self.system.connections if c not in dropped)
-                graph = fuse(replace(self.system, connections=others))
-            self._graphs[dropped] = graph, jacobians(graph)
-        return self._graphs[dropped]
+    @cached_property
+    def _jacobians(self) -> ca.Function:
+        """Jacobians of the equations, for several operating points."""
+        return jacobians(self.graph)
+
+    @cached_property
+    def _apart(self) -> Graph:
+        """Equations of the members of a system without their connections."""
+        assert self.system is not None
+        return fuse(replace(self.system, connections=()))
 
     @cached_property
     def compiled(self) -> CompiledModel:

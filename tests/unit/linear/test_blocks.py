@@ -88,14 +88,14 @@ def test_a_held_connection_is_a_state_of_the_exchange_and_outputs_see_the_newest
         "b.y": np.array([0.0, 0.0, 0.5]),
     }
     blocks = LinearBlocks(("x",), (), ("a.u", "b.u"), np.array([[0.0, 1.0, 0.0]]), (), signals)
-    held = blocks.exchanging(connect("a.y -> b.u", "b.y -> a.u"), 0.1)
+    held = blocks.connected(connect("a.y -> b.u", "b.y -> a.u"), 0.1)
     assert (held.discretes, held.inputs) == (("b.u", "a.u"), ())
     by_name = dict(zip(held.discretes, held.updates[0].matrix[:, 0], strict=True))
     assert by_name == {"a.u": pytest.approx(1.0), "b.u": pytest.approx(2.0)}
     np.testing.assert_allclose(held.signals["a.y"], [2.0, 0.0, 0.0])
     blocks.signals["b.y"] = np.array([0.0, 0.0, 1.0])
     with pytest.raises(UserError, match="an algebraic loop without a solution"):
-        blocks.exchanging(connect("a.y -> b.u", "b.y -> a.u"), 0.1)
+        blocks.connected(connect("a.y -> b.u", "b.y -> a.u"), 0.1)
 
 
 def test_a_held_connection_has_its_factor():
@@ -110,7 +110,7 @@ def test_a_held_connection_has_its_factor():
         Connection(Port("a", "y"), Port("b", "u"), 2.0),
         Connection(Port("b", "y"), Port("a", "u"), -1.0),
     )
-    held = blocks.exchanging(wires, 0.1)
+    held = blocks.connected(wires, 0.1)
     by_name = dict(zip(held.discretes, held.updates[0].matrix[:, 0], strict=True))
     assert by_name == {"a.u": pytest.approx(-0.5), "b.u": pytest.approx(1.0)}
 
