@@ -11,9 +11,11 @@ to cut a loop at a state and to remove states that are on no path are operations
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from itertools import compress
+from operator import or_
 
 import casadi as ca
 import numpy as np
@@ -22,7 +24,7 @@ from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.interrupt import uninterrupted
 from fmus.kit.symbolic import Graph
-from orchestration.linear.operating_point import OperatingPoint
+from orchestration.linear.operating_point import OperatingPoint, listed
 from orchestration.reporting import option
 from orchestration.system import Connection, Port
 
@@ -93,32 +95,27 @@ class LinearBlocks:
         itself, like a cut behind an integrator or a hold.
         """
         blocks = replace(self, inputs=(*self.inputs, f"cut({state})"))._with_columns_from(self)
-        state_column = self.columns.index(state)
-        cut_column = len(blocks.columns) - 1
+        column = self.columns.index(state)
+        laws_of_state = {state, f"der({state})", f"next({state})"}
 
-        def rewire(matrix: Array, is_of_state: Sequence[bool]) -> Array:
-            """Read the new input instead of the state, except in rows of laws of the state."""
-            others = ~np.array(is_of_state, dtype=bool)
-            result = matrix.copy()
-            result[others, cut_column] = matrix[others, state_column]
-            result[others, state_column] = 0.0
-            return result
+        def rewired(names: Iterable[str], rows: Iterable[Array]) -> Array:
+            """Read the new input instead of the state, except in laws of the state."""
+            matrix = np.array([*rows]).reshape(-1, len(blocks.columns))
+            others = [name not in laws_of_state for name in names]
+            matrix[others, -1] = matrix[others, column]
+            matrix[others, column] = 0.0
+            return matrix
 
-        discrete = state_column - len(self.states)  # negative for a continuous state
         updates = tuple(
-            replace(u, matrix=rewire(u.matrix, [row == discrete for row in u.rows]))
+            replace(u, matrix=rewired([self.discretes[row] for row in u.rows], u.matrix))
             for u in blocks.updates
         )
-        laws_of_state = {state, f"der({state})", f"next({state})"}
-        rows = rewire(
-            np.array(list(blocks.signals.values())),
-            [name in laws_of_state for name in blocks.signals],
-        )
+        signals = rewired(blocks.signals, blocks.signals.values())
         return replace(
             blocks,
-            rates=rewire(blocks.rates, [name == state for name in blocks.states]),
+            rates=rewired(blocks.states, blocks.rates),
             updates=updates,
-            signals=dict(zip(blocks.signals, rows, strict=True)),
+            signals=dict(zip(blocks.signals, signals, strict=True)),
         )
 
     def connected(self, connections: Sequence[Connection], step: float = 0.0) -> LinearBlocks:
@@ -221,23 +218,14 @@ class LinearBlocks:
 
     def _on_path(self, inputs: Sequence[str], outputs: Sequence[str]) -> set[str]:
         """Return the names of columns that depend on an input and on which an output depends."""
-        columns = self.columns
-
-        def dependencies(row: Array) -> set[str]:
-            return {columns[k] for k in np.flatnonzero(row)}
-
-        sources: dict[str, set[str]] = {name: set() for name in columns}
-        for name, row in zip(self.states, self.rates, strict=True):
-            sources[name] |= dependencies(row)
+        columns = np.array(self.columns)
+        depends = np.eye(len(columns), dtype=bool)  # row on column
+        depends[: len(self.states)] |= self.rates != 0.0
         for update in self.updates:
-            for place, row in zip(update.rows, update.matrix, strict=True):
-                sources[self.discretes[place]] |= dependencies(row)
-        targets: dict[str, set[str]] = {name: set() for name in columns}
-        for name, names in sources.items():
-            for source in names:
-                targets[source].add(name)
-        ends = set().union(*(dependencies(self.signals[name]) for name in outputs))
-        return _closure(set(inputs), targets) & _closure(ends, sources)
+            depends[[len(self.states) + row for row in update.rows]] |= update.matrix != 0.0
+        reach = np.linalg.matrix_power(depends, len(columns))
+        ends = np.any([self.signals[name] != 0.0 for name in outputs], axis=0)
+        return {*columns[(reach @ np.isin(columns, inputs)) & (ends @ reach)].tolist()}
 
     def _without(self, dropped: set[str]) -> LinearBlocks:
         """Return the blocks without the rows of some states, but still with their columns."""
@@ -287,40 +275,25 @@ class LinearBlocks:
 
 def joined(parts: Sequence[LinearBlocks]) -> LinearBlocks:
     """Return the blocks of models side by side, whose names differ."""
-    states = tuple(name for part in parts for name in part.states)
-    discretes = tuple(name for part in parts for name in part.discretes)
-    inputs = tuple(name for part in parts for name in part.inputs)
-    rates = []
-    updates: list[SampledUpdate] = []
-    signals: dict[str, Array] = {}
-    first = 0
-    for part in parts:
-        widened = replace(part, states=states, discretes=discretes, inputs=inputs)
-        wide = widened._with_columns_from(part)
-        rates.append(wide.rates)
-        updates += (replace(u, rows=tuple(first + row for row in u.rows)) for u in wide.updates)
-        signals |= wide.signals
-        first += len(part.discretes)
-    return LinearBlocks(states, discretes, inputs, np.vstack(rates), tuple(updates), signals)
-
-
-def _closure(start: set[str], edges: Mapping[str, set[str]]) -> set[str]:
-    """Return all nodes of a directed graph that can be reached from some of them, and these."""
-    nodes = set(start)
-    queue = list(start)
-    while queue:
-        new = edges[queue.pop()] - nodes
-        nodes |= new
-        queue += new
-    return nodes
+    names = {
+        kind: tuple(name for part in parts for name in getattr(part, kind))
+        for kind in ("states", "discretes", "inputs")
+    }
+    wide = [replace(part, **names)._with_columns_from(part) for part in parts]
+    updates = [
+        replace(u, rows=tuple(names["discretes"].index(part.discretes[row]) for row in u.rows))
+        for part, one in zip(parts, wide, strict=True)
+        for u in one.updates
+    ]
+    signals = reduce(or_, (one.signals for one in wide))
+    rates = np.vstack([one.rates for one in wide])
+    return LinearBlocks(**names, rates=rates, updates=tuple(updates), signals=signals)
 
 
 def _advice(name: str, known: Collection[str]) -> str:
     """Return the end of a message on an unknown name: similar names, or else the first ones."""
     names = list(known)
-    rest = len(names) - _MOST_LISTED
-    more = f" and {rest} more" if rest > 0 else ""
-    return suggestion(name, names) or f"; there are {', '.join(names[:_MOST_LISTED])}{more}"
+    return suggestion(name, names) or f"; there are {listed(names, _MOST_LISTED)}"
 
 
 @uninterrupted()

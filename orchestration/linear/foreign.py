@@ -21,7 +21,7 @@ from fmus.kit.arrays import Array, Signals
 from fmus.kit.errors import error_context
 from orchestration import master
 from orchestration.fmu import Model, Signal, Value
-from orchestration.fmu.simulation import grid
+from orchestration.fmu.simulation import grid, points_before
 from orchestration.linear.blocks import LinearBlocks, joined
 from orchestration.linear.fmu_derivatives import (
     FmuRequest,
@@ -54,10 +54,6 @@ class MembersAtPoint(LinearSubject):
     point: OperatingPoint
     is_held: bool
     remarks: tuple[str, ...]
-
-    def complete(self, point: OperatingPoint) -> OperatingPoint:
-        """Return the operating point, which has its outputs and rates."""
-        return point
 
     def blocks(
         self, point: OperatingPoint, cuts: Sequence[Connection], step: float
@@ -115,11 +111,11 @@ class ForeignSubject:
         instants, driven = drive
         before = instants <= time
         points = np.union1d(instants[before], grid(0.0, time, step) if time else np.zeros(1))
-        latest = np.searchsorted(instants, points, side="right") - 1
-        constant = {n: float(v) for n, v in settings.items() if n in self.model.inputs}
-        inputs = {name: np.full(points.size, value) for name, value in constant.items()}
+        latest = points_before(instants, points)
+        known = self.model.inputs
+        inputs = {n: np.full(points.size, float(v)) for n, v in settings.items() if n in known}
         inputs |= {name: values[latest] for name, values in driven.items()}
-        parameters = {n: v for n, v in settings.items() if n not in constant}
+        parameters = {n: v for n, v in settings.items() if n not in known}
         members = self._members(parameters)
         received = self._received(members, points, inputs, step)
         parts = list(self._known_parts(parameters, points, received))

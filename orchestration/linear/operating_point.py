@@ -16,7 +16,6 @@ from fmus.kit.symbolic import Graph
 from orchestration.reporting import option
 
 _AT_REST = 1e-3  # largest way to the equilibrium that is none, of a state's magnitude
-_MOST_LISTED = 6  # signals in a note
 _INTEGRATES = 1e-9  # of the fastest pole, below which a pole is that of an integrator
 
 
@@ -128,10 +127,10 @@ def with_unit(number: str, unit: str | None) -> str:
     return f"{number} {unit}" if unit and unit != "1" else number
 
 
-def listed(words: Sequence[str]) -> str:
+def listed(words: Sequence[str], most: int = 6) -> str:
     """Return the first ones of some words, and the number of others."""
-    rest = len(words) - _MOST_LISTED
-    return ", ".join(words[:_MOST_LISTED]) + (f" and {rest} more" if rest > 0 else "")
+    rest = len(words) - most
+    return ", ".join(words[:most]) + (f" and {rest} more" if rest > 0 else "")
 
 
 @uninterrupted()

@@ -55,9 +55,9 @@ class LinearSubject(ABC):
     nominal: Mapping[str, float]
     method: str
 
-    @abstractmethod
     def complete(self, point: OperatingPoint) -> OperatingPoint:
         """Return an operating point with outputs and rates, also by their names in the system."""
+        return point
 
     @abstractmethod
     def blocks(
@@ -234,7 +234,7 @@ class Equations(LinearSubject):
         values = self.complete(point).values
         connections = self.system.connections
         inputs = {str(c.target): c.factor * values[str(c.source)] + c.offset for c in connections}
-        blocks = blocks_of(self._apart, replace(point, inputs=point.inputs | inputs))
+        blocks = self._apart.blocks(replace(point, inputs=point.inputs | inputs), (), 0.0)
         return blocks.connected([c for c in connections if c not in cuts], step)
 
     @cached_property
@@ -243,10 +243,11 @@ class Equations(LinearSubject):
         return jacobians(self.graph)
 
     @cached_property
-    def _apart(self) -> Graph:
+    def _apart(self) -> Equations:
         """Equations of the members of a system without their connections."""
         assert self.system is not None
-        return fuse(replace(self.system, connections=()))
+        graph = fuse(replace(self.system, connections=()))
+        return replace(self, graph=graph, outputs={}, system=None)
 
     @cached_property
     def compiled(self) -> CompiledModel:
