@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import compress
 from operator import or_
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -275,7 +276,7 @@ class LinearBlocks:
 
 def joined(parts: Sequence[LinearBlocks]) -> LinearBlocks:
     """Return the blocks of models side by side, whose names differ."""
-    names = {
+    names: dict[str, Any] = {
         kind: tuple(name for part in parts for name in getattr(part, kind))
         for kind in ("states", "discretes", "inputs")
     }

@@ -163,8 +163,6 @@ class LinearPart(NamedTuple):
     point : OperatingPoint
     method : str
         Origin of the derivatives, with the sizes of differences.
-    nominal : Mapping of str to float
-        Magnitudes of continuous states.
     notes : tuple of str
         Remarks for the user.
     is_held : bool
@@ -174,7 +172,6 @@ class LinearPart(NamedTuple):
     blocks: LinearBlocks
     point: OperatingPoint
     method: str
-    nominal: Mapping[str, float]
     notes: tuple[str, ...] = ()
     is_held: bool = False
 
@@ -240,9 +237,7 @@ def _by_laws(request: FmuRequest, directional: bool) -> LinearPart | None:
             )
             method = request.method(_DIFFERENCES, found)
             jacobian = np.column_stack([one.slope for one in found.values()])
-        known = source_of(model).nominal
-        nominal = request.named(known, known.values())
-        return LinearPart(_blocks(request, fmu.states, jacobian), point, method, nominal)
+        return LinearPart(_blocks(request, fmu.states, jacobian), point, method)
 
 
 def _laws(fmu: ExchangeFmu, request: FmuRequest) -> Callable[[Mapping[str, float]], Array]:
@@ -389,7 +384,6 @@ def _by_pulses(request: FmuRequest) -> LinearPart:
         _blocks(request, states, matrix, request.step),
         request.point(at_rest[:, 0], {}, {}),
         request.method(_PULSES, found),
-        {},
         _notes(request, at_rest),
         not (order and _answers_at_once(request, found, responses)),
     )

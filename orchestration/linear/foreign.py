@@ -21,7 +21,7 @@ from fmus.kit.arrays import Array, Signals
 from fmus.kit.errors import error_context
 from orchestration import master
 from orchestration.fmu import Model, Signal, Value
-from orchestration.fmu.simulation import grid, points_before
+from orchestration.fmu.simulation import grid, points_before, source_of
 from orchestration.linear.blocks import LinearBlocks, joined
 from orchestration.linear.fmu_derivatives import (
     FmuRequest,
@@ -59,8 +59,7 @@ class MembersAtPoint(LinearSubject):
         self, point: OperatingPoint, cuts: Sequence[Connection], step: float
     ) -> LinearBlocks:
         """Return the blocks about the operating point, without some connections."""
-        connections = self.system.connections if self.system else ()
-        return self.joined.connected([c for c in connections if c not in cuts], step)
+        return self.joined.connected([c for c in self.connections if c not in cuts], step)
 
 
 @dataclass(frozen=True)
@@ -214,9 +213,7 @@ class ForeignSubject:
         own = {name: float(value) for name, value in parameters.items() if name in names}
         driven = {v.name: received[v.name] for v in layout.inputs}
         point = point_at(known.graph, float(points[-1]), own, driven, points, known.compiled)
-        yield LinearPart(
-            known.blocks(point, (), 0.0), known.complete(point), known.method, known.nominal
-        )
+        yield LinearPart(known.blocks(point, (), 0.0), known.complete(point), known.method)
 
     def _connected(
         self,
@@ -247,7 +244,7 @@ class ForeignSubject:
             system,
             inputs=[name for name in blocks.inputs if name in real],
             units=units | {alias: units[name] for alias, name in outputs.items()},
-            nominal=reduce(or_, (part.nominal for part in parts)),
+            nominal=source_of(self.model).nominal,
             method=", ".join(dict.fromkeys(part.method for part in parts)),
             joined=blocks,
             point=OperatingPoint(parts[0].point.time, **values),

@@ -55,6 +55,11 @@ class LinearSubject(ABC):
     nominal: Mapping[str, float]
     method: str
 
+    @property
+    def connections(self) -> tuple[Connection, ...]:
+        """Connections of a system."""
+        return self.system.connections if self.system else ()
+
     def complete(self, point: OperatingPoint) -> OperatingPoint:
         """Return an operating point with outputs and rates, also by their names in the system."""
         return point
@@ -188,16 +193,15 @@ class LinearSubject(ABC):
 
     def _connections(self, cut: str) -> list[Connection]:
         """Return the connections to an input or from an output."""
-        connections = self.system.connections if self.system else ()
-        return [c for c in connections if cut in (str(c.source), str(c.target))]
+        return [c for c in self.connections if cut in (str(c.source), str(c.target))]
 
     def _check_state(self, blocks: LinearBlocks, cut: str) -> None:
         """Raise if there is no state of a name, or it is one of a realisation, without a unit."""
         if cut in (*blocks.states, *blocks.discretes) and cut in self.units:
             return
-        connections = self.system.connections if self.system else ()
-        known = [*(str(c.target) for c in connections), *self.units]
-        advice = f"; connections are {', '.join(map(str, connections))}" if connections else ""
+        known = [*(str(c.target) for c in self.connections), *self.units]
+        listed = ", ".join(map(str, self.connections))
+        advice = f"; connections are {listed}" if listed else ""
         raise UserError(
             f"{self.name}: {option('cut', cut)}: no state and no connection of this name"
             f"{suggestion(cut, known)}{advice}"
@@ -232,10 +236,11 @@ class Equations(LinearSubject):
             return blocks_of(self.graph, point, self._jacobians)
         # connected inputs are variables of a graph without connections
         values = self.complete(point).values
-        connections = self.system.connections
-        inputs = {str(c.target): c.factor * values[str(c.source)] + c.offset for c in connections}
+        inputs = {
+            str(c.target): c.factor * values[str(c.source)] + c.offset for c in self.connections
+        }
         blocks = self._apart.blocks(replace(point, inputs=point.inputs | inputs), (), 0.0)
-        return blocks.connected([c for c in connections if c not in cuts], step)
+        return blocks.connected([c for c in self.connections if c not in cuts], step)
 
     @cached_property
     def _jacobians(self) -> ca.Function:
