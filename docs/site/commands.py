@@ -54,7 +54,7 @@ def value_of(option: Option) -> str:
 
 def called(option: Option) -> str:
     """Return an argument or an option as it is typed."""
-    flags = [""] if option.argument else option.flags
+    flags = [""] if option.argument else [*option.flags, *filter(None, [option.alias])]
     return ", ".join(f"`{f'{flag} {value_of(option)}'.strip()}`" for flag in flags)
 
 

@@ -86,6 +86,8 @@ class Option(NamedTuple):
     flag : str
         Name on the command line, ``--on/--off`` for both values of a switch; by default made from
         the name.
+    alias : str
+        Second name on the command line; empty for none.
     metavar : str, optional
         Placeholder of the value in the help.
     kind : str
@@ -111,6 +113,7 @@ class Option(NamedTuple):
     default: Any = None
     form: Form = AS_IT_IS
     flag: str = ""
+    alias: str = ""
     metavar: str | None = None
     kind: str = ""
     unit: str = ""

@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from math import inf, isfinite
+from pathlib import Path
+from typing import Any
 
 from fmus.kit import UserError
 from orchestration.api.declaration import Form
@@ -209,6 +211,45 @@ def _read_settings(texts: Sequence[str], flag: str) -> dict[str, str]:
     return settings
 
 
+def with_files(texts: Sequence[str], flag: str) -> list[str]:
+    """Return settings with those of parameter files, ``FILE`` or ``MEMBER@FILE``, in their place.
+
+    A setting that is typed overrides that of a file.
+
+    Raises
+    ------
+    UserError
+        If a file cannot be read, or a value is neither a number nor a text.
+    """
+    typed = [text for text in texts if "=" in text or not text.endswith(".toml")]
+    names = {text.rpartition("=")[0].strip() for text in typed}
+    values = {}
+    for text in texts:
+        if text not in typed:
+            values |= _read_parameters(text)
+    return [*_pairs({n: v for n, v in values.items() if n not in names}), *typed]
+
+
+def _read_parameters(text: str) -> dict[str, object]:
+    """Return the table ``[parameters]`` of ``FILE``; of ``MEMBER@FILE`` with the member's name."""
+    from orchestration.experiment.values import read_toml
+
+    member, _, path = text.rpartition("@")
+    values = read_toml(Path(path)).get("parameters")
+    if not isinstance(values, dict):
+        raise UserError(f"{path}: a file of parameters has a table [parameters]")
+    for name, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            raise UserError(f'{path}: {name} = {value}: write a number or "number unit"')
+    return {f"{member}.{name}" if member else name: value for name, value in values.items()}
+
+
+def _given_parameters(value: Any, name: str) -> Any:
+    """Return the settings of a file that is named from Python; other settings as they are."""
+    is_file = isinstance(value, str | Path)
+    return _read_settings(with_files([str(value)], name), name) if is_file else value
+
+
 def _pairs(values: Mapping[str, object]) -> list[str]:
     return [f"{name}={value}" for name, value in values.items()]
 
@@ -222,6 +263,9 @@ EFFECTS = Form(
 )
 MAPPING = Form(_read_mapping, _pairs, list[str] | None)
 SETTINGS = Form(_read_settings, _pairs, list[str] | None)
+PARAMETERS = SETTINGS._replace(
+    read=lambda texts, flag: _read_settings(with_files(texts, flag), flag), given=_given_parameters
+)
 TEXTS = Form(typed=list[str] | None, write=list)
 RECORDS = TEXTS._replace(read=_read_records)
 RATIOS = TEXTS._replace(given=lambda value, name: [value] if isinstance(value, str) else [*value])

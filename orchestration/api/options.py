@@ -24,6 +24,7 @@ from orchestration.api.forms import (
     RECORDS,
     ROWS,
     SEGMENT,
+    PARAMETERS,
     SETTINGS,
     TIME,
     TIMES,
@@ -165,11 +166,14 @@ class SettingsOption(TypedDict, total=False):
     settings: Annotated[
         Mapping[str, float | str] | None,
         Option(
-            "Set a parameter, e.g. R1=0.61 or k1=6.3N/mm. Repeatable.",
+            "Set a parameter, e.g. R1=0.61 or k1=6.3N/mm, or those of a file: specimen.toml, or"
+            " MEMBER@specimen.toml in a system. Repeatable.",
             "Values of parameters, which are start values of a fit, and of constant inputs:"
-            ' numbers in the model\'s units, or texts with a unit such as ``"6.3 N/mm"``.',
+            ' numbers in the model\'s units, or texts with a unit such as ``"6.3 N/mm"``; or a'
+            " ``.toml`` file with a table ``[parameters]`` of them.",
+            alias="--params",
             metavar="NAME=VALUE[UNIT]",
-            form=SETTINGS,
+            form=PARAMETERS,
         ),
     ]
 

@@ -84,7 +84,7 @@ def _parameter(option: Option) -> Parameter:
         "autocompletion": _completion(option),
         "rich_help_panel": None if option.argument else panel_of(option.name),
     }
-    names = () if option.argument else ("/".join(option.flags),)
+    names = () if option.argument else ("/".join(option.flags), *filter(None, [option.alias]))
     about = typer.Argument(**more) if option.argument else typer.Option(*names, **more)
     default = Parameter.empty if option.default is REQUIRED else _typed_default(option)
     return Parameter(

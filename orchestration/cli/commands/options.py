@@ -9,7 +9,7 @@ from typing import Annotated, Any, TypedDict
 
 from fmus.rig_proxy import ENDPOINT, PORT
 from orchestration.api.declaration import REQUIRED, Option
-from orchestration.api.forms import NAMES, PERCENT, SIZE, TEXTS, TIME, names_among, some_of
+from orchestration.api.forms import NAMES, PERCENT, SIZE, TEXTS, TIME, names_among, some_of, with_files
 from orchestration.api.options import (
     AssumptionOptions,
     BandOptions,
@@ -275,11 +275,13 @@ class ExperimentOptions(TypedDict, total=False):
     settings: Annotated[
         Sequence[str],
         Option(
-            "Over the file: duration=20s, R1=610mohm, inputs.current.value=1.",
+            "Over the file: duration=20s, R1=610mohm, inputs.current.value=1, or parameters of a"
+            " file: specimen.toml, MEMBER@specimen.toml.",
             default=(),
             flag="--set",
+            alias="--params",
             metavar="KEY=VALUE",
-            form=TEXTS,
+            form=TEXTS._replace(read=with_files),
         ),
     ]
     out: Annotated[
