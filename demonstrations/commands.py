@@ -1,4 +1,4 @@
-"""Commands ``ppy demo``, ``ppy thesis`` and ``ppy rig demo``, which are entry points.
+"""Commands ``ppy demo``, ``ppy characterise``, ``ppy thesis``, ``ppy rig demo``: entry points.
 
 No ``from __future__ import annotations``, with which the options in annotations could not be read.
 """
@@ -9,8 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 from fmus.kit.extras import require
 from orchestration.api.declaration import Option
 from orchestration.cli.command import command
-from orchestration.cli.options import JsonOption
-from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
+from orchestration.cli.commands.options import MeasuringOptions
+from orchestration.cli.options import JsonOption, RecordsArgument
+from orchestration.cli.outputs import (
+    JSON,
+    Outputs,
+    standard_output_for,
+    typed_command,
+    write_json,
+)
 
 if TYPE_CHECKING:
     from demonstrations.thesis import Claim
@@ -27,6 +34,19 @@ class DemoCommand(TypedDict, total=False):
         Path,
         Option(
             "Folder for FMUs, pictures, the record and the report.", default=Path("demo-output")
+        ),
+    ]
+
+
+class CharacteriseCommand(RecordsArgument, MeasuringOptions, JsonOption, total=False):
+    """Options of ``ppy characterise``."""
+
+    out: Annotated[
+        Path,
+        Option(
+            "Folder for parameters, README and page; its name is the specimen's.",
+            default=Path("specimen"),
+            metavar="FOLDER",
         ),
     ]
 
@@ -64,6 +84,31 @@ def demo(options: DemoCommand) -> None:
 
     Outputs(folders={"--out": options["out"]}).check()
     work.run(options["out"])
+
+
+@command(CharacteriseCommand)
+def characterise(options: CharacteriseCommand) -> None:
+    """Characterise an actuator by its tests: records, or a folder of them (thesis chapter 3)."""
+    from demonstrations.characterise import characterise as work
+    from demonstrations.characterise import write_files
+    from orchestration.cli.models import open_runs
+    from orchestration.records import files_of
+    from orchestration.reporting.console import out, progress, wrote
+
+    folder = options["out"]
+    paths = [file for path in options["records"] for file in files_of(path)]
+    read = {f"the record {path}": path for path in paths}
+    Outputs(read, {"--json": options["json"]}, {"--json": JSON}, {"--out": folder}).check()
+    model, records, given = open_runs({**options, "records": paths})
+    with progress() as tell:
+        found = work(model, records, given, tell)
+        tell("drawing the page")
+        written = write_files(found, folder, typed_command())
+    with standard_output_for(options["json"]):
+        out.print(*found.overview(), sep="\n")
+        for path in written:
+            wrote(path)
+        write_json(options["json"], found.to_dict())
 
 
 @command(ThesisCommand)

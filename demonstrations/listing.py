@@ -2,6 +2,10 @@
 
 COMMANDS = {
     "Find out what is wrong": {
+        "characterise": (
+            "Characterise an actuator: tests, parameters, what is missing.",
+            "demonstrations.commands:characterise",
+        ),
         "demo": (
             "Do everything once, with pictures and a report.",
             "demonstrations.commands:demo",

@@ -9,7 +9,16 @@ from typing import Annotated, Any, TypedDict
 
 from fmus.rig_proxy import ENDPOINT, PORT
 from orchestration.api.declaration import REQUIRED, Option
-from orchestration.api.forms import NAMES, PERCENT, SIZE, TEXTS, TIME, names_among, some_of, with_files
+from orchestration.api.forms import (
+    NAMES,
+    PERCENT,
+    SIZE,
+    TEXTS,
+    TIME,
+    names_among,
+    some_of,
+    with_files,
+)
 from orchestration.api.options import (
     AssumptionOptions,
     BandOptions,

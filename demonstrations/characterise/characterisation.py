@@ -1,0 +1,252 @@
+"""Parameters of a specimen by all of its tests: read off by eye, and fitted to all together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from demonstrations.characterise.kinds import KINDS, Estimates, Kind, kind_of
+from demonstrations.graphical import GraphicalEstimate
+from fmus.kit import UserError
+from fmus.kit.units import format_value
+from orchestration.fmu import Model, Value
+from orchestration.identify import Fit, JointComparison, comparison
+from orchestration.identify.fitting import Assumptions
+from orchestration.identify.metrics import finite_or_none
+from orchestration.records import Record, record_labels, refuse_same
+from orchestration.reporting import Displayable, one_line, plain_table
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+_WIDE = 0.5  # of a value: half an interval, beyond which it counts as not determined
+_BEFORE = 10.0  # durations of a test for which its load had been as at the first sample
+_ANYTHING = 100.0  # typical sizes of a state: deviation of a start value that nothing tells
+HEAD = ("parameter", "by eye", "95 % interval", "fitted", "95 % interval")
+
+
+@dataclass(frozen=True)
+class Characterisation(Displayable):
+    """A specimen's records and parameters.
+
+    Attributes
+    ----------
+    model : Model
+    kinds : Mapping of str to Kind or None
+        The test that each record is, by its label; None for none of the thesis.
+    by_eye : Mapping of str to Estimates
+        What is read off each record.
+    joint : JointComparison
+        Of the fit to all records, without start values.
+    remarks : tuple of str
+        Why nothing was read off a record.
+    """
+
+    model: Model
+    kinds: Mapping[str, Kind | None]
+    by_eye: Mapping[str, Estimates]
+    joint: JointComparison
+    remarks: tuple[str, ...]
+
+    @property
+    def fit(self) -> Fit:
+        """Fit of the parameters to all records."""
+        return self.joint.fit
+
+    @property
+    def records(self) -> list[Record]:
+        """The records, in their order."""
+        return [one.record for one in self.joint.comparisons.values()]
+
+    @property
+    def determined(self) -> dict[str, float]:
+        """Fitted values by name, SI, of the parameters that the records determine."""
+        known = {}
+        for name, estimate in self.fit.estimates.items():
+            low, high = estimate.interval
+            if high - low <= 2.0 * _WIDE * abs(estimate.value):
+                known[name] = estimate.value
+        return known
+
+    @property
+    def missing(self) -> dict[str, str]:
+        """By parameter that the records do not determine: the test that would tell it."""
+        made = [kind for kind in self.kinds.values() if kind is not None]
+        advice = {}
+        for name in self.fit.estimates:
+            if name in self.determined:
+                continue
+            able = [kind for kind in KINDS if name in kind.tells]
+            again = "again, " * any(kind in made for kind in able)
+            tests = "; or ".join(f"{kind.title}: {again}{kind.advice}" for kind in able)
+            advice[name] = tests or "no test of the thesis tells it"
+        return advice
+
+    def readings(self, name: str) -> dict[str, GraphicalEstimate]:
+        """Return what is read off for a parameter, by the label of the record."""
+        return {label: read[name] for label, read in self.by_eye.items() if name in read}
+
+    def rows(self) -> Iterator[list[str]]:
+        """Yield a row of `HEAD` for each reading, and for each parameter without one."""
+        for name, estimate in self.fit.estimates.items():
+            declared = self.fit.declared[name]
+
+            def cells(value: float, interval: tuple[float, float]) -> list[str]:
+                low, high = (format_value(end, declared, 4) for end in interval)  # noqa: B023
+                return [format_value(value, declared, 4), f"{low} … {high}"]  # noqa: B023
+
+            fitted = ["not determined", ""]
+            if name in self.determined:
+                fitted = cells(estimate.value, estimate.interval)
+            for label, read in self.readings(name).items():
+                value, interval = cells(read.value, read.interval)
+                yield [name, f"{value} ({label})", interval, *fitted]
+            if not self.readings(name):
+                yield [name, "", "", *fitted]
+
+    def kind_rows(self) -> Iterator[list[str]]:
+        """Yield a row for each record: its label, its test, and what such a test tells."""
+        for label, kind in self.kinds.items():
+            if kind is None:
+                yield [label, "no test of the thesis", "only fitted, with the others"]
+            else:
+                yield [label, f"{kind.title} ({kind.source})", ", ".join(kind.tells)]
+
+    def overview(self) -> Iterator[RenderableType]:
+        """Yield the tests, the parameters, and what is missing."""
+        tests = plain_table(None, "record", "test", "tells")
+        for row in self.kind_rows():
+            tests.add_row(*row)
+        yield tests
+        yield ""
+        table = plain_table(None, *HEAD, right=HEAD[1:])
+        for row in self.rows():
+            table.add_row(*row)
+        yield table
+        yield from (f"not determined: {name}; {text}" for name, text in self.missing.items())
+        yield from (f"warning: {text}" for text in (*self.remarks, *self.fit.warnings))
+
+    def __repr__(self) -> str:
+        return one_line(f"Characterisation of {', '.join(self.kinds)}: {self.fit!r}")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures, ready for JSON."""
+        by_eye = {
+            label: {
+                name: {
+                    "value": one.value,
+                    "ci95": [finite_or_none(end) for end in one.interval],
+                    "unit": one.unit,
+                }
+                for name, one in read.items()
+            }
+            for label, read in self.by_eye.items()
+        }
+        return {
+            "model": self.model.name,
+            "tests": {label: kind and kind.title for label, kind in self.kinds.items()},
+            "by_eye": by_eye,
+            "fitted": self.fit.to_dict(),
+            "missing": self.missing,
+            "remarks": [*self.remarks],
+        }
+
+
+def characterise(
+    model: Model,
+    records: Sequence[Record],
+    given: Mapping[str, Value] | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Characterisation:
+    """Name the test that each record is, read parameters off it, and fit them to all records.
+
+    Parameters
+    ----------
+    model : Model
+        With its equations.
+    records : sequence of Record
+    given : Mapping of str to float or str, optional
+        Start values of parameters, in the units of the model.
+    progress : callable
+        Called with a message before every stage.
+
+    Raises
+    ------
+    UserError
+        If the model has no equations, two records are the same, or the fit fails.
+    """
+    if model.cls is None:
+        raise UserError(f"{model.without_equations}; ppy identify fits named parameters of it")
+    refuse_same(records, model.outputs)
+    labels = record_labels(records)
+    kinds = {label: kind_of(one) for label, one in zip(labels, records, strict=True)}
+    declared = {p.name: p for p in model.cls.layout.parameters if p.fitted}
+    starts = {name: p for name, p in declared.items() if p.starts}
+    # a state that no sample tells, such as one long before it, would make the fit singular
+    assumptions = Assumptions(
+        priors={name: (0.0, _ANYTHING * p.nominal) for name, p in starts.items()}
+    )
+    joint = comparison.compare_fitted(
+        model,
+        [_with_history(one, kind) for one, kind in zip(records, kinds.values(), strict=True)],
+        dict(given or {}),
+        [*declared],
+        assumptions,
+        progress=progress,
+    )
+    progress("reading parameters off the records")
+    circuit = {name: joint.fit.values[name] for name in KINDS[-1].tells if name in declared}
+    by_eye: dict[str, Estimates] = {}
+    remarks = []
+    for label, record in zip(labels, records, strict=True):
+        kind = kinds[label]
+        try:
+            by_eye[label] = {} if kind is None else kind.read(record, circuit)
+        except UserError as error:
+            remarks.append(f"{label}: nothing is read off it by eye: {error}")
+    fit = _without_starts(joint.fit)
+    comparisons = {
+        label: _without_history(one, record, fit)
+        for (label, one), record in zip(joint.comparisons.items(), records, strict=True)
+    }
+    return Characterisation(model, kinds, by_eye, JointComparison(comparisons, fit), tuple(remarks))
+
+
+def _with_history(record: Record, kind: Kind | None) -> Record:
+    """Return a record of a step of the load after a time under the load that it begins with.
+
+    A record tells the creep of its step only if the creep of the load before has ended.
+    """
+    if kind is not KINDS[0]:
+        return record
+    span = float(record.time[-1] - record.time[0])
+    time = np.concatenate([[record.time[0] - _BEFORE * span], record.time])
+    signals = {}
+    for name, values in record.signals.items():
+        first = values[0] if name in ("current", "force") else np.nan
+        signals[name] = np.concatenate([[first], values])
+    return replace(record, time=time, signals=signals)
+
+
+def _without_history(one: comparison.Comparison, record: Record, fit: Fit) -> comparison.Comparison:
+    """Return a comparison over the samples of the record itself, with another fit."""
+
+    def own(run: Mapping[str, comparison.GoodnessOfFit]) -> dict[str, comparison.GoodnessOfFit]:
+        part = slice(len(one.record.time) - len(record.time), None)
+        return {
+            name: replace(judged, measured=judged.measured[part], simulated=judged.simulated[part])
+            for name, judged in run.items()
+        }
+
+    return replace(one, record=record, before=own(one.before), after=own(one.latest), fit=fit)
+
+
+def _without_starts(fit: Fit) -> Fit:
+    """Return a fit of the parameters alone: start values are of a record, not of the specimen."""
+    estimates = {name: one for name, one in fit.estimates.items() if not fit.declared[name].starts}
+    correlations = {pair: r for pair, r in fit.correlations.items() if estimates.keys() >= {*pair}}
+    warnings = [text for text in fit.warnings if "_start@" not in text and "_start " not in text]
+    return replace(fit, estimates=estimates, correlations=correlations, warnings=warnings)

@@ -1,0 +1,255 @@
+"""The thesis' tests of an actuator: how a record of each looks, and what is read off it by eye."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from demonstrations.graphical import GraphicalEstimate, read_circuit, read_creep, read_loops
+from demonstrations.graphical.quantity import resampled
+from fmus.kit import UserError
+from fmus.kit.arrays import Array, Indices
+from orchestration.records import Record
+
+Estimates = Mapping[str, GraphicalEstimate]
+_QUIET = 0.013  # A, 1 % of the galvanostat's range
+_FLAT = 0.05  # of a level or a range: largest deviation of what is constant
+_EVEN = 0.1  # of the mean: largest deviation of the intervals of what is periodic
+_CYCLES = 2  # of a triangle at least
+_UNITS = {
+    "R1": "ohm",
+    "R2": "ohm",
+    "C": "F",
+    "alpha": "m/C",
+    "k1": "N/m",
+    "b1": "N*s/m",
+    "k2": "N/m",
+    "b2": "N*s/m",
+}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A test of the thesis.
+
+    Attributes
+    ----------
+    title : str
+    source : str
+        Where the thesis has it.
+    tells : tuple of str
+        Parameters that a record of it determines.
+    advice : str
+        How to make one that determines them.
+    recognises : callable
+        Whether a record is one.
+    read : callable
+        Returns what is read off a record; its second argument has the circuit, SI, as far as it is
+        known. It raises UserError if nothing can be read.
+    """
+
+    title: str
+    source: str
+    tells: tuple[str, ...]
+    advice: str
+    recognises: Callable[[Record], bool]
+    read: Callable[[Record, Mapping[str, float]], Estimates]
+
+
+def kind_of(record: Record) -> Kind | None:
+    """Return the test that a record is; None if it looks like none of them."""
+    return next((kind for kind in KINDS if kind.recognises(record)), None)
+
+
+# --- how a record looks
+# --------------------------------------------------------------------------------------------------
+
+
+def _is_held_force(record: Record) -> bool:
+    force = _signal(record, "force")
+    is_quiet = bool(np.abs(_signal(record, "current")).max() <= _QUIET)
+    is_step = _has_two_levels(force) and len(_switches(force)) == 1
+    return "displacement" in record.signals and is_quiet and is_step
+
+
+def _is_held_voltage(record: Record) -> bool:
+    if not {"current", "voltage"} <= record.signals.keys():
+        return False
+    current, voltage = _held_part(record)[1:]
+    is_held = voltage.size and np.nanstd(voltage) <= _FLAT * abs(np.nanmean(voltage))
+    return bool(is_held and np.ptp(current) > _FLAT * np.abs(current).max())
+
+
+def _is_triangle(record: Record) -> bool:
+    switches = _switches(_driven(_signal(record, "current")))
+    if "displacement" not in record.signals or len(switches) < 2 * _CYCLES:
+        return False
+    between = np.diff(record.time[switches])
+    is_even = np.abs(between - between.mean()).max() <= _EVEN * between.mean()
+    return bool(is_even) and _is_switched(record)
+
+
+def _is_prbs(record: Record) -> bool:
+    enough = len(_switches(_driven(_signal(record, "current")))) >= 2 * _CYCLES
+    return "voltage" in record.signals and enough and _is_switched(record)
+
+
+def _is_switched(record: Record) -> bool:
+    return _has_two_levels(_driven(_signal(record, "current")))
+
+
+def _signal(record: Record, name: str) -> Array:
+    """Return a signal (n,); zero if it was not recorded, as the input of a model then is."""
+    return record.signals.get(name, np.zeros_like(record.time))
+
+
+def _driven(current: Array) -> Array:
+    """Return a current without the rests before and after it."""
+    inside = np.flatnonzero(np.abs(current) > 0.5 * np.abs(current).max())
+    return current[inside[0] : inside[-1] + 1] if inside.size else current[:0]
+
+
+def _has_two_levels(signal: Array) -> bool:
+    """Return whether a signal is always near one of the ends of its range, which is not empty."""
+    if not signal.size or not np.ptp(signal) > 0.0:
+        return False
+    share = (signal - signal.min()) / np.ptp(signal)
+    return bool((np.minimum(share, 1.0 - share) <= _FLAT).all())
+
+
+def _switches(signal: Array) -> Indices:
+    """Return the indices of the first samples on the other side of the middle of its range."""
+    if not signal.size:
+        return np.zeros(0, dtype=np.intp)
+    above = signal > 0.5 * (signal.min() + signal.max())
+    return np.asarray(np.flatnonzero(np.diff(above)) + 1)
+
+
+def _held_part(record: Record) -> tuple[Array, Array, Array]:
+    """Return time, current and voltage from the first sample at a voltage that is held."""
+    voltage = record.signals["voltage"]
+    reached = np.flatnonzero(np.abs(voltage) > 0.5 * np.nanmax(np.abs(voltage)))
+    first = int(reached[0]) if reached.size else 0
+    return record.time[first:], record.signals["current"][first:], voltage[first:]
+
+
+# --- what is read off it
+# --------------------------------------------------------------------------------------------------
+
+
+def _read_held_force(record: Record, circuit: Mapping[str, float]) -> Estimates:
+    """Read the Burgers parameters off the creep (eqs. 3.1 to 3.3)."""
+    time, force = record.time, record.signals["force"]
+    measured = record.signals["displacement"]
+    found = read_creep(time, force, measured)
+    step = _switches(force)[0]
+    since = np.maximum(time - time[step], 0.0)
+    delayed = (1.0 - np.exp(-since / found.time_constant)) / found.k2
+    load = force - force[0]
+    curve = measured[:step].mean() + load * (1.0 / found.k1 + delayed + since / found.b1)
+
+    def read(displacement: Array) -> Sequence[float]:
+        return [*read_creep(time, force, displacement).values.values()]
+
+    return _estimates(read, curve, measured, [*found.values])
+
+
+def _read_held_voltage(record: Record, circuit: Mapping[str, float]) -> Estimates:
+    """Read the circuit off the current, V/R2 + V/R1 exp(-t/(R1 C)) (fig. 3-1).
+
+    Its end gives R2, its first sample R1, and the area between it and its end the charge C V.
+    """
+    time, current, voltage = _held_part(record)
+    level = float(np.nanmean(voltage))
+    held_for = np.append(np.diff(time), 0.0)
+
+    def read(i: Array) -> Sequence[float]:
+        end = float(i[-(i.size // 3) :].mean())
+        if not (i[0] / level > end / level > 0.0):
+            raise UserError("current: does not fall towards a leakage while the voltage is held")
+        return [level / (i[0] - end), level / end, float((i - end) @ held_for) / level]
+
+    R1, R2, C = read(current)
+    curve = level / R2 + level / R1 * np.exp(-(time - time[0]) / (R1 * C))
+    return _estimates(read, curve, current, ["R1", "R2", "C"])
+
+
+def _read_triangle(record: Record, circuit: Mapping[str, float]) -> Estimates:
+    """Read the displacement per charge off the slope of their loops (fig. 3-10, eq. 3.4)."""
+    current = record.signals["current"]
+    switches = record.time[_switches(current)]
+    period = 2.0 * float(np.diff(switches).mean())
+    charge = _charge(record.time, current, circuit)
+    start = float(switches[0] - record.time[0])
+    loops = read_loops(
+        record.time, charge, record.signals["displacement"], period, start=start, drift=True
+    )
+    return {"alpha": loops.slope}
+
+
+def _charge(time: Array, current: Array, circuit: Mapping[str, float]) -> Array:
+    """Return the charge (n,) of a held current, by the circuit where that is known (eq. 3.5)."""
+    step = float(np.diff(time).mean())
+    gain, decay = step, 1.0
+    if circuit:
+        R1, R2, C = (circuit[name] for name in ("R1", "R2", "C"))
+        decay = float(np.exp(-step / ((R1 + R2) * C)))
+        gain = R2 * C * (1.0 - decay)
+    return np.asarray(lfilter([0.0, gain], [1.0, -decay], current))
+
+
+def _read_prbs(record: Record, circuit: Mapping[str, float]) -> Estimates:
+    """Read the circuit off the record by an output-error model (eqs. 3.9 to 3.13)."""
+    found = read_circuit(record.time, record.signals["current"], record.signals["voltage"])
+    last = found.windows[-1].output_error
+    if not last.exists:
+        raise UserError("no circuit of R1, R2 and C behaves so")
+    return {name: getattr(last, name) for name in ("R1", "R2", "C")}
+
+
+def _estimates(
+    read: Callable[[Array], Sequence[float]], curve: Array, measured: Array, names: Sequence[str]
+) -> Estimates:
+    """Return what is read off a signal, with intervals, by name."""
+    estimates = resampled(read, curve, measured, [_UNITS[name] for name in names])
+    return dict(zip(names, estimates, strict=True))
+
+
+KINDS = (
+    Kind(
+        "held force with creep",
+        "thesis section 3.1.2",
+        ("k1", "b1", "k2", "b2"),
+        "no current, one step of the load, held for at least six time constants of the creep",
+        _is_held_force,
+        _read_held_force,
+    ),
+    Kind(
+        "held voltage",
+        "thesis section 2.3",
+        ("R1", "R2", "C"),
+        "a step of the voltage, held until the current no longer falls",
+        _is_held_voltage,
+        _read_held_voltage,
+    ),
+    Kind(
+        "triangle of charge",
+        "thesis section 3.3.1, fig. 3-10",
+        ("alpha",),
+        "a square wave of the current under a constant load, ten cycles or more",
+        _is_triangle,
+        _read_triangle,
+    ),
+    Kind(
+        "PRBS",
+        "thesis section 3.1.4",
+        ("R1", "R2", "C"),
+        "a pseudorandom binary current, longer than several (R1 + R2) C, with the voltage",
+        _is_prbs,
+        _read_prbs,
+    ),
+)
+"""In the order in which a record is held against them."""
