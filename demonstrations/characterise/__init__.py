@@ -1,4 +1,4 @@
-"""Characterisation of a specimen: which tests its records are, and its parameters by all of them."""
+"""Characterisation of a specimen: the tests that its records are, and its parameters."""
 
 import lazy_loader
 

@@ -8,8 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-from demonstrations.graphical import GraphicalEstimate, read_circuit, read_creep, read_loops
-from demonstrations.graphical.quantity import resampled
+from demonstrations.graphical import (
+    GraphicalEstimate,
+    read_circuit,
+    read_creep,
+    read_loops,
+    resampled,
+)
 from fmus.kit import UserError
 from fmus.kit.arrays import Array, Indices
 from orchestration.records import Record

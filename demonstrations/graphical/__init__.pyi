@@ -11,3 +11,4 @@ from .life import forecast_life as forecast_life
 from .loops import Loops as Loops
 from .loops import read_loops as read_loops
 from .quantity import GraphicalEstimate as GraphicalEstimate
+from .quantity import resampled as resampled

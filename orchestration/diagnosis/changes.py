@@ -228,6 +228,7 @@ def _changes(selected: Selected) -> tuple[Change, ...]:
                 declared[name],
                 "" if isinstance(one, str) else one.name,
                 None if isinstance(one, str) else 0.0,
+                selected.bounds[one],
             )
         )
     return tuple(sorted(changes, key=lambda change: not change.changed))

@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.special import ndtri
 
 from fmus.kit.arrays import Array, single_threaded
 from orchestration.diagnosis.comparison import WEIGHTS, Comparison, Judged, common_of, compare
@@ -29,7 +30,7 @@ from orchestration.diagnosis.search import Found, Ranked
 from orchestration.diagnosis.subject import Subject
 from orchestration.diagnosis.term_names import covariance_of
 from orchestration.diagnosis.terms import Term
-from orchestration.identify.uncertainty import is_significantly_different
+from orchestration.identify.uncertainty import NOTICEABLE, is_significantly_different
 
 _ROUNDS = 6  # of a fit, each in the noise that the one before left
 _STEPS = 40  # of each
@@ -221,6 +222,8 @@ class Selected:
     gains : Mapping of Difference to float
         Share of the squared error that each takes off, of what all take off; none if these take off
         no more than chance does.
+    bounds : Mapping of Difference to float
+        By how much each differs at most where all may, as `largest_difference` says.
     """
 
     joint: Joint
@@ -232,6 +235,7 @@ class Selected:
     sure: frozenset[Difference]
     doubtful: frozenset[Difference]
     gains: Mapping[Difference, float]
+    bounds: Mapping[Difference, float]
 
 
 @dataclass
@@ -266,6 +270,11 @@ class Selection:
     @single_threaded
     def select(self) -> Selected:
         """Add one difference after the other, as long as the score rises."""
+        bounds = {
+            one: largest_difference(self.joint, self.separate.fit, self.all, one)
+            for one in self.all
+        }
+        stayed = {one for one, bound in bounds.items() if bound <= NOTICEABLE}
         chosen: tuple[Difference, ...] = ()
         rivals: dict[Difference, list[Difference]] = {}
         while rest := [one for one in self.all if one not in chosen]:
@@ -277,7 +286,7 @@ class Selection:
                 break
             near = score - self._found.temper
             also = [o for o in rest if scores.get(frozenset((*chosen, o)), -np.inf) > near]
-            rivals[best] = [one for one in also if one != best]
+            rivals[best] = [one for one in also if one != best and one not in stayed]
             chosen = (*chosen, best)
         sure = {one for one in chosen if self._is_sure(chosen, one)}
         doubtful = {one for one in chosen if one not in sure and self._differs(chosen, one)}
@@ -298,8 +307,9 @@ class Selection:
             chosen,
             self.all,
             frozenset(sure),
-            frozenset(doubtful),
+            frozenset(doubtful - stayed),
             self._gains if self._is_telling() else {},
+            bounds,
         )
 
     def _judged(self, differences: Sequence[Difference]) -> Judged | None:
@@ -448,3 +458,11 @@ def difference(
     variance = covariance[0, 0] + covariance[1, 1] - 2.0 * covariance[0, 1]
     size = 1.0 if isinstance(one, str) else max(abs(before), abs(after)) or 1.0
     return float(after - before) / size, float(np.sqrt(max(variance, 0.0))) / size
+
+
+def largest_difference(
+    joint: Joint, fitted: Fit, differences: Sequence[Difference], one: Difference
+) -> float:
+    """Return by how much a value differs at most, at 95 %, in the measure of `difference`."""
+    change, error = difference(joint, fitted, differences, one)
+    return abs(change) + float(ndtri(0.975)) * error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,6 +10,8 @@ from typing import Any
 from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.units import format_value
 from orchestration.identify.metrics import finite_or_none
+from orchestration.identify.uncertainty import NOTICEABLE
+from orchestration.reporting import format_percent
 
 CHANGE_HEAD = ["parameter", "before", "after", "gain", "verdict"]
 
@@ -37,6 +40,8 @@ class Change:
         Effect that has the parameter; empty for those of the model.
     neutral : float or None
         Value at which that effect does nothing, if this is its strength.
+    bound : float
+        Largest change within 95 %, as a share of the value; infinite if nothing is known.
     """
 
     name: str
@@ -50,6 +55,12 @@ class Change:
     declaration: ParameterDeclaration
     effect: str = ""
     neutral: float | None = None
+    bound: float = math.inf
+
+    @property
+    def unchanged(self) -> bool:
+        """True if it changed at most by what would not be noticed."""
+        return not self.changed and self.bound <= NOTICEABLE
 
     @property
     def unit(self) -> str:
@@ -77,6 +88,7 @@ class Change:
             "changed": self.changed,
             "uncertain": self.uncertain,
             "gain": self.gain,
+            "bound": finite_or_none(self.bound),
         }
         if self.effect:
             figures["effect"] = self.effect
@@ -107,10 +119,15 @@ def format_gain(change: Change) -> str:
 
 
 def change_verdict(change: Change) -> str:
-    """Return the verdict on a change: changed, uncertain or not claimed."""
+    """Return the verdict on a change: changed, unchanged, uncertain or not claimed."""
     if change.changed:
         return "changed"
-    return "uncertain" if change.uncertain else "not claimed"
+    within = f"within {format_percent(change.bound)}"
+    if change.unchanged:
+        return f"unchanged, {within}"
+    if change.uncertain:
+        return "uncertain"
+    return f"not claimed, {within}" if change.bound < 1.0 else "not claimed"
 
 
 def describe_changes(changes: Sequence[Change]) -> str:
@@ -123,6 +140,12 @@ def describe_changes(changes: Sequence[Change]) -> str:
         text = "Nothing surely changed."
     else:
         text = "Nothing changed beyond noise."
+    stayed = ", ".join(
+        f"{_changed_name(change)} within {format_percent(change.bound)}"
+        for change in changes
+        if change.unchanged
+    )
+    text += f" Unchanged: {stayed}." if stayed else ""
     return f"{text} Uncertain: {uncertain}." if uncertain else text
 
 
