@@ -4,12 +4,12 @@ No ``from __future__ import annotations``, with which the options in annotations
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypedDict
+from typing import TYPE_CHECKING, Annotated, Any, TypedDict, cast
 
 from fmus.kit.extras import require
 from orchestration.api.declaration import Option
 from orchestration.cli.command import command
-from orchestration.cli.commands.options import MeasuringOptions
+from orchestration.cli.commands.options import IdentifyCommand, MeasuringOptions
 from orchestration.cli.options import JsonOption, RecordsArgument
 from orchestration.cli.outputs import (
     JSON,
@@ -99,7 +99,7 @@ def characterise(options: CharacteriseCommand) -> None:
     paths = [file for path in options["records"] for file in files_of(path)]
     read = {f"the record {path}": path for path in paths}
     Outputs(read, {"--json": options["json"]}, {"--json": JSON}, {"--out": folder}).check()
-    model, records, given = open_runs({**options, "records": paths})
+    model, records, given = open_runs(cast("IdentifyCommand", {**options, "records": paths}))
     with progress() as tell:
         found = work(model, records, given, tell)
         tell("drawing the page")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +57,7 @@ def write_tests(
     return parameters
 
 
-def _inputs(parameters: RigParameters) -> dict[str, tuple[Array, Array, Array]]:
+def _inputs(parameters: RigParameters) -> dict[str, tuple[NDArray[Any], ...]]:
     """Return time (s), current (A) and force (N) of each test, each of shape (n,)."""
     slow = np.arange(0.0, 2405.0)
     minute = _PERIOD * np.arange(600)
@@ -74,7 +75,7 @@ def _inputs(parameters: RigParameters) -> dict[str, tuple[Array, Array, Array]]:
     }
 
 
-def _held_voltage(parameters: RigParameters, time: Array, voltage: float = 0.5) -> Array:
+def _held_voltage(parameters: RigParameters, time: NDArray[Any], voltage: float = 0.5) -> Array:
     """Return the current (n,) in A that holds a voltage at every sample, after a rest.
 
     A potentiostat that samples: the current is constant in between, where the charge follows

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -207,7 +207,7 @@ def characterise(
             by_eye[label] = {} if kind is None else kind.read(record, circuit)
         except UserError as error:
             remarks.append(f"{label}: nothing is read off it by eye: {error}")
-    fit = _without_starts(joint.fit)
+    fit = _without_starts(joint.fit, [*starts])
     comparisons = {
         label: _without_history(one, record, fit)
         for (label, one), record in zip(joint.comparisons.items(), records, strict=True)
@@ -244,9 +244,11 @@ def _without_history(one: comparison.Comparison, record: Record, fit: Fit) -> co
     return replace(one, record=record, before=own(one.before), after=own(one.latest), fit=fit)
 
 
-def _without_starts(fit: Fit) -> Fit:
+def _without_starts(fit: Fit, starts: Collection[str]) -> Fit:
     """Return a fit of the parameters alone: start values are of a record, not of the specimen."""
-    estimates = {name: one for name, one in fit.estimates.items() if not fit.declared[name].starts}
+    estimates = {
+        name: one for name, one in fit.estimates.items() if name.partition("@")[0] not in starts
+    }
     correlations = {pair: r for pair, r in fit.correlations.items() if estimates.keys() >= {*pair}}
-    warnings = [text for text in fit.warnings if "_start@" not in text and "_start " not in text]
+    warnings = [text for text in fit.warnings if not any(name in text for name in starts)]
     return replace(fit, estimates=estimates, correlations=correlations, warnings=warnings)

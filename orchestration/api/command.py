@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import cast
 
 from orchestration.api.declaration import words_of
 from orchestration.records import Record, record_labels
@@ -45,11 +46,11 @@ def equivalent_command(
         str(run.source) for run in holdouts if run.source not in estimation_files
     )
     holdout = [",".join(labels)] if labels else []
-    later = options.get("compare")
+    later = cast("Sequence[object]", options.get("compare") or ())
     values = {
         **options,
         "holdout": [*holdout, *other_files] or None,
-        "compare": later.source if isinstance(later, Record) else later,
+        "compare": [one.source if isinstance(one, Record) else one for one in later] or None,
     }
     files = dict.fromkeys(record.source for record in read)
     return ["ppy", command, *files, "--model", model, *words_of(declared, values)]

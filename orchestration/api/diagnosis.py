@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, Unpack, cast, overload
@@ -28,7 +28,7 @@ from orchestration.api.system_results import SystemResult
 from orchestration.diagnosis import Options as DiagnosisOptions
 from orchestration.diagnosis import diagnose as diagnose_by_terms
 from orchestration.diagnosis import law_map
-from orchestration.diagnosis.changes import find_changes
+from orchestration.diagnosis.changes import changes_in_time
 from orchestration.diagnosis.foreign import FmuDiagnosis, diagnose_fmu
 from orchestration.diagnosis.systems import SystemOptions, diagnose_system
 from orchestration.experiment.system_model import find_system
@@ -129,11 +129,11 @@ def diagnose(
     measured, unseen = held_out(record, subject, options)
     subject = with_measured(subject, *measured)
     chosen = _chosen(subject, options, fit=options["fit"], laws=options["laws"])
-    compare = options["compare"]
-    later = None if compare is None else matching_record(compare, subject, options)
+    compared = cast("Sequence[Data]", options["compare"] or ())
+    later = [matching_record(one, subject, options) for one in compared]
     refuse_same([*measured, *unseen], subject.outputs)
-    if later is not None:
-        refuse_same([*measured, *unseen, later], subject.outputs, option("compare"))
+    if later:
+        refuse_same([*measured, *unseen, *later], subject.outputs, option("compare"))
     around: FmuDiagnosis | None = None
     if subject.cls is None:
         settings = values_of(subject, options["settings"])
@@ -149,9 +149,9 @@ def diagnose(
         declared=DiagnoseOptions,
         options={**options, "compare": later},
     )
-    if later is None:
+    if not later:
         return DiagnosisResult(diagnosis, command, around=around)
-    changed = find_changes(diagnosis, later, chosen, options["progress"])
+    changed = changes_in_time(diagnosis, later, chosen, options["progress"])
     return DiagnosisResult(diagnosis, command, changed)
 
 

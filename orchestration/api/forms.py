@@ -223,7 +223,7 @@ def with_files(texts: Sequence[str], flag: str) -> list[str]:
     """
     typed = [text for text in texts if "=" in text or not text.endswith(".toml")]
     names = {text.rpartition("=")[0].strip() for text in typed}
-    values = {}
+    values: dict[str, object] = {}
     for text in texts:
         if text not in typed:
             values |= _read_parameters(text)
@@ -265,6 +265,11 @@ MAPPING = Form(_read_mapping, _pairs, list[str] | None)
 SETTINGS = Form(_read_settings, _pairs, list[str] | None)
 PARAMETERS = SETTINGS._replace(
     read=lambda texts, flag: _read_settings(with_files(texts, flag), flag), given=_given_parameters
+)
+LATER = Form(
+    typed=list[Path] | None,
+    write=lambda values: list(map(str, values)),
+    given=lambda value, name: [*value] if isinstance(value, list | tuple) else [value],
 )
 TEXTS = Form(typed=list[str] | None, write=list)
 RECORDS = TEXTS._replace(read=_read_records)

@@ -9,10 +9,11 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
-from orchestration.api.declaration import Form, Option, options_of
+from orchestration.api.declaration import Option, options_of
 from orchestration.api.forms import (
     BAND,
     EFFECTS,
+    LATER,
     LEFT_OUT,
     LIMITS,
     MAPPING,
@@ -307,14 +308,14 @@ class DiagnoseOptions(RecordOptions, SearchOptions, UnitsOption, total=False):
         ),
     ]
     compare: Annotated[
-        "Record | str | Path | None",
+        "Record | str | Path | Sequence[Record | str | Path] | None",
         Option(
-            "A later record of the specimen, in which changes are diagnosed.",
-            "A later record of the same specimen: `DiagnosisResult.changes` then lists changed"
-            " parameters, and effects that appeared or disappeared.",
-            kind="Record, str or Path, optional",
+            "A later record of the specimen, in which changes are diagnosed. Repeatable, in time.",
+            "A later record of the same specimen, or several in time: `DiagnosisResult.changes`"
+            " then lists changed parameters, and effects that appeared or disappeared.",
+            kind="Record, str or Path, or sequence of these, optional",
             metavar="AFTER",
-            form=Form(typed=Path | None),
+            form=LATER,
         ),
     ]
     laws: Annotated[

@@ -326,9 +326,11 @@ class DiagnosisResult(Diagnosed):
     evidence : Evidence
         Evidence for every set of terms that was fitted.
     changes : list of Change or None
-        Changes in the later record; None without one.
+        Changes in the later record, the last of several; None without one.
+    history : dict of str to list of Change
+        Changes in every later record, in time, by the path of its file.
     later : DiagnosisResult or None
-        Diagnosis of the later record.
+        Diagnosis of the later record, the last of several.
     law_map : list of dict
         What each law gains over each signal, the best first; of `laws`.
     """
@@ -370,6 +372,10 @@ class DiagnosisResult(Diagnosed):
         self.law_map: list[dict[str, Any]] = [] if law_map is None else summary.law_figures(law_map)
         self.changes: list[Change] | None = None if changed is None else list(changed.changes)
         self.later = None if changed is None else DiagnosisResult(changed.later)
+        self.history: dict[str, list[Change]] = {
+            str(one.later.records[0].source): list(one.changes)
+            for one in (changed.in_time if changed else ())
+        }
 
     @property
     def is_interrupted(self) -> bool:
@@ -409,7 +415,13 @@ class DiagnosisResult(Diagnosed):
         if self.changes is None or self.later is None:
             return figures
         comparison = [change.to_dict() for change in self.changes]
-        return figures | {"comparison": comparison, "later": self.later.figures()}
+        figures |= {"comparison": comparison, "later": self.later.figures()}
+        if len(self.history) > 1:
+            figures["history"] = [
+                {"file": file, "comparison": [change.to_dict() for change in changes]}
+                for file, changes in self.history.items()
+            ]
+        return figures
 
     def _view(self, command: str) -> DiagnosisView:
         shown = self._changed or self._law_map or self._diagnosis

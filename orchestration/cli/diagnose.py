@@ -296,7 +296,7 @@ def check_files(options: DiagnoseCommand | LawsCommand, sources: Sequence[Path] 
     """
     given = cast("Mapping[str, Any]", options)
     records: Sequence[Path] = given["records"]
-    later: Path | None = given.get("compare")
+    later: Sequence[Path] = given.get("compare") or ()
     # a holdout may also be labels of several records, which are no files
     unseen = [
         Path(text) for text in given["holdout"] or () if len(records) == 1 or Path(text).exists()
@@ -304,9 +304,9 @@ def check_files(options: DiagnoseCommand | LawsCommand, sources: Sequence[Path] 
     read: dict[str, Path | None] = {}
     for k, path in enumerate(records):
         read[f"the record{_number_after_first(k)}"] = path
-    read["the later record"] = later
-    for k, path in enumerate(unseen):
-        read[f"the record held out{_number_after_first(k)}"] = path
+    for role, paths in (("later record", later), ("record held out", unseen)):
+        for k, path in enumerate(paths):
+            read[f"the {role}{_number_after_first(k)}"] = path
     for source in sources:
         kind = "FMU" if source.suffix == ".fmu" else "file"
         read[f"the {kind} of --model"] = source
@@ -316,15 +316,13 @@ def check_files(options: DiagnoseCommand | LawsCommand, sources: Sequence[Path] 
         for kind, path in fmu_paths(given["fmu"], ()).items():
             written[f"--fmu ({kind})"] = path
     Outputs(read, written, _ENDINGS).check()
-    if later is not None and any(same_file(record, later) for record in records):
-        raise UserError(
-            f"--compare {later}: this is the record itself; nothing in it can have changed"
-        )
-    for path in unseen:
-        if any(same_file(record, path) for record in records):
-            raise UserError(
-                f"--holdout {path}: this is the record itself; nothing would be held out"
-            )
+    for name, paths, reason in (
+        ("--compare", later, "nothing in it can have changed"),
+        ("--holdout", unseen, "nothing would be held out"),
+    ):
+        for path in paths:
+            if any(same_file(record, path) for record in records):
+                raise UserError(f"{name} {path}: this is the record itself; {reason}")
 
 
 def _number_after_first(k: int) -> str:

@@ -85,6 +85,10 @@ EXAMPLES = {
         "ppy system pack dma_bench.ssp",
     ),
     "system check": ("ppy system check dma_bench.ssp", "ppy system check bench.ssd"),
+    "characterise": (
+        "ppy characterise demo-output/record.csv --out specimen",
+        "ppy characterise demo-output/record.csv --set R1=0.5 --out another --json -",
+    ),
     "thesis": ("ppy thesis", "ppy thesis --out thesis.html --json thesis.json"),
     "sweep": (
         "ppy sweep ppy_actuator --over R1=0.3..0.7:9 --set current=0.5 --stop 10s",

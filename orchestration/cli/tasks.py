@@ -19,13 +19,16 @@ _TASKS = {
         "ppy diagnose RECORD RECORD --model MODEL --effects none --no-laws"
     ),
     "see what changed between two records: ageing, wear, drift, before and after": (
-        "ppy diagnose BEFORE --compare AFTER --model MODEL"
+        "ppy diagnose BEFORE --compare AFTER --compare LATER --model MODEL"
     ),
     "test one suspected effect, such as friction, dead zone, backlash, lag, saturation": (
         "ppy diagnose RECORD --model MODEL --effects 'dead_zone(INPUT)'"
     ),
     "list the effects, causes, parameters, units and ports of a model or FMU": "ppy info MODEL",
     "look at a record, a csv file, columns and units, before anything else": "ppy info RECORD",
+    "characterise a new actuator or specimen: creep, circuit, coupling, all its parameters": (
+        "ppy characterise FOLDER"
+    ),
     "find a law or an equation from data without naming effects": "ppy laws RECORD --model MODEL",
     "validate a model: how well does it fit a record, goodness of fit in percent": (
         "ppy compare RECORD --model MODEL"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,11 +45,36 @@ class Changed:
     changes : tuple of Change
         Of every parameter and every cause of which the records say something; those that surely
         changed first, by their gain.
+    earlier : tuple of Changed
+        The same of records in between, in time.
     """
 
     before: Diagnosis
     later: Diagnosis
     changes: tuple[Change, ...]
+    earlier: tuple[Changed, ...] = ()
+
+    @property
+    def in_time(self) -> tuple[Changed, ...]:
+        """Changes to every later record, in time."""
+        return (*self.earlier, self)
+
+
+def changes_in_time(
+    before: Diagnosis,
+    records: Sequence[MeasuredRecord],
+    options: Options | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Changed:
+    """Find what differs in each of several later records, in time; see `find_changes`.
+
+    Returns
+    -------
+    Changed
+        Of the last record, with those of the others.
+    """
+    *earlier, last = [find_changes(before, record, options, progress) for record in records]
+    return replace(last, earlier=tuple(earlier))
 
 
 def find_changes(

@@ -149,14 +149,29 @@ def law_rows(law_map: LawMap) -> Iterator[LawRow]:
 
 
 def changes_view(changed: Changed) -> ChangesView:
-    """Return what changed in a later record."""
-    changes = changed.changes
+    """Return what changed in a later record; of several in time, a row of each for each value."""
+    names = [wording.files(one.later) for one in changed.in_time]
+    if len(set(names)) < len(names):
+        names = [str(one.later.records[0].source) for one in changed.in_time]
+    texts = [describe_changes(one.changes) for one in changed.in_time]
+    rows = [
+        (change, [f"{cells[0]}, {name}", *cells[1:]])
+        for name, one in zip(names, changed.in_time, strict=True)
+        for change, cells in zip(one.changes, change_rows(one.changes), strict=True)
+    ]
+    if changed.earlier:
+        texts = [f"{name}: {text}" for name, text in zip(names, texts, strict=True)]
+        order = [change.name for change in changed.changes]
+        order += [change.name for change, _ in rows]
+        rows.sort(key=lambda row: order.index(row[0].name))
+    else:
+        rows = [*zip(changed.changes, change_rows(changed.changes), strict=True)]
     return ChangesView(
         before=wording.files(changed.before),
-        after=wording.files(changed.later),
-        text=describe_changes(changes),
-        rows=tuple(map(tuple, change_rows(changes))),
-        intervals=tuple(map(_intervals, changes)),
+        after=names[-1],
+        text=" ".join(texts),
+        rows=tuple(tuple(cells) for _, cells in rows),
+        intervals=tuple(_intervals(change) for change, _ in rows),
         verdict=changed.later.verdict,
         by_itself=wording.by_itself(changed),
         notes=_messages(changed.later),
