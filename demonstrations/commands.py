@@ -6,6 +6,7 @@ No ``from __future__ import annotations``, with which the options in annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypedDict, cast
 
+from fmus.kit import UserError
 from fmus.kit.extras import require
 from orchestration.api.declaration import Option
 from orchestration.cli.command import command
@@ -89,14 +90,18 @@ def demo(options: DemoCommand) -> None:
 @command(CharacteriseCommand)
 def characterise(options: CharacteriseCommand) -> None:
     """Characterise an actuator by its tests: records, or a folder of them (thesis chapter 3)."""
+    from demonstrations.characterise import WRITTEN, write_files
     from demonstrations.characterise import characterise as work
-    from demonstrations.characterise import write_files
     from orchestration.cli.models import open_runs
     from orchestration.records import files_of
     from orchestration.reporting.console import out, progress, wrote
 
     folder = options["out"]
-    paths = [file for path in options["records"] for file in files_of(path)]
+    paths = [
+        file for path in options["records"] for file in files_of(path) if file.name not in WRITTEN
+    ]
+    if not paths:
+        raise UserError(f"{', '.join(map(str, options['records']))}: there is no record in it")
     read = {f"the record {path}": path for path in paths}
     Outputs(read, {"--json": options["json"]}, {"--json": JSON}, {"--out": folder}).check()
     model, records, given = open_runs(cast("IdentifyCommand", {**options, "records": paths}))

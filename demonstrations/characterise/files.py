@@ -9,7 +9,7 @@ from demonstrations.characterise.characterisation import HEAD, Characterisation
 from fmus.kit import files
 from orchestration.reporting import write_page
 
-PARAMETERS, README, PAGE = "specimen.toml", "README.md", "specimen.html"
+PARAMETERS, README, PAGE = WRITTEN = ("specimen.toml", "README.md", "specimen.html")
 
 
 def write_files(found: Characterisation, folder: Path, command: str = "") -> list[Path]:

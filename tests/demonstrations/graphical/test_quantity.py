@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import sem, t
 
-from demonstrations.graphical.quantity import mean, quantity
+from demonstrations.graphical.quantity import mean, quantity, resampled
 
 VALUES = [2.1, 1.9, 2.4, 2.0]
 
@@ -25,3 +25,24 @@ def test_what_was_measured_once_has_no_interval():
 
 def test_of_many_repetitions_it_is_nearly_that_of_a_normal_distribution():
     assert quantity(0.0, 1.0, 10_000, "1").interval == pytest.approx((-1.96, 1.96), abs=1e-3)
+
+
+def test_an_interval_by_resampling_has_the_size_that_theory_gives():
+    """Of a mean of n values of white noise: 1.96 deviations over the root of n."""
+    random = np.random.default_rng(1)
+    measured = 3.0 + 0.5 * random.standard_normal(400)
+    (estimate,) = resampled(lambda y: [y.mean()], np.full(400, 3.0), measured, ["V"])
+    assert estimate.value == measured.mean()
+    low, high = estimate.interval
+    assert (high - low) / 2 == pytest.approx(1.96 * 0.5 / 20.0, rel=0.2)
+    assert (high + low) / 2 == pytest.approx(measured.mean(), abs=0.01)
+
+
+def test_the_colour_of_noise_widens_an_interval_by_resampling():
+    """Noise of which each value comes eight times has a mean that is sqrt(8) times as uncertain."""
+    random = np.random.default_rng(1)
+    slow = np.repeat(random.standard_normal(250), 8)
+    (estimate,) = resampled(lambda y: [y.mean()], np.zeros(2000), slow, ["V"])
+    low, high = estimate.interval
+    white = 1.96 / np.sqrt(2000.0)
+    assert 1.8 * white < (high - low) / 2 < 3.0 * white
