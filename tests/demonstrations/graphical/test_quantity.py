@@ -30,11 +30,11 @@ def test_of_many_repetitions_it_is_nearly_that_of_a_normal_distribution():
 def test_an_interval_by_resampling_has_the_size_that_theory_gives():
     """Of a mean of n values of white noise: 1.96 deviations over the root of n."""
     random = np.random.default_rng(1)
-    measured = 3.0 + 0.5 * random.standard_normal(400)
-    (estimate,) = resampled(lambda y: [y.mean()], np.full(400, 3.0), measured, ["V"])
+    measured = 3.0 + 0.5 * random.standard_normal(4000)
+    (estimate,) = resampled(lambda y: [y.mean()], np.full(4000, 3.0), measured, ["V"])
     assert estimate.value == measured.mean()
     low, high = estimate.interval
-    assert (high - low) / 2 == pytest.approx(1.96 * 0.5 / 20.0, rel=0.2)
+    assert (high - low) / 2 == pytest.approx(1.96 * 0.5 / np.sqrt(4000.0), rel=0.2)
     assert (high + low) / 2 == pytest.approx(measured.mean(), abs=0.01)
 
 

@@ -58,7 +58,7 @@ def test_the_command_of_a_report_asks_for_the_same(files, held, monkeypatch):
     assert [r.source.name for r in options["holdout"]] == [
         r.source.name for r in result.details.holdouts
     ]
-    assert str(options["compare"]) == "c.csv"
+    assert [*map(str, options["compare"])] == ["c.csv"]
     for name, value in OPTIONS.items():
         assert options[name] == value, name
     assert np.array_equal(records[0].time, result.record.time)

@@ -21,6 +21,26 @@ def test_a_change_is_a_row_with_its_verdict(changed, uncertain, verdict):
     assert change_rows([change]) == [["R1", "0.5 ohm", "0.6 ohm", "50.0 %", verdict]]
 
 
+@pytest.mark.parametrize(
+    ("bound", "uncertain", "verdict"),
+    [
+        (1e-4, False, "unchanged, within 0.01 %"),
+        (0.019, False, "unchanged, within 1.9 %"),
+        (0.3, False, "not claimed, within 30.0 %"),
+        (0.3, True, "uncertain"),
+        (1.5, False, "not claimed"),
+    ],
+)
+def test_what_stayed_is_unchanged_within_its_bound(bound, uncertain, verdict):
+    ends = (0.9, 1.1), (0.9, 1.1)
+    one = Change("C", 1.0, 1.0, *ends, False, uncertain, None, DECLARED["C"], bound=bound)
+    assert change_rows([one])[0][-1] == verdict
+    assert one.unchanged == verdict.startswith("unchanged")
+    assert one.to_dict()["bound"] == bound
+    said = "Nothing changed beyond noise. Unchanged: C within 0.01 %."
+    assert bound > 1e-3 or describe_changes([one]) == said
+
+
 def change(name, changed=False, uncertain=False):
     ends = (0.9, 1.1), (1.4, 1.6)
     return Change(name, 1.0, 1.5, *ends, changed, uncertain, 0.5, DECLARED[name])
