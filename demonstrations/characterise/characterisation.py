@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from demonstrations.characterise.kinds import KINDS, Estimates, Kind, kind_of
+from demonstrations.characterise.kinds import CIRCUIT, KINDS, Estimates, Kind, kind_of
 from demonstrations.graphical import GraphicalEstimate
 from fmus.kit import UserError
 from fmus.kit.units import format_value
@@ -63,11 +63,19 @@ class Characterisation(Displayable):
 
     @property
     def determined(self) -> dict[str, float]:
-        """Fitted values by name, SI, of the parameters that the records determine."""
+        """Fitted values by name, SI, of the parameters that the records determine.
+
+        Those that no test among them tells are left out: where a minute of creep stands for all of
+        it, a linearised interval of one of its parameters may be narrow and wrong.
+        """
+        tests = [kind for kind in self.kinds.values() if kind is not None]
+        told = {name for kind in tests for name in kind.tells}
+        if len(tests) < len(self.kinds):
+            told |= self.fit.estimates.keys()
         known = {}
         for name, estimate in self.fit.estimates.items():
             low, high = estimate.interval
-            if high - low <= 2.0 * _WIDE * abs(estimate.value):
+            if name in told and high - low <= 2.0 * _WIDE * abs(estimate.value):
                 known[name] = estimate.value
         return known
 
@@ -198,7 +206,7 @@ def characterise(
         progress=progress,
     )
     progress("reading parameters off the records")
-    circuit = {name: joint.fit.values[name] for name in KINDS[-1].tells if name in declared}
+    circuit = {name: joint.fit.values[name] for name in CIRCUIT if name in declared}
     by_eye: dict[str, Estimates] = {}
     remarks = []
     for label, record in zip(labels, records, strict=True):

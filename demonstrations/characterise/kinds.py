@@ -23,6 +23,7 @@ Estimates = Mapping[str, GraphicalEstimate]
 _QUIET = 0.013  # A, 1 % of the galvanostat's range
 _FLAT = 0.05  # of a level or a range: largest deviation of what is constant
 _EVEN = 0.1  # of the mean: largest deviation of the intervals of what is periodic
+CIRCUIT = ("R1", "R2", "C")
 _CYCLES = 2  # of a triangle at least
 _UNITS = {
     "R1": "ohm",
@@ -46,7 +47,7 @@ class Kind:
     source : str
         Where the thesis has it.
     tells : tuple of str
-        Parameters that a record of it determines.
+        Parameters that a record of it determines, if it has the outputs that they act on.
     advice : str
         How to make one that determines them.
     recognises : callable
@@ -179,7 +180,7 @@ def _read_held_voltage(record: Record, circuit: Mapping[str, float]) -> Estimate
 
     R1, R2, C = read(current)
     curve = level / R2 + level / R1 * np.exp(-(time - time[0]) / (R1 * C))
-    return _estimates(read, curve, current, ["R1", "R2", "C"])
+    return _estimates(read, curve, current, CIRCUIT)
 
 
 def _read_triangle(record: Record, circuit: Mapping[str, float]) -> Estimates:
@@ -200,7 +201,7 @@ def _charge(time: Array, current: Array, circuit: Mapping[str, float]) -> Array:
     step = float(np.diff(time).mean())
     gain, decay = step, 1.0
     if circuit:
-        R1, R2, C = (circuit[name] for name in ("R1", "R2", "C"))
+        R1, R2, C = (circuit[name] for name in CIRCUIT)
         decay = float(np.exp(-step / ((R1 + R2) * C)))
         gain = R2 * C * (1.0 - decay)
     return np.asarray(lfilter([0.0, gain], [1.0, -decay], current))
@@ -212,7 +213,7 @@ def _read_prbs(record: Record, circuit: Mapping[str, float]) -> Estimates:
     last = found.windows[-1].output_error
     if not last.exists:
         raise UserError("no circuit of R1, R2 and C behaves so")
-    return {name: getattr(last, name) for name in ("R1", "R2", "C")}
+    return {name: getattr(last, name) for name in CIRCUIT}
 
 
 def _estimates(
@@ -235,7 +236,7 @@ KINDS = (
     Kind(
         "held voltage",
         "thesis section 2.3",
-        ("R1", "R2", "C"),
+        CIRCUIT,
         "a step of the voltage, held until the current no longer falls",
         _is_held_voltage,
         _read_held_voltage,
@@ -243,7 +244,7 @@ KINDS = (
     Kind(
         "triangle of charge",
         "thesis section 3.3.1, fig. 3-10",
-        ("alpha",),
+        ("alpha", *CIRCUIT),
         "a square wave of the current under a constant load, ten cycles or more",
         _is_triangle,
         _read_triangle,
@@ -251,8 +252,8 @@ KINDS = (
     Kind(
         "PRBS",
         "thesis section 3.1.4",
-        ("R1", "R2", "C"),
-        "a pseudorandom binary current, longer than several (R1 + R2) C, with the voltage",
+        (*CIRCUIT, "alpha"),
+        "a pseudorandom binary current, longer than several (R1 + R2) C",
         _is_prbs,
         _read_prbs,
     ),

@@ -43,7 +43,7 @@ def test_true_values_are_in_their_intervals_at_the_stated_rate(tmp_path):
             if not low <= true[name] <= high:
                 misses.append((seed, name))
             # an interval that holds everything says nothing
-            assert (high - low) / true[name] < 0.05, (seed, name)
+            assert (high - low) / true[name] < 0.1, (seed, name)
     print(f"{8 * SPECIMENS - len(misses)} of {8 * SPECIMENS} within 95 % intervals: {misses}")
     assert len(misses) <= 11
 
@@ -55,6 +55,7 @@ def test_what_is_not_determined_is_said_with_the_test_that_would_tell(tmp_path):
     assert set(found.determined) == {"R1", "R2", "C"}
     assert set(found.missing) == {"alpha", "k1", "b1", "k2", "b2"}
     assert found.missing["alpha"].startswith("triangle of charge: a square wave")
+    assert "PRBS: a pseudorandom" in found.missing["alpha"]
     assert found.missing["b2"].startswith("held force with creep: no current")
 
 
