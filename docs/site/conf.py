@@ -62,6 +62,7 @@ navigation = {
         "docs/how-to/diagnose",
         "docs/how-to/own-record",
         "docs/how-to/identify",
+        "docs/how-to/characterise",
         "docs/how-to/frequency",
         "docs/how-to/laws",
         "docs/how-to/new-component",

@@ -44,6 +44,7 @@ HEAVY = {
     "thesis",
     "laws",
     "identify",
+    "characterise",
     "sweeps",
     "retune",
     "continuous-integration",
