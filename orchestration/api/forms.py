@@ -272,6 +272,7 @@ LATER = Form(
     given=lambda value, name: [*value] if isinstance(value, list | tuple) else [value],
 )
 TEXTS = Form(typed=list[str] | None, write=list)
+ASSIGNMENTS = TEXTS._replace(read=with_files)
 RECORDS = TEXTS._replace(read=_read_records)
 RATIOS = TEXTS._replace(given=lambda value, name: [value] if isinstance(value, str) else [*value])
 SEGMENT = Form(_read_settings, _pairs, list[str] | None)

@@ -39,11 +39,11 @@ _GROUPS: _Groups = {
             ".diagnose:diagnose",
         ),
         "laws": (
-            "Search the laws for missing dependences: which signal, which curve.",
+            "Search the laws for missing dependences: of which signal.",
             ".diagnose:laws",
         ),
         "compare": (
-            "Compare a model with a record: fit in percent; --fit recalibrates.",
+            "Compare a model with a record: fit in percent; --fit refits.",
             ".compare:compare",
         ),
         "identify": (

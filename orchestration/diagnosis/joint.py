@@ -30,7 +30,7 @@ from orchestration.diagnosis.search import Found, Ranked
 from orchestration.diagnosis.subject import Subject
 from orchestration.diagnosis.term_names import covariance_of
 from orchestration.diagnosis.terms import Term
-from orchestration.identify.uncertainty import NOTICEABLE, is_significantly_different
+from orchestration.identify.uncertainty import is_significantly_different
 
 _ROUNDS = 6  # of a fit, each in the noise that the one before left
 _STEPS = 40  # of each
@@ -274,7 +274,7 @@ class Selection:
             one: largest_difference(self.joint, self.separate.fit, self.all, one)
             for one in self.all
         }
-        stayed = {one for one, bound in bounds.items() if bound <= NOTICEABLE}
+        stayed = {one for one in bounds if not is_significantly_different(bounds[one], 0.0)}
         chosen: tuple[Difference, ...] = ()
         rivals: dict[Difference, list[Difference]] = {}
         while rest := [one for one in self.all if one not in chosen]:

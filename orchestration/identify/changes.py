@@ -10,7 +10,7 @@ from typing import Any
 from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.units import format_value
 from orchestration.identify.metrics import finite_or_none
-from orchestration.identify.uncertainty import NOTICEABLE
+from orchestration.identify.uncertainty import is_significantly_different
 from orchestration.reporting import format_percent
 
 CHANGE_HEAD = ["parameter", "before", "after", "gain", "verdict"]
@@ -59,8 +59,8 @@ class Change:
 
     @property
     def unchanged(self) -> bool:
-        """True if it changed at most by what would not be noticed."""
-        return not self.changed and self.bound <= NOTICEABLE
+        """True if not even its largest change would be noticed."""
+        return not self.changed and not is_significantly_different(self.bound, 0.0)
 
     @property
     def unit(self) -> str:

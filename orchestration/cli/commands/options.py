@@ -10,6 +10,7 @@ from typing import Annotated, Any, TypedDict
 from fmus.rig_proxy import ENDPOINT, PORT
 from orchestration.api.declaration import REQUIRED, Option
 from orchestration.api.forms import (
+    ASSIGNMENTS,
     NAMES,
     PERCENT,
     SIZE,
@@ -17,7 +18,6 @@ from orchestration.api.forms import (
     TIME,
     names_among,
     some_of,
-    with_files,
 )
 from orchestration.api.options import (
     AssumptionOptions,
@@ -290,7 +290,7 @@ class ExperimentOptions(TypedDict, total=False):
             flag="--set",
             alias="--params",
             metavar="KEY=VALUE",
-            form=TEXTS._replace(read=with_files),
+            form=ASSIGNMENTS,
         ),
     ]
     out: Annotated[

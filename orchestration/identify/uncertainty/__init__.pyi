@@ -3,7 +3,6 @@ from .covariance import heteroscedastic as heteroscedastic
 from .covariance import parameter_covariance as parameter_covariance
 from .covariance import sandwich_covariance as sandwich_covariance
 from .covariance import weighted_square as weighted_square
-from .estimate import NOTICEABLE as NOTICEABLE
 from .estimate import Distribution as Distribution
 from .estimate import Estimate as Estimate
 from .estimate import estimates_frame as estimates_frame

@@ -9,6 +9,7 @@ from orchestration.api.declaration import (
     options_of,
 )
 from orchestration.api.forms import (
+    PARAMETERS,
     SETTINGS,
     comma_list,
     given_names,
@@ -123,3 +124,46 @@ def test_names_are_those_that_are_known():
 def test_a_setting_is_given_once():
     with pytest.raises(UserError, match="--set R1=2: R1 has a value already"):
         SETTINGS.read(["R1=1", "C=3", "R1=2"], "--set")
+
+
+SPECIMEN = """model = "ppy_actuator"
+[parameters]
+R1 = 0.5
+k1 = "5.5 N/mm"
+"""
+
+
+def test_a_file_of_parameters_stands_for_its_settings(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "film.toml").write_text(SPECIMEN)
+    assert PARAMETERS.read(["film.toml"], "--set") == {"R1": "0.5", "k1": "5.5 N/mm"}
+    in_system = {"actuator.R1": "0.5", "actuator.k1": "5.5 N/mm", "stop": "1s"}
+    assert PARAMETERS.read(["actuator@film.toml", "stop=1s"], "--set") == in_system
+    assert PARAMETERS.given("film.toml", "settings =") == {"R1": "0.5", "k1": "5.5 N/mm"}
+    assert PARAMETERS.given({"R1": 1.0}, "settings =") == {"R1": 1.0}
+
+
+@pytest.mark.parametrize("words", [["R1=2", "film.toml"], ["film.toml", "R1=2"]])
+def test_a_setting_that_is_typed_overrides_that_of_a_file(words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "film.toml").write_text(SPECIMEN)
+    assert PARAMETERS.read(words, "--set") == {"R1": "2", "k1": "5.5 N/mm"}
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[values]\n", "a file of parameters has a table [parameters]"),
+        ("[parameters]\nR1 = [1]\n", 'R1 = [1]: write a number or "number unit"'),
+        ("[parameters]\nR1 = true\n", "R1 = True: write a number"),
+        ("[parameters\n", "expected ']'"),
+        (None, "cannot be read"),
+    ],
+)
+def test_a_file_without_parameters_is_refused_with_its_name(text, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    if text is not None:
+        (tmp_path / "film.toml").write_text(text)
+    with pytest.raises(UserError, match=r"^film\.toml: ") as refused:
+        PARAMETERS.read(["film.toml"], "--set")
+    assert said in str(refused.value)

@@ -91,6 +91,22 @@ def test_a_later_record_gives_its_changes_and_its_own_diagnosis():
     assert "What changed: damping, times 2" in str(result)
 
 
+@pytest.mark.slow
+def test_several_later_records_are_in_the_history():
+    first, second, third = (
+        oscillator_record(seed, damping=0.8 * max(1, seed - 1), samples=400) for seed in (1, 2, 3)
+    )
+    only = {"effects": [], "laws": False}
+    result = ppy.diagnose(first, Oscillator, compare=[second, third], **only)
+    changed = [{one.name for one in found if one.changed} for found in result.history.values()]
+    assert changed == [set(), {"damping"}]
+    assert result.changes == [*result.history.values()][-1]
+    assert result.later.records == [third]
+    history = result.to_dict()["history"]
+    assert [one["file"] for one in history] == [str(second.source), str(third.source)]
+    assert history[1]["comparison"] == result.to_dict()["comparison"]
+
+
 def test_the_record_itself_is_no_later_one():
     record = oscillator_record(1, samples=50)
     same = replace(record, source=Path("same.csv"))

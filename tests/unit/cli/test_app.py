@@ -21,6 +21,7 @@ COMMANDS = (
     "check",
     "simulate",
     "run",
+    "characterise",
     "compare",
     "diagnose",
     "frequency",
@@ -41,7 +42,7 @@ def test_help_of(command, tmp_path):
 def test_the_help_of_all_commands_fits_a_terminal_and_says_first_what_is_wrong(tmp_path):
     done = ppy("--help", cwd=tmp_path, environment={"COLUMNS": "80"})
     lines = done.stdout.splitlines()
-    assert len(lines) <= 25
+    assert len(lines) <= 27
     assert max(map(len, lines)) <= 80
     titles = [line for line in lines[1:] if not line.startswith(" ")]
     assert titles == ["Find out what is wrong", "Models, systems, experiments, rigs"]

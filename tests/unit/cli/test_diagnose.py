@@ -158,7 +158,9 @@ def test_nothing_is_lost(given, message, tmp_path, monkeypatch):
     Path("folder").mkdir()
     usual = {name: option.default for name, option in options_of(DiagnoseCommand).items()}
     usual["records"] = [Path("r.csv")]
-    refused = {name: [v] if name == "holdout" else Path(v) for name, v in given.items()}
+    refused = {
+        name: [Path(v)] if name in ("holdout", "compare") else Path(v) for name, v in given.items()
+    }
     with pytest.raises(UserError, match=re.escape(message)):
         check_files(usual | refused)
     new = {"holdout": ["h.html"], "json": Path("new.json"), "report": Path("new.html")}

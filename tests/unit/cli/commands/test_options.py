@@ -9,7 +9,16 @@ import pytest
 
 from fmus.kit import UserError
 from orchestration.api.declaration import options_of
-from orchestration.api.forms import BAND, MAPPING, RATIOS, RECORDS, SEGMENT, SETTINGS, TEXTS
+from orchestration.api.forms import (
+    ASSIGNMENTS,
+    BAND,
+    MAPPING,
+    RATIOS,
+    RECORDS,
+    SEGMENT,
+    SETTINGS,
+    TEXTS,
+)
 from orchestration.cli.commands import options
 from orchestration.cli.commands.options import VERDICTS, ServeCommand
 from orchestration.diagnosis.engine import Verdict
@@ -31,7 +40,7 @@ def test_the_verdicts_that_can_be_required_are_those_that_there_are():
 
 DECLARED = [cls for name, cls in vars(options).items() if name.endswith("Command")]
 _TYPED = (str | None, list[str] | None)
-_OTHERS = (BAND, MAPPING, RATIOS, RECORDS, SEGMENT, SETTINGS, TEXTS)
+_OTHERS = (ASSIGNMENTS, BAND, MAPPING, RATIOS, RECORDS, SEGMENT, SETTINGS, TEXTS)
 LISTS = {
     f"{cls.__name__} {option.flags[0]}": option
     for cls in DECLARED
