@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,11 +11,11 @@ import numpy as np
 from demonstrations.characterise.kinds import CIRCUIT, KINDS, Estimates, Kind, kind_of
 from demonstrations.graphical import GraphicalEstimate
 from fmus.kit import UserError
-from fmus.kit.units import format_value
+from fmus.kit.units import Described, format_value
 from orchestration.fmu import Model, Value
 from orchestration.identify import Fit, JointComparison, comparison
 from orchestration.identify.fitting import Assumptions
-from orchestration.identify.metrics import finite_or_none
+from orchestration.identify.uncertainty import Estimate
 from orchestration.records import Record, record_labels, refuse_same
 from orchestration.reporting import Displayable, one_line, plain_table
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _WIDE = 0.5  # of a value: half an interval, beyond which it counts as not determined
 _BEFORE = 10.0  # durations of a test for which its load had been as at the first sample
 _ANYTHING = 100.0  # typical sizes of a state: deviation of a start value that nothing tells
-HEAD = ("parameter", "by eye", "95 % interval", "fitted", "95 % interval")
+HEAD = ("parameter", "record", "by eye", "95 % interval", "fitted to all", "95 % interval")
 
 
 @dataclass(frozen=True)
@@ -82,38 +82,26 @@ class Characterisation(Displayable):
     @property
     def missing(self) -> dict[str, str]:
         """By parameter that the records do not determine: the test that would tell it."""
-        made = [kind for kind in self.kinds.values() if kind is not None]
         advice = {}
-        for name in self.fit.estimates:
-            if name in self.determined:
-                continue
-            able = [kind for kind in KINDS if name in kind.tells]
-            again = "again, " * any(kind in made for kind in able)
-            tests = "; or ".join(f"{kind.title}: {again}{kind.advice}" for kind in able)
-            advice[name] = tests or "no test of the thesis tells it"
-        return advice
-
-    def readings(self, name: str) -> dict[str, GraphicalEstimate]:
-        """Return what is read off for a parameter, by the label of the record."""
-        return {label: read[name] for label, read in self.by_eye.items() if name in read}
+        for name in self.fit.estimates.keys() - self.determined.keys():
+            able = [f"{kind.title}: {kind.advice}" for kind in KINDS if name in kind.tells]
+            advice[name] = "; or ".join(able) or "no test of the thesis tells it"
+        return {name: advice[name] for name in self.fit.estimates if name in advice}
 
     def rows(self) -> Iterator[list[str]]:
         """Yield a row of `HEAD` for each reading, and for each parameter without one."""
         for name, estimate in self.fit.estimates.items():
             declared = self.fit.declared[name]
-
-            def cells(value: float, interval: tuple[float, float]) -> list[str]:
-                low, high = (format_value(end, declared, 4) for end in interval)  # noqa: B023
-                return [format_value(value, declared, 4), f"{low} … {high}"]  # noqa: B023
-
             fitted = ["not determined", ""]
             if name in self.determined:
-                fitted = cells(estimate.value, estimate.interval)
-            for label, read in self.readings(name).items():
-                value, interval = cells(read.value, read.interval)
-                yield [name, f"{value} ({label})", interval, *fitted]
-            if not self.readings(name):
-                yield [name, "", "", *fitted]
+                fitted = _cells(estimate, declared)
+            none_read = True
+            for label, read in self.by_eye.items():
+                if name in read:
+                    yield [name, label, *_cells(read[name], declared), *fitted]
+                    none_read = False
+            if none_read:
+                yield [name, "", "", "", *fitted]
 
     def kind_rows(self) -> Iterator[list[str]]:
         """Yield a row for each record: its label, its test, and what such a test tells."""
@@ -130,7 +118,7 @@ class Characterisation(Displayable):
             tests.add_row(*row)
         yield tests
         yield ""
-        table = plain_table(None, *HEAD, right=HEAD[1:])
+        table = plain_table(None, *HEAD, right=HEAD[2:])
         for row in self.rows():
             table.add_row(*row)
         yield table
@@ -142,21 +130,13 @@ class Characterisation(Displayable):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON."""
-        by_eye = {
-            label: {
-                name: {
-                    "value": one.value,
-                    "ci95": [finite_or_none(end) for end in one.interval],
-                    "unit": one.unit,
-                }
-                for name, one in read.items()
-            }
-            for label, read in self.by_eye.items()
-        }
         return {
             "model": self.model.name,
             "tests": {label: kind and kind.title for label, kind in self.kinds.items()},
-            "by_eye": by_eye,
+            "by_eye": {
+                label: {name: asdict(one) for name, one in read.items()}
+                for label, read in self.by_eye.items()
+            },
             "fitted": self.fit.to_dict(),
             "missing": self.missing,
             "remarks": [*self.remarks],
@@ -221,6 +201,12 @@ def characterise(
         for (label, one), record in zip(joint.comparisons.items(), records, strict=True)
     }
     return Characterisation(model, kinds, by_eye, JointComparison(comparisons, fit), tuple(remarks))
+
+
+def _cells(estimate: GraphicalEstimate | Estimate, declared: Described) -> list[str]:
+    """Return a value and its interval as texts."""
+    low, high = (format_value(end, declared, 4) for end in estimate.interval)
+    return [format_value(estimate.value, declared, 4), f"{low} … {high}"]
 
 
 def _with_history(record: Record, kind: Kind | None) -> Record:
