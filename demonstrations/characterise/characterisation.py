@@ -171,7 +171,7 @@ def characterise(
     refuse_same(records, model.outputs)
     labels = record_labels(records)
     kinds = {label: kind_of(one) for label, one in zip(labels, records, strict=True)}
-    declared = {p.name: p for p in model.cls.layout.parameters if p.fitted}
+    declared = {p.name: p for p in model.cls.layout.parameters if p.fitted and p.type == "real"}
     starts = {name: p for name, p in declared.items() if p.starts}
     # a state that no sample tells, such as one long before it, would make the fit singular
     assumptions = Assumptions(
