@@ -49,7 +49,7 @@ def test_every_field_is_documented(dry):
     experiment = telling_apart("friction(velocity)", "friction(elongation)")
     figures = summary(replace(dry, experiment=experiment))
     stamp = {"format", "product", "shown"}
-    assert {*figures, *stamp, "comparison", "later"} == documented_fields()
+    assert {*figures, *stamp, "comparison", "history", "later"} == documented_fields()
     assert figures["experiment"]["reached"]["friction(elongation)"] == 0.6
     assert "experiment" not in summary(dry)
 
