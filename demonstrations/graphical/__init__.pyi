@@ -6,8 +6,6 @@ from .impedance import least_squares_windows as least_squares_windows
 from .impedance import magnitude as magnitude
 from .impedance import tustin as tustin
 from .impedance import zero_order_hold as zero_order_hold
-from .life import LifeForecast as LifeForecast
-from .life import forecast_life as forecast_life
 from .loops import Loops as Loops
 from .loops import read_loops as read_loops
 from .quantity import GraphicalEstimate as GraphicalEstimate

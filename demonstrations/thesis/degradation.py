@@ -9,14 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from demonstrations.graphical import (
-    LifeForecast,
-    forecast_life,
-    least_squares_windows,
-    magnitude,
-    tustin,
-    zero_order_hold,
-)
+from demonstrations.graphical import least_squares_windows, magnitude, tustin, zero_order_hold
 from demonstrations.thesis import ageing
 from demonstrations.thesis.circuit import CIRCUIT, PERIOD, periodic_voltage, response
 from demonstrations.thesis.claim import Claim, Entry, Erratum, Illustration
@@ -24,6 +17,7 @@ from fmus.degradation_estimator.systems import CAPACITANCE, FIRST_VOLTAGE
 from fmus.kit.arrays import Array
 from orchestration.experiment import read, run
 from orchestration.experiment.waveforms import square_wave
+from orchestration.identify.ageing import LifeForecast, forecast_life
 from orchestration.reporting import pictures
 
 if TYPE_CHECKING:
@@ -279,16 +273,17 @@ def _impedance() -> tuple[Array, Array]:
 def _forecast() -> Iterator[Entry]:
     time, impedance = _impedance()
     reached = time[np.argmax(impedance > (1.0 + _RISE) * impedance[0])] / 3600.0
-    found = forecast().life
+    found = forecast()
     low, high = (end / 3600.0 for end in found.interval)
     yield Claim(
         "section 4.3, fig. 4-7",
         f"life to {100 * _RISE:.0f} % more impedance, forecast after {_SEEN / 3600:g} h",
         f"{reached:.2f}",
-        found.value / 3600.0,
+        found.life / 3600.0,
         "h",
-        f"interval {low:.2f} to {high:.2f} h; a line from the minimum on, as the thesis has it, of"
-        " a life that is chosen and whose growth still bends",
+        f"interval {low:.2f} to {high:.2f} h, of a fall and a growth whose shape is estimated;"
+        " the thesis has a line from the minimum on, and the growth of this life, which is chosen,"
+        " still bends",
         inferred=True,
     )
 
@@ -324,9 +319,9 @@ def illustrations() -> tuple[Illustration, ...]:
         ),
         Illustration(
             "Fig. 4-7: the life, forecast",
-            f"The impedance of the same life, and the line from its minimum to {_SEEN / 3600:g} h."
-            f" Where it crosses {100 * _RISE:.0f} % above the first value is the forecast, with its"
-            " interval of 95 %.",
+            "The impedance of the same life, and the course that is expected from the first"
+            f" {_SEEN / 3600:g} h. Where it crosses {100 * _RISE:.0f} % above the first value is"
+            " the forecast, with its interval of 95 %.",
             _foreseen,
         ),
     )
@@ -398,13 +393,8 @@ def _foreseen() -> Figure:
     figure, (axis,) = pictures.panels(1, "Impedance at 0.1 Hz")
     figure.set_size_inches(9, 4.5)
     axis.plot(time, impedance, color=_BLUE, label="impedance")
-    axis.plot(
-        [found.begin, found.life.value],
-        [found.limit - found.rate.value * (found.life.value - found.begin), found.limit],
-        color=_RED,
-        label="line, and its forecast",
-    )
-    axis.plot(found.life.interval, [found.limit] * 2, "|-", color=_RED, ms=12)
+    axis.plot(time, found.course(time), color=_RED, label="expected course")
+    axis.plot(found.interval, [found.limit] * 2, "|-", color=_RED, ms=12)
     axis.axvline(_SEEN, color=_GREY, linestyle=":", linewidth=1)
     axis.legend(fontsize=8)
     pictures.label(axis, "impedance", "ohm")

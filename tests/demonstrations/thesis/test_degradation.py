@@ -148,11 +148,7 @@ def test_the_controller_rests_in_recoveries_and_would_not_by_itself():
     assert degradation.windup(going_on) > 1e-4
 
 
-def test_the_forecast_is_the_line_of_numpy():
-    time, impedance = degradation._impedance()
-    growing = (time >= time[np.argmin(impedance)]) & (time < 4 * 3600)
-    slope, height = np.polyfit(time[growing], impedance[growing], 1)
+def test_the_forecast_holds_the_life():
     found = claim(degradation, "life to 10 % more impedance, forecast after 4 h")
-    assert found.reproduced * 3600 == pytest.approx((1.1 * impedance[0] - height) / slope)
-    low, high = degradation.forecast().life.interval
+    low, high = degradation.forecast().interval
     assert low < float(found.published) * 3600 < high
