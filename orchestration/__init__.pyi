@@ -1,5 +1,6 @@
 from .api import UserError as UserError
 from .api import __version__ as __version__
+from .api import age as age
 from .api import black_box as black_box
 from .api import build as build
 from .api import check as check
@@ -18,6 +19,7 @@ from .api import simulate as simulate
 from .api import sweep as sweep
 from .api import sweep_file as sweep_file
 from .fmu import find_model as find_model
+from .identify.ageing import forecast_life as forecast_life
 from .sweeps.sensitivity import bands as bands
 from .sweeps.sensitivity import sensitivity as sensitivity
 from .sweeps.sensitivity import tornado as tornado

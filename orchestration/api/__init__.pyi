@@ -1,6 +1,7 @@
 from . import declaration as declaration
 from . import forms as forms
 from . import options as options
+from .ageing import age as age
 from .builds import fmu_paths as fmu_paths
 from .designing import design as design
 from .diagnosis import diagnose as diagnose

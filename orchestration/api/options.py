@@ -656,6 +656,81 @@ class CompareKeywords(
     """Keyword arguments of ``compare``."""
 
 
+# --- ageing --------------------------------------------------------------------------------------
+
+
+class RiseOption(TypedDict, total=False):
+    """The rise of the impedance at the end of a life."""
+
+    rise: Annotated[
+        float,
+        Option(
+            "Rise above the first value that ends the life, default 15%.",
+            "Rise above the first value that ends the life, in percent.",
+            default=15.0,
+            metavar="PERCENT",
+            form=PERCENT,
+        ),
+    ]
+
+
+class AgeOptions(RiseOption, total=False):
+    """Windows of an ageing record, the quantity that ends the life, and the derating."""
+
+    fit: Annotated[
+        Sequence[str],
+        Option(
+            "Parameters of each window, default R1,R2,C,charge_start.",
+            "Parameters that are fitted in each window, and start values of states.",
+            default=("R1", "R2", "C", "charge_start"),
+            form=some_of("name the parameters, e.g. R1,R2,C"),
+        ),
+    ]
+    of: Annotated[
+        str,
+        Option(
+            "What rises: a ratio of two signals (default voltage/current) or a fitted parameter.",
+            "The quantity whose rise ends the life: a ratio of two signals, of which the magnitude"
+            " is computed from the fitted model, or a fitted parameter.",
+            default="voltage/current",
+            metavar="A/B|NAME",
+        ),
+    ]
+    frequency: Annotated[
+        float | str,
+        Option(
+            "Frequency of the ratio, default 100mHz.",
+            kind='float in Hz or str such as "100mHz"',
+            default=0.1,
+            metavar="HZ",
+            form=RATE,
+        ),
+    ]
+    window: Annotated[
+        float | str,
+        Option(
+            "Length of a window, default 100s.",
+            kind='float in s or str such as "100s"',
+            default=100.0,
+            metavar="TIME",
+            form=TIME,
+        ),
+    ]
+    derating: Annotated[
+        Mapping[str, float | str] | None,
+        Option(
+            "Parameter of the degradation estimator, e.g. initial_voltage_limit=1.2V. Repeatable.",
+            "Parameters of the degradation estimator, as in `settings`.",
+            metavar="NAME=VALUE[UNIT]",
+            form=SETTINGS,
+        ),
+    ]
+
+
+class AgeKeywords(MappingOption, SettingsOption, AgeOptions, ProgressOption, total=False):
+    """Keyword arguments of ``age``."""
+
+
 # --- frequency responses -------------------------------------------------------------------------
 
 

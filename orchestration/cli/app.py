@@ -50,6 +50,10 @@ _GROUPS: _Groups = {
             "Identify parameters of a component or any FMU from a record.",
             ".identify:identify",
         ),
+        "age": (
+            "Follow an actuator's ageing, forecast its life, derate it.",
+            ".age:age",
+        ),
         "frequency": (
             "Estimate impedance and dynamic stiffness, with intervals.",
             ".frequency:frequency",

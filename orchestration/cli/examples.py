@@ -23,6 +23,10 @@ EXAMPLES = {
         "ppy identify demo-output/record.csv --fit R1,R2,C --ssv fitted.ssv",
         "ppy identify demo-output/record.csv --fit R1,C --prior R1=0.43+-0.05ohm",
     ),
+    "age": (
+        "ppy age demo-output/record.csv --window 10s --report ageing.html",
+        "ppy age demo-output/record.csv --window 20s --fit R1,C,charge_start --of R1 --rise 20%",
+    ),
     "frequency": (
         "ppy frequency demo-output/record.csv --of voltage/current --plot impedance.png",
         "ppy frequency demo-output/record.csv --model ppy_actuator --json -",

@@ -21,6 +21,9 @@ _TASKS = {
     "see what changed between two records: ageing, wear, drift, before and after": (
         "ppy diagnose BEFORE --compare AFTER --compare LATER --model MODEL"
     ),
+    "forecast the life of an actuator: ageing, degradation, remaining life, derating": (
+        "ppy age RECORD|FOLDER"
+    ),
     "test one suspected effect, such as friction, dead zone, backlash, lag, saturation": (
         "ppy diagnose RECORD --model MODEL --effects 'dead_zone(INPUT)'"
     ),

@@ -20,6 +20,7 @@ from orchestration.api.forms import (
     some_of,
 )
 from orchestration.api.options import (
+    AgeOptions,
     AssumptionOptions,
     BandOptions,
     DesignOptions,
@@ -620,6 +621,36 @@ class IdentifyCommand(
     total=False,
 ):
     """Options of ``ppy identify``."""
+
+
+class AgedRecordsArgument(TypedDict, total=False):
+    """Records of one actuator in the order of use."""
+
+    records: Annotated[
+        list[Path],
+        Option(
+            "Measured records in the order of use; a folder stands for its files, by name.",
+            default=REQUIRED,
+            metavar="RECORD|FOLDER...",
+            argument=True,
+        ),
+    ]
+
+
+class AgeCommand(
+    AgedRecordsArgument,
+    RunnableOption,
+    MappingOption,
+    SettingsOption,
+    AgeOptions,
+    JsonOption,
+    PlotOption,
+    ReportOption,
+    total=False,
+):
+    """Options of ``ppy age``."""
+
+    out: Annotated[Path | None, Option("Windows with their intervals (.csv).", metavar="FILE")]
 
 
 class BesideOption(TypedDict, total=False):

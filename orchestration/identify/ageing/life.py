@@ -30,7 +30,7 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array, Indices
 from orchestration.identify.metrics import finite_or_none
 
-_FEWEST = 6  # values; the model has up to four coefficients and shapes beside the noise
+FEWEST = 6  # values; the model has up to four coefficients and shapes beside the noise
 _MOST = 240  # values; neighbours are averaged beyond
 _ENDS = (0.025, 0.5, 0.975)  # of an interval of 95 %, and the median
 # Ranges of the shapes, in record lengths: what bends more is no growth that can be forecast.
@@ -112,10 +112,10 @@ def forecast_life(time: ArrayLike, impedance: ArrayLike, rise: float = 0.15) -> 
         If the signals do not fit together, the share is not above 0, or there are too few values.
     """
     clock, values = np.asarray(time, dtype=float), np.asarray(impedance, dtype=float)
-    if clock.ndim != 1 or clock.shape != values.shape or clock.size < _FEWEST:
+    if clock.ndim != 1 or clock.shape != values.shape or clock.size < FEWEST:
         raise UserError(
             f"time and impedance have the shapes {clock.shape} and {values.shape}: must be vectors"
-            f" of one length, of {_FEWEST} values or more"
+            f" of one length, of {FEWEST} values or more"
         )
     if not (np.isfinite(clock).all() and np.isfinite(values).all()):
         raise UserError("time and impedance: every value must be a finite number")
@@ -271,7 +271,7 @@ def _posterior(clock: Array, values: Array, begin: float) -> _Posterior:
     return _Posterior(shapes, groups, begin, length)
 
 
-def _noises(x: Array) -> Iterator[tuple[float, Array]]:
+def _noises(x: Array) -> Iterator[tuple[float, Any]]:
     """Yield correlations (n, n) of the noise, each with the logarithm of its prior probability.
 
     White noise is as likely as all that remembers; of that 1/f noise is as likely as each memory.
@@ -279,7 +279,7 @@ def _noises(x: Array) -> Iterator[tuple[float, Array]]:
     distance = np.abs(x[:, None] - x) / np.median(np.diff(x))
     white = np.eye(x.size)
     memories = 0.5 * 2.0 ** np.arange(np.log2(max(2.0 * _LONGEST * x.size, 2.0)))
-    prior = -np.log(memories.size + 1.0)
+    prior = -np.log(memories.size + 1.0) - 0.5 * np.log(x.size)
     yield 0.0, white
     for memory in memories:
         yield prior, np.exp(-distance / memory)
@@ -298,7 +298,7 @@ def _flicker(distance: Array) -> Array:
 
 
 def _groups(
-    shapes: _Shapes, noises: Sequence[tuple[float, Array]], x: Array, values: Array
+    shapes: _Shapes, noises: Sequence[tuple[float, Any]], x: Array, values: Array
 ) -> list[_Group]:
     """Fit all combinations of shapes and noises, and weigh them."""
     columns = np.column_stack([shapes.columns(x), values])

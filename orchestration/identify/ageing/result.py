@@ -1,0 +1,203 @@
+"""Ageing of an actuator over records: its circuit window by window, its life and the derating."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmus.kit.arrays import Array
+from fmus.kit.units import Described, format_prefixed
+from orchestration.identify.ageing.life import LifeForecast
+from orchestration.identify.uncertainty import Estimate
+from orchestration.reporting import Displayable, format_percent, one_line, plain_table, write_page
+from orchestration.reporting.html import format_ends
+
+if TYPE_CHECKING:
+    import pandas
+    from rich.console import RenderableType
+
+HOUR = 3600.0  # s
+
+
+@dataclass(frozen=True)
+class Course:
+    """A quantity in each of n windows, SI.
+
+    Attributes
+    ----------
+    value, low, high : ndarray, shape (n,)
+        Estimates with the ends of their 95 % intervals.
+    declared : Described
+        Its unit.
+    """
+
+    value: Array
+    low: Array
+    high: Array
+    declared: Described
+
+    @classmethod
+    def of(cls, estimates: Sequence[Estimate], declared: Described) -> Course:
+        """Return the course of one estimate for each window."""
+        rows = [(one.value, *one.interval) for one in estimates]
+        value, low, high = np.array(rows, dtype=float).T
+        return cls(value, low, high, declared)
+
+    def at(self, window: int) -> tuple[str, str]:
+        """Return the value in a window and its interval as texts."""
+        value, low, high = (float(x[window]) for x in (self.value, self.low, self.high))
+        ends = (format_prefixed(end, self.declared, 4, like=value) for end in (low, high))
+        return format_prefixed(value, self.declared, 4), format_ends(*ends)
+
+
+@dataclass(frozen=True)
+class Derating:
+    """Voltage limit as the degradation estimator would have lowered it.
+
+    Attributes
+    ----------
+    time, limit, change : ndarray, shape (n,)
+        Time of operation in s, voltage limit in V, and change of the impedance relative to the
+        first valid estimate; NaN before it.
+    """
+
+    time: Array
+    limit: Array
+    change: Array
+
+    def steps(self) -> list[tuple[float, float]]:
+        """Return the time in s and the new limit in V of each step."""
+        falls = 1 + np.flatnonzero(np.diff(self.limit) < 0.0)
+        return [(float(self.time[k]), float(self.limit[k])) for k in falls]
+
+    def summary(self) -> str:
+        """Return the steps in a sentence."""
+        if not np.isfinite(self.change).any():
+            return "The estimator would never have been valid: see its README for what it needs."
+        steps = ", ".join(f"{limit:.4g} V after {hours(at)}" for at, limit in self.steps())
+        return f"Voltage limit {self.limit[0]:.4g} V; lowered to {steps or 'no other'}."
+
+
+@dataclass(frozen=True)
+class Ageing(Displayable):
+    """The result of ``ppy.age``.
+
+    Attributes
+    ----------
+    model : str
+    sources : tuple of Path
+    of : str
+        The quantity whose rise ends the life.
+    time : ndarray, shape (n,)
+        Middle of each window, in s of operation: the records one after the other.
+    labels : tuple of str, length n
+        Record of each window.
+    courses : dict of str to Course
+        By parameter, and by `of`.
+    forecast : LifeForecast or None
+        None with fewer windows than it needs.
+    derating : Derating or None
+        None where the records have no current and voltage.
+    notes : tuple of str
+        What could not be done, and why.
+    """
+
+    model: str
+    sources: tuple[Path, ...]
+    of: str
+    time: Array
+    labels: tuple[str, ...]
+    courses: Mapping[str, Course]
+    forecast: LifeForecast | None
+    derating: Derating | None
+    notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return one_line(f"Ageing {self.model}: {self.headline()}")
+
+    def headline(self) -> str:
+        """Return the forecast in a sentence."""
+        count = f"{len(self.labels)} windows over {hours(float(self.time[-1]))} of operation"
+        if self.forecast is None:
+            return f"{count}: too few for a forecast."
+        one = self.forecast
+        rise = f"{self.of} is {format_percent(one.rise)} above its first value"
+        low, high = one.interval
+        if not np.isfinite(low):
+            return f"{count}: no sign that {rise} at any time."
+        return f"{rise} after {hours(one.life)} of operation (95 %: {hours(low)} to {hours(high)})."
+
+    def overview(self) -> Iterator[RenderableType]:
+        """Yield the first and the last window, the forecast, and the derating."""
+        table = plain_table(None, "quantity", "first", "95 %", "last", "95 %", "change")
+        for name, course in self.courses.items():
+            share = format_percent(float(course.value[-1] / course.value[0] - 1.0))
+            table.add_row(name, *course.at(0), *course.at(-1), share)
+        yield table
+        yield self.headline()
+        yield from filter(None, [self.derating and self.derating.summary()])
+        yield from self.notes
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return a row for each window: record, and value and interval of every quantity, SI.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        import pandas
+
+        columns: dict[str, Any] = {"record": self.labels}
+        for name, course in self.courses.items():
+            columns |= {name: course.value, f"{name}_low": course.low, f"{name}_high": course.high}
+        return pandas.DataFrame(columns, index=pandas.Index(self.time, name="time"))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures, ready for JSON: None for an open end."""
+        figures: dict[str, Any] = {
+            "model": self.model,
+            "of": self.of,
+            "time": self.time.tolist(),
+            "records": [*self.labels],
+            "windows": {},
+            "forecast": self.forecast and self.forecast.to_dict(),
+            "derating": self.derating and self.derating.steps(),
+            "notes": [*self.notes],
+        }
+        for name, course in self.courses.items():
+            ends = (course.value, course.low, course.high)
+            value, low, high = ([x if np.isfinite(x) else None for x in end] for end in ends)
+            figures["windows"][name] = {
+                "unit": course.declared.unit,
+                "value": value,
+                "low": low,
+                "high": high,
+            }
+        return figures
+
+    def report(self, path: str | Path, command: str = "") -> Path:
+        """Write the page.
+
+        Parameters
+        ----------
+        path : str or Path
+            An ``.html`` file.
+        command : str
+            Command that made the result, for the page.
+
+        Raises
+        ------
+        UserError
+            If it cannot be written, or its name does not end in ``.html``.
+        """
+        return write_page(self, path, command)
+
+
+def hours(seconds: float) -> str:
+    """Return a time in hours as a text; "never" if it is infinite."""
+    return f"{seconds / HOUR:.3g} h" if np.isfinite(seconds) else "never"
