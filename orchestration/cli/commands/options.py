@@ -967,6 +967,14 @@ class WatchCommand(ServerOptions, TunedRunOption, total=False):
         Path | None,
         Option("Archive of the server, for a page with its history.", metavar="FOLDER"),
     ]
+    rise: Annotated[
+        float | None,
+        Option(
+            "Alarm once the impedance of the actuator has risen by that, e.g. 15%.",
+            metavar="PERCENT",
+            form=PERCENT,
+        ),
+    ]
 
 
 def _timeout(default: float) -> Option:

@@ -30,7 +30,10 @@ from orchestration.cli.outputs import (
 )
 
 if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
     from orchestration.rig import Endpoint
+    from orchestration.rig.watch import Observer
 
 rig = typer.Typer(name="rig", add_completion=False, rich_markup_mode="rich")
 
@@ -87,15 +90,23 @@ def watch(options: WatchCommand) -> None:
     """Show a rig in a browser: signals, limits, ages, state, and a stop button.
 
     It can command nothing but stop. Of a run beside the rig that permits it (ppy run --tunable) it
-    moves parameters, for who has the address that it prints.
+    moves parameters, for who has the address that it prints. With --rise a degradation estimator
+    observes the actuator, and an alarm stands among the events once its impedance has risen.
     """
     import webbrowser
+    from contextlib import nullcontext
     from threading import Thread
 
     from orchestration.reporting.console import out, warn
     from orchestration.rig import ask, read_endpoint, request_tuning, until_interrupted
     from orchestration.rig.archive import Archive
-    from orchestration.rig.watch import Feed, Listener, PageServer, parameters_fed
+    from orchestration.rig.watch import (
+        Feed,
+        Listener,
+        PageServer,
+        ageing_observed,
+        parameters_fed,
+    )
 
     remote = read_endpoint(options["endpoint"], options["credentials"], warn)
     feed = Feed()
@@ -112,9 +123,15 @@ def watch(options: WatchCommand) -> None:
     def tune(name: str, value: float, slew: float | None) -> Mapping[str, Any]:
         return request_tuning(run, "tune", name=name, value=value, slew=slew)
 
+    rise = options["rise"]
+    observed: AbstractContextManager[Observer] = nullcontext(lambda message: None)
+    if rise is not None:
+        observed = ageing_observed(feed, rise / 100.0, warn)
+
     with (
         until_interrupted(),
-        Listener(remote, feed),
+        observed as observe,
+        Listener(remote, feed, observe),
         parameters_fed(lambda: request_tuning(run, "parameters"), feed),
         PageServer(options["port"], remote.requests, feed, stop, folder, tune) as page,
     ):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from itertools import islice
 from time import monotonic, time
@@ -259,11 +259,19 @@ class Listener:
     ----------
     remote : Endpoint
     feed : Feed
+    observe : callable
+        Called with each message of telemetry.
     """
 
-    def __init__(self, remote: Endpoint, feed: Feed):
+    def __init__(
+        self,
+        remote: Endpoint,
+        feed: Feed,
+        observe: Callable[[Mapping[str, Any]], None] = lambda message: None,
+    ):
         self._remote = remote
         self._feed = feed
+        self._observe = observe
         self._ends = threading.Event()
         self._thread = threading.Thread(target=self._run, name="rig telemetry", daemon=True)
 
@@ -294,6 +302,7 @@ class Listener:
         """Hand a message of the server to the feed."""
         if message["type"] == "telemetry":
             self._feed.take_telemetry(message)
+            self._observe(message)
         elif message["type"] == "status":
             self._feed.take_status(message, requests.take_answer())
 
