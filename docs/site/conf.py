@@ -63,6 +63,7 @@ navigation = {
         "docs/how-to/own-record",
         "docs/how-to/identify",
         "docs/how-to/characterise",
+        "docs/how-to/ageing",
         "docs/how-to/frequency",
         "docs/how-to/laws",
         "docs/how-to/new-component",

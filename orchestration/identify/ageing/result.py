@@ -47,6 +47,15 @@ class Course:
         value, low, high = np.array(rows, dtype=float).T
         return cls(value, low, high, declared)
 
+    def change(self) -> str:
+        """Return the change from the first window to the last as a text.
+
+        It is empty for a quantity that may be zero at first.
+        """
+        if self.low[0] <= 0.0 <= self.high[0]:
+            return ""
+        return format_percent(float(self.value[-1] / self.value[0] - 1.0))
+
     def at(self, window: int) -> tuple[str, str]:
         """Return the value in a window and its interval as texts."""
         value, low, high = (float(x[window]) for x in (self.value, self.low, self.high))
@@ -129,14 +138,15 @@ class Ageing(Displayable):
         low, high = one.interval
         if not np.isfinite(low):
             return f"{count}: no sign that {rise} at any time."
+        if not np.isfinite(one.life):
+            return f"{rise} not before {hours(low)} of operation (97.5 %), perhaps never."
         return f"{rise} after {hours(one.life)} of operation (95 %: {hours(low)} to {hours(high)})."
 
     def overview(self) -> Iterator[RenderableType]:
         """Yield the first and the last window, the forecast, and the derating."""
         table = plain_table(None, "quantity", "first", "95 %", "last", "95 %", "change")
         for name, course in self.courses.items():
-            share = format_percent(float(course.value[-1] / course.value[0] - 1.0))
-            table.add_row(name, *course.at(0), *course.at(-1), share)
+            table.add_row(name, *course.at(0), *course.at(-1), course.change())
         yield table
         yield self.headline()
         yield from filter(None, [self.derating and self.derating.summary()])
