@@ -19,7 +19,6 @@ from .api import simulate as simulate
 from .api import sweep as sweep
 from .api import sweep_file as sweep_file
 from .fmu import find_model as find_model
-from .identify.ageing import forecast_life as forecast_life
 from .sweeps.sensitivity import bands as bands
 from .sweeps.sensitivity import sensitivity as sensitivity
 from .sweeps.sensitivity import tornado as tornado

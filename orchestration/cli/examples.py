@@ -25,7 +25,7 @@ EXAMPLES = {
     ),
     "age": (
         "ppy age demo-output/record.csv --window 10s --report ageing.html",
-        "ppy age demo-output/record.csv --window 20s --fit R1,C,charge_start --of R1 --rise 20%",
+        "ppy age demo-output/record.csv --window 20s --fit R1,C --of R1 --rise 20%",
     ),
     "frequency": (
         "ppy frequency demo-output/record.csv --of voltage/current --plot impedance.png",
