@@ -32,8 +32,8 @@ from orchestration.identify.metrics import finite_or_none
 
 FEWEST = 6  # values; the model has up to four coefficients and shapes beside the noise
 _MOST = 240  # values; neighbours are averaged beyond
-# Of an interval of 95 %, and the median. 93 % of the posterior hold 95 % of lives with growth by lines,
-# roots and exponentials, as it has shapes that bend more than lives do (decision 162).
+# Of an interval of 95 %, and the median: 93 % of the posterior hold 95 % of drawn lives, as it has
+# shapes that bend more than lives do (decision 162).
 _ENDS = (0.035, 0.5, 0.965)
 # Ranges of the shapes, in record lengths: what bends more is no growth that can be forecast.
 _POWERS = np.linspace(0.3, 2.5, 23)

@@ -27,6 +27,7 @@ def test_files_are_written(tmp_path):
     assert "too few for a forecast" in (tmp_path / "r.html").read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "said"),
     [

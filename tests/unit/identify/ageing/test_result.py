@@ -59,5 +59,5 @@ def test_a_change_from_what_may_be_zero_is_not_told():
 
 
 def test_a_page_ends_in_html(tmp_path):
-    with pytest.raises(UserError, match="ends in .html"):
+    with pytest.raises(UserError, match=r"ends in \.html"):
         FOUND.report(tmp_path / "page.txt")
