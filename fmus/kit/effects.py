@@ -358,9 +358,13 @@ def stack(
     component, earlier = unstack(base)
     layers = (*earlier, *effects)
     _check_effects(prefix, component, layers)
+    presets = dict(base.presets)
+    for effect in effects:
+        presets |= effect.presets
     body = {
         "name": name or _join_to_file_name([prefix, *map(_identifier, effects)]),
         "remark": base.remark,
+        "presets": presets,
         "__doc__": component.__doc__,
         "__module__": component.__module__,
         "_made": partial(stack, component, *layers, name=name, defaults=values),

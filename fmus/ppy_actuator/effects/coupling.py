@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...kit import Parameter, Size, State, Term, absolute, exp
+from ...kit import Parameter, Preset, Size, State, Term, absolute, exp
 from ...kit.curves import tanhc
 from .base import ActuatorEffect
 
@@ -54,6 +54,16 @@ class ForceToVoltage(ActuatorEffect):
     def capacitor_voltage(self) -> Any:
         """Voltage behind R1, s F more."""
         return super().capacitor_voltage() + self.voltage_per_force * self.load()
+
+    presets = {
+        "reciprocal": Preset(
+            {"voltage_per_force": -6.8e-5},
+            doc=(
+                "reciprocal coupling, s = -alpha: the current pays for the work that the charge"
+                " does on the load, so that energy is conserved; of alpha by default, set s with it"
+            ),
+        ),
+    }
 
 
 class QuadraticStrain(ActuatorEffect):
