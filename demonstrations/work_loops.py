@@ -16,7 +16,7 @@ from orchestration.experiment.work_loop import TrackedLoop, WorkLoop
 from orchestration.system import System
 
 # parameters of the system `work_loop` that switch its controllers on, by mode
-MODES: Mapping[str, Mapping[str, float]] = {
+MODES: dict[str, Mapping[str, float]] = {
     mode: {
         "feedforward.active": float("feedforward" in parts),
         "learning.learning": float("learning" in parts),
@@ -30,6 +30,15 @@ MODES: Mapping[str, Mapping[str, float]] = {
         "learning": ("feedforward", "learning"),
         "all": ("feedback", "feedforward", "learning"),
     }.items()
+}
+# about the rest length of films that creep: what is learnt has no mean, the feedforward no creep
+MODES |= {
+    "recentred": {
+        **MODES["learning"],
+        "learning.recentring": 1.0,
+        "feedforward.b1": 1e18,
+        "feedforward.k2": 1e15,
+    }
 }
 _CIRCUIT = ("R1", "R2", "C", "alpha")  # parameters that an actuator shares with its inverse
 _POINTS = 40  # in a period: samples of a planned current, as many as of a learnt one

@@ -85,6 +85,16 @@ class LearningController(Component):
         tunable=True,
         doc="weight of each neighbour in the zero-phase filter of the learnt command (q)",
     )
+    recentring = Parameter(
+        0.0,
+        "1",
+        min=0,
+        max=1.0,
+        nominal=0.1,
+        tunable=True,
+        doc="share of the mean of a period that is taken off the learnt command: at 1, films that"
+        " creep are moved about their rest length, at 0 the length is held (r)",
+    )
     current_limit = largest_current("largest current in either direction, learnt and commanded")
 
     reference = Input("m", nominal=1e-4, display="mm", doc="wanted displacement, periodic")
@@ -133,7 +143,13 @@ class LearningController(Component):
         younger, older = self.samples - _TAPS, self.samples + _TAPS
         neighbours = self.improved(younger) + self.improved(older)
         smooth = centre + self.smoothing * neighbours
-        return clip(smooth, -self.current_limit, self.current_limit)
+        centred = smooth - self.recentring * self.latest_mean()
+        return clip(centred, -self.current_limit, self.current_limit)
+
+    def latest_mean(self) -> Any:
+        """Mean over the latest period of the learnt command with its lessons."""
+        ages = range(1, self.samples + 1)
+        return sum(self.learnt[age] + self.lesson[age] for age in ages) / self.samples
 
     def issued_current(self) -> Any:
         """Command of the controller to the actuator: learnt command plus feedback, limited."""

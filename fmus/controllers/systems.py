@@ -28,10 +28,11 @@ WORK_LOOP = SystemDeclaration(
         "galvanostat": MemberDeclaration(
             "galvanostat", {"voltage_command": 0.0, "voltage_limit": 15.0}
         ),
-        # by default the effects are neutral: strain neither lags nor saturates
+        # by default the effects are neutral: strain neither lags nor saturates, and the load does
+        # not act on the voltage
         "actuator": MemberDeclaration(
             "ppy_actuator",
-            effects=("strain_saturation", "strain_lag"),
+            effects=("strain_saturation", "strain_lag", "force_to_voltage"),
             model_name="lagging_actuator",
         ),
     },
@@ -56,6 +57,7 @@ WORK_LOOP = SystemDeclaration(
         "galvanostat.current",
         "actuator.voltage",
         "actuator.displacement",
+        "actuator.electrochemical_displacement",
         "actuator.charge",
         "feedback.limited",
     ),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,7 +13,7 @@ import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array, Signals
-from orchestration.experiment import results
+from orchestration.experiment import results, work_loop
 from orchestration.experiment.live import Follower, Live, admitted, first_open_loop, link_outputs
 from orchestration.experiment.model import Experiment
 from orchestration.experiment.preparation import Preparation, prepare
@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     import xarray
 
     from orchestration.experiment.results import ExperimentResult
+
+_SMALLEST_WORK = 1e-9  # J in a cycle that is remarked on; the trapezoidal rule leaves less
 
 
 class UnfinishedExperiment(UserError):
@@ -194,7 +196,11 @@ def _run_variants(
             raise UserError(f"{here}: {runs[name].attrs['failure']}")
         if not runs[name].attrs["complete"]:
             raise KeyboardInterrupt
-    return results.side_by_side(runs, experiment, where)
+    data = results.side_by_side(runs, experiment, where)
+    if experiment.work_loop:
+        for line in work_loop.overtaken(work_loop.tracked_loops(data, experiment.work_loop)):
+            note(line)
+    return data
 
 
 def _progress_of_part(
@@ -302,7 +308,23 @@ def _make_result(prepared: Preparation, ran: Run, where: str) -> Remarked:
         set(prepared.inputs),
         _attributes(prepared, ran, where),
     )
-    return data, [*ran.notes, *limit_remarks, *energy_remarks]
+    return data, [*ran.notes, *limit_remarks, *energy_remarks, *_unpaid_work(prepared, data)]
+
+
+def _unpaid_work(prepared: Preparation, data: ExperimentResult) -> Iterator[str]:
+    """Yield a remark if the charge does work in a cycle that no current pays for."""
+    table = prepared.experiment.work_loop
+    if table is None or table.coupling is None or data.time[-1] < table.period:
+        return
+    reaction = table.coupling.reaction
+    start = prepared.subject.parameters[reaction].start
+    value = float(prepared.settings.get(reaction, start))
+    work = work_loop.unpaid_work(data, table, value)
+    if abs(work) > _SMALLEST_WORK:
+        yield (
+            f"{1e6 * work:.3g} uJ of the work that the charge does on the load in the last cycle"
+            f" are paid for by no current, as {reaction} = {value:g} V/N"
+        )
 
 
 def _restore(

@@ -86,8 +86,24 @@ class Master(ValueTable):
         return self.method != "fused" and not set(self._changed_options()) - {"extrapolation"}
 
 
-UNITS_OF_LOOP = {"force": "N", "reference": "m", "length": "m", "current": "A", "voltage": "V"}
-"""Units of the figures of a work loop, by the key of its table."""
+UNITS_OF_LOOP = {
+    "force": "N",
+    "reference": "m",
+    "length": "m",
+    "current": "A",
+    "voltage": "V",
+    "charge_length": "m",
+    "charge": "C",
+}
+"""Units of the signals of a work loop, by the key of its tables."""
+
+
+class CouplingTable(ValueTable):
+    """Length that the charge makes, and the parameter by which the load acts on the voltage."""
+
+    charge_length: str
+    charge: str
+    reaction: str
 
 
 class WorkLoopTable(ValueTable):
@@ -99,6 +115,18 @@ class WorkLoopTable(ValueTable):
     length: str
     current: str
     voltage: str
+    coupling: CouplingTable | None = None
+
+    @property
+    def signals(self) -> dict[str, str]:
+        """Names of the signals, by their key."""
+        tables = (self, self.coupling)
+        return {
+            key: getattr(table, key)
+            for table in tables
+            for key in UNITS_OF_LOOP
+            if hasattr(table, key)
+        }
 
 
 class Experiment(ValueTable):

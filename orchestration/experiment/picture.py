@@ -83,7 +83,10 @@ def _draw_signal(panel: Axes, across: Array, signal: xarray.DataArray, over: str
 def caption(data: xarray.Dataset) -> str:
     """Return the caption of the picture of a result."""
     if tracked(data):
-        return "Last cycle of each run, the thesis's loop, and figures of every cycle."
+        return (
+            "Last cycle of each run, the thesis's loop, and figures of every cycle; dotted: error"
+            " about the rest length."
+        )
     count = len(_variants_of_signals(data))
     more = f" (the first {_MOST_PANELS} of {count})" if count > _MOST_PANELS else ""
     return f"inputs and recorded outputs{more}"

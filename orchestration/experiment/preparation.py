@@ -134,6 +134,9 @@ def prepare(
         known(complete.over, signals, "over: nothing recorded", where)
     if complete.work_loop:
         _check_work_loop(complete.work_loop, time, inputs, signals, where)
+        if complete.work_loop.coupling:
+            about = "work_loop.coupling.reaction: no parameter"
+            known(complete.work_loop.coupling.reaction, subject.parameters, about, where)
     return Preparation(complete, subject, time, settings, inputs, noise, record)
 
 
@@ -145,8 +148,9 @@ def _check_work_loop(
     where: str,
 ) -> None:
     """Raise UserError if signals of the loop are missing, or force or reference is not periodic."""
-    for key in ("length", "current", "voltage"):
-        known(getattr(table, key), signals, f"work_loop.{key}: no output recorded", where)
+    for key, name in table.signals.items():
+        if key not in ("force", "reference"):
+            known(name, signals, f"work_loop.{key}: no output recorded", where)
     step = time[1] - time[0]
     if table.period < _FEWEST_STEPS * step:
         raise UserError(
@@ -166,9 +170,8 @@ def _check_work_loop(
                 f"{where}: work_loop.period = {table.period:g} s: {name} is not the same again"
                 " after that time, as a loop has to be"
             )
-    for key, unit in UNITS_OF_LOOP.items():
-        name = getattr(table, key)
-        convert(0.0, signals[name].unit, unit, f"{where}: work_loop.{key}: {name}")
+    for key, name in table.signals.items():
+        convert(0.0, signals[name].unit, UNITS_OF_LOOP[key], f"{where}: work_loop.{key}: {name}")
 
 
 def _recorded_outputs(experiment: Experiment, subject: Subject, where: str) -> list[str]:

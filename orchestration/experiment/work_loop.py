@@ -7,7 +7,7 @@ absorbs in a cycle; a negative area is energy that it delivers (section 5.1).
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,6 @@ import numpy as np
 from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError
 from fmus.kit.units import convert
-from orchestration.experiment import execution
 from orchestration.experiment.model import UNITS_OF_LOOP
 from orchestration.experiment.reading import read
 from orchestration.reporting import pictures
@@ -85,8 +84,9 @@ class Cycle:
 
     Attributes
     ----------
-    error : float
-        Root mean square of the reference minus the length, in m.
+    error, error_about_rest : float
+        Root mean square of the reference minus the length, in m, and of that without its mean over
+        the cycle: about the rest length of films that creep.
     work : float
         Area of the loop, the integral of force over length, in J: energy that the actuator absorbs
         from the load.
@@ -97,6 +97,7 @@ class Cycle:
     """
 
     error: float
+    error_about_rest: float
     work: float
     electrical_energy: float
     largest_current: float
@@ -136,6 +137,7 @@ class TrackedLoop:
         error = self.loop.length_at(time) - length
         return Cycle(
             error=float(np.sqrt(np.mean(error**2))),
+            error_about_rest=float(np.std(error)),
             work=float(np.trapezoid(self.loop.force_at(time), length)),
             electrical_energy=float(np.trapezoid(voltage * current, time)),
             largest_current=float(np.abs(current).max()),
@@ -170,9 +172,50 @@ def tracked_loops(data: xarray.Dataset, table: WorkLoopTable) -> dict[str, Track
     return loops
 
 
+def unpaid_work(data: xarray.Dataset, table: WorkLoopTable, reaction: float) -> float:
+    """Return the work of the charge on the load in the last cycle that no current pays for, in J.
+
+    The charge lengthens the films by x under the load F. A voltage ``reaction F`` on the charge Q
+    takes the energy from the current: what is left is the integral of ``-F (dx + reaction dQ)``.
+
+    Parameters
+    ----------
+    data : Dataset
+        Result of a run.
+    table : WorkLoopTable
+        With a coupling.
+    reaction : float
+        In V/N; zero for a one-way coupling.
+    """
+    last = data.isel(time=data.time.values >= data.time.values[-1] - table.period)
+    force, length, charge = (
+        _signal_of(last, table, key) for key in ("force", "charge_length", "charge")
+    )
+    return -float(np.trapezoid(force, length + reaction * charge))
+
+
+def overtaken(loops: Mapping[str, TrackedLoop]) -> Iterator[str]:
+    """Yield a line for each mode whose error was the smallest of all and is no longer.
+
+    It names the modes with a smaller one, and the cycle from which on it is smaller.
+    """
+    modes = list(loops)
+    cycles = [loop.cycles() for loop in loops.values()]
+    for field, title in (("error", "error"), ("error_about_rest", "error about the rest length")):
+        errors = np.array([[getattr(cycle, field) for cycle in of_mode] for of_mode in cycles])
+        for mode in np.unique(errors.argmin(axis=0)):
+            better = errors < errors[mode]
+            passing = [
+                f"of {modes[other]} from cycle {np.flatnonzero(~better[other])[-1] + 2} on"
+                for other in np.flatnonzero(better[:, -1])
+            ]
+            if passing:
+                yield f"{modes[mode]}: {title} no longer smaller than that {', '.join(passing)}"
+
+
 def _signal_of(data: xarray.Dataset, table: WorkLoopTable, key: str, prefix: str = "") -> Array:
     """Return the signal of a key of the table in SI; `prefix` is that of a variant."""
-    array = data[prefix + getattr(table, key)]
+    array = data[prefix + table.signals[key]]
     values: Array = convert(array.values, array.units, UNITS_OF_LOOP[key])
     return values
 
@@ -220,6 +263,8 @@ def picture(
 
 def _draw_thesis_loop(axis: Axes) -> None:
     """Draw the experiment of fig. 5-9 with and without its current, as it is printed."""
+    from orchestration.experiment import execution  # which remarks on work loops
+
     for name, settings in {"with current": [], "without": ["inputs.current.amplitude=0"]}.items():
         result = execution.run(read("fig_5_9", settings))
         force = result["tension"].values
@@ -232,7 +277,9 @@ def _draw_thesis_loop(axis: Axes) -> None:
 def _draw_cycles(axes: Sequence[Any], cycles: Sequence[Cycle]) -> None:
     """Draw error, work and electrical energy of a mode over the cycles."""
     numbers = np.arange(1, len(cycles) + 1)
-    axes[0].plot(numbers, [1e6 * cycle.error for cycle in cycles], "o-")
+    (line,) = axes[0].plot(numbers, [1e6 * cycle.error for cycle in cycles], "o-")
+    about_rest = [1e6 * cycle.error_about_rest for cycle in cycles]
+    axes[0].plot(numbers, about_rest, ":", color=line.get_color())
     axes[1].plot(numbers, [1e6 * cycle.work for cycle in cycles], "o-")
     axes[2].plot(numbers, [cycle.electrical_energy for cycle in cycles], "o-")
     for axis in axes:

@@ -113,7 +113,8 @@ def test_the_experiment_drives_what_the_loop_and_its_modes_drive(made):
         np.testing.assert_allclose(made[name].values, values, rtol=0, atol=1e-5 * np.ptp(values))
     experiment = read("work_loop")
     assert experiment.variants == {mode: MODES[mode] for mode in experiment.variants}
-    assert list(experiment.variants) == ["bare", "feedback", "feedforward", "both", "learning"]
+    of_systems = ["bare", "feedback", "feedforward", "both", "learning", "recentred"]
+    assert list(experiment.variants) == of_systems
 
 
 @pytest.mark.slow

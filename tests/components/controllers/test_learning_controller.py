@@ -30,12 +30,20 @@ def polynomial(powers):
 
 @pytest.mark.parametrize("lead", [0, 1, 5, 8])
 @pytest.mark.parametrize("smoothing", [0.0, 0.2])
-def test_it_is_its_discrete_transfer_function(lead, smoothing):
-    """u = z^-N Q(z) (u + z^m G (1 + T_l (1 - 1/z)/h) e), with Q(z) = q z + 1 - 2 q + q/z."""
+@pytest.mark.parametrize("recentring", [0.0, 0.7])
+def test_it_is_its_discrete_transfer_function(lead, smoothing, recentring):
+    """u = z^-N Q(z) (u + z^m l) - r M(z) (u + l), where l = G (1 + T_l (1 - 1/z)/h) e,
+    Q(z) = q z + 1 - 2 q + q/z, and M(z) is the mean of 1/z to z^-N.
+    """
     gain, time, count = 700.0, 2.0, 6 * SAMPLES
     errors = 1e-6 * np.random.default_rng(lead).standard_normal(count)
     model = LearningController(
-        learning_gain=gain, learning_time=time, lead=lead, smoothing=smoothing, current_limit=1e3
+        learning_gain=gain,
+        learning_time=time,
+        lead=lead,
+        smoothing=smoothing,
+        recentring=recentring,
+        current_limit=1e3,
     )
     found = run(model, {"reference": errors}, count)["command"]
     taps = {-1: smoothing, 0: 1.0 - 2.0 * smoothing, 1: smoothing}
@@ -46,6 +54,11 @@ def test_it_is_its_discrete_transfer_function(lead, smoothing):
         for delay, factor in ((0, gain * (1.0 + rate)), (1, -gain * rate)):
             power = SAMPLES - lead + shift + delay
             learns[power] = learns.get(power, 0.0) + share * factor
+    for age in range(1, SAMPLES + 1):
+        mean = recentring / SAMPLES
+        repeats[age] = repeats.get(age, 0.0) + mean
+        for power, factor in ((age, gain * (1.0 + rate)), (age + 1, -gain * rate)):
+            learns[power] = learns.get(power, 0.0) - mean * factor
     order = max(max(learns), max(repeats))
     numerator = np.pad(polynomial(learns), (0, order - max(learns)))
     denominator = np.pad(polynomial(repeats), (0, order - max(repeats)))

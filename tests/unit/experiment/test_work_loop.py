@@ -15,8 +15,10 @@ from orchestration.experiment.work_loop import (
     TrackedLoop,
     WorkLoop,
     figures,
+    overtaken,
     picture,
     tracked_loops,
+    unpaid_work,
 )
 
 ANGLE = 0.002 * np.pi * np.arange(1000)
@@ -44,6 +46,66 @@ def test_figures_of_an_ellipse_are_those_of_its_formula():
         assert (cycle.largest_current, cycle.largest_voltage) == pytest.approx((0.3, 0.6), rel=1e-5)
 
 
+def test_a_length_that_creeps_has_no_error_about_its_rest_length():
+    time = np.linspace(0.0, 20.0, 4001)
+    length = LOOP.length_at(time) + 3e-5 * (time > 10.0)
+    first, second = TrackedLoop(LOOP, time, length, 0.0 * time, 0.0 * time).cycles()
+    assert first.error_about_rest == pytest.approx(0.0, abs=1e-6)
+    assert second.error == pytest.approx(3e-5, rel=1e-3)
+    assert second.error_about_rest == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_mode_that_is_overtaken_is_told_with_the_cycle():
+    time = np.linspace(0.0, 40.0, 4001)
+    reference = LOOP.length_at(time)
+    cycle = np.minimum(time // 10.0, 3.0)
+    errors = {"feedback": 2e-5, "learning": 0.9e-5 * cycle, "bare": 9e-5}
+    loops = {
+        mode: TrackedLoop(LOOP, time, reference - error, 0.0 * time, 0.0 * time)
+        for mode, error in errors.items()
+    }
+    lines = [line for line in overtaken(loops) if ": error no" in line]
+    assert lines == ["learning: error no longer smaller than that of feedback from cycle 4 on"]
+
+
+def test_the_work_that_no_current_pays_for_is_that_of_the_charge_less_that_of_the_reaction():
+    """Area pi F x of an ellipse, x = alpha Q; a reaction of -alpha pays for all of it."""
+    time = np.linspace(0.0, 20.0, 4001)
+    angle = 0.2 * np.pi * time
+    charge = -2.0 * np.sin(angle)
+    signals = {
+        "F": ("N", 0.5 + 0.4 * np.cos(angle)),
+        "Q": ("C", charge),
+        "x": ("mm", 0.03 * charge),
+    }
+    variables = {
+        name: ("time", values, {"units": unit}) for name, (unit, values) in signals.items()
+    }
+    data = xarray.Dataset(variables, {"time": time})
+    coupling = {"charge_length": "x", "charge": "Q", "reaction": "s"}
+    others = dict.fromkeys(("reference", "length", "current", "voltage"), "x")
+    table = WorkLoopTable(period=10.0, force="F", **others, coupling=coupling)
+    assert unpaid_work(data, table, 0.0) == pytest.approx(np.pi * 0.4 * 6e-5, rel=1e-5)
+    assert unpaid_work(data, table, -1.5e-5) == pytest.approx(np.pi * 0.4 * 3e-5, rel=1e-5)
+    assert unpaid_work(data, table, -3e-5) == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("reaction", "expected"),
+    [("0", ["recentred: 88", "actuator.voltage_per_force = 0 V/N"]), ("-0.068 mV/N", [])],
+)
+@pytest.mark.slow
+def test_a_run_remarks_on_the_work_that_no_current_pays_for(reaction, expected):
+    """About pi 0.4 N 0.07 mm a cycle; none of it with the reciprocal coupling of linear films."""
+    linear = ["actuator.lag_time=0", "actuator.strain_saturation_coefficient=0"]
+    notes = []
+    experiment = read("work_loop", [f"actuator.voltage_per_force={reaction}", *linear])
+    run(experiment, note=notes.append)
+    told = [line for line in notes if "paid for by no current" in line]
+    assert bool(told) == bool(expected)
+    assert all(any(words in line for line in told) for words in expected)
+
+
 def test_any_loop_goes_on_round_after_its_last_phase():
     loop = WorkLoop(np.array([0.0, 1.0, 0.0, -1.0]), np.array([0.0, 2.0, 4.0, 2.0]), period=4.0)
     time = np.array([0.0, 0.5, 3.5, 4.0, 5.0])
@@ -54,10 +116,14 @@ def test_any_loop_goes_on_round_after_its_last_phase():
 def test_figures_are_json_and_the_picture_has_units(made):
     tracked = tracked_loops(made, read("work_loop").work_loop)
     told = json.loads(json.dumps(figures(tracked)))
-    assert list(told) == ["bare", "feedback", "feedforward", "both", "learning"]
+    assert list(told) == ["bare", "feedback", "feedforward", "both", "learning", "recentred"]
     assert told["bare"][0]["error"] == tracked["bare"].cycles()[0].error
     labels = {axis.get_ylabel().replace("\n", " ") for axis in picture(tracked).axes}
-    of_cycles = {"error, rms [um]", "work taken up [uJ]", "electrical energy [J]"}
+    of_cycles = {
+        "error, rms [um]",
+        "work taken up [uJ]",
+        "electrical energy [J]",
+    }
     assert labels == {"force [N]", "tension [N]", *of_cycles}
 
 
@@ -130,6 +196,11 @@ def test_the_page_of_the_experiment_has_its_cycles_and_loops(made):
             "force='fource'",
             r"work_loop.force: no input driven named 'fource' \(did you mean force\?",
         ),
+        (
+            "coupling.reaction='actuator.s'",
+            "work_loop.coupling.reaction: no parameter named 'actuator.s'",
+        ),
+        ("coupling.charge='Q'", "work_loop.charge: no output recorded named 'Q'"),
         ("period='7 s'", "work_loop.period = 7 s: force is not the same again after that time"),
         ("period='1 ms'", "work_loop.period = 0.001 s: must be at least 3 steps of 0.01 s"),
         ("force='reference'", "work_loop.force: reference: unit 'm' cannot be converted to 'N'"),
