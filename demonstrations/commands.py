@@ -1,14 +1,17 @@
-"""Commands ``ppy demo``, ``ppy characterise``, ``ppy thesis``, ``ppy rig demo``: entry points.
+"""Commands ``ppy demo``, ``ppy characterise``, ``ppy thesis``, ``ppy cycles``, ``ppy rig demo``.
 
 No ``from __future__ import annotations``, with which the options in annotations could not be read.
 """
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypedDict, cast
 
 from fmus.kit import UserError
 from fmus.kit.extras import require
 from orchestration.api.declaration import Option
+from orchestration.api.forms import TEXTS
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import IdentifyCommand, MeasuringOptions
 from orchestration.cli.options import JsonOption, RecordsArgument
@@ -63,6 +66,31 @@ class PageOption(TypedDict, total=False):
 
 class ThesisCommand(PageOption, JsonOption, total=False):
     """Options of ``ppy thesis``."""
+
+
+class CyclesCommand(JsonOption, total=False):
+    """Options of ``ppy cycles``."""
+
+    experiment: Annotated[
+        str,
+        Option(
+            "An experiment on a system, with a work loop.",
+            default="work_loop",
+            metavar="NAME|FILE.toml",
+            complete="experiment",
+            argument=True,
+        ),
+    ]
+    settings: Annotated[
+        Sequence[str],
+        Option(
+            "Over the file: actuator.b1=1.2e6, inputs.force.amplitude=0.3N.",
+            default=(),
+            flag="--set",
+            metavar="KEY=VALUE",
+            form=TEXTS,
+        ),
+    ]
 
 
 class RigDemoCommand(TypedDict, total=False):
@@ -136,6 +164,39 @@ def thesis(options: ThesisCommand) -> None:
             for e in chapters.errata()
         ]
         write_json(path, {"chapters": written, "errata": errata})
+
+
+@command(CyclesCommand)
+def cycles(options: CyclesCommand) -> None:
+    """Predict, before a run, how many cycles of a work loop each limit allows.
+
+    Either the length is held, or the loop moves with the rest length of the films, which creep. The
+    limit with the fewest cycles binds first.
+    """
+    from demonstrations.work_loops import forecast
+    from orchestration.experiment import read
+    from orchestration.reporting import plain_table
+    from orchestration.reporting.console import out
+
+    name = options["experiment"]
+    path = options["json"]
+    Outputs(writes={"--json": path}, endings={"--json": JSON}).check()
+    experiment = read(name, options["settings"]).model_copy(update={"variants": {}})
+    with standard_output_for(path):
+        found = forecast(experiment, name)
+        table = plain_table(None, "length", "limit", "cycles", right=("cycles",))
+        for way, allowed in found.items():
+            for limit, count in allowed.items():
+                table.add_row(way, limit, f"{count:g}" if math.isfinite(count) else "not reached")
+        out.print(table)
+        for way, allowed in found.items():
+            limit, count = next(iter(allowed.items()))
+            out.print(f"{way}: {limit if math.isfinite(count) else 'no limit'} binds first")
+        write_json(path, {way: _finite(allowed) for way, allowed in found.items()})
+
+
+def _finite(allowed: dict[str, float]) -> dict[str, int | None]:
+    return {limit: int(n) if math.isfinite(n) else None for limit, n in allowed.items()}
 
 
 def _as_json(claim: "Claim") -> dict[str, Any]:

@@ -16,6 +16,10 @@ COMMANDS = {
             "Recompute the thesis, and say which figures are wrong and why.",
             "demonstrations.commands:thesis",
         ),
+        "cycles": (
+            "Predict how many cycles of a work loop charge, voltage and creep allow.",
+            "demonstrations.commands:cycles",
+        ),
         "rig demo": (
             "Close the loop once, in real time, on an emulated rig in which an effect is hidden.",
             "demonstrations.commands:rig_demo",

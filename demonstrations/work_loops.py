@@ -12,8 +12,11 @@ from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.record import CompiledModel
 from orchestration import master
+from orchestration.experiment import Experiment
+from orchestration.experiment.preparation import prepare
+from orchestration.experiment.subjects import open_subject
 from orchestration.experiment.work_loop import TrackedLoop, WorkLoop
-from orchestration.system import System
+from orchestration.system import System, library
 
 # parameters of the system `work_loop` that switch its controllers on, by mode
 MODES: dict[str, Mapping[str, float]] = {
@@ -31,15 +34,17 @@ MODES: dict[str, Mapping[str, float]] = {
         "all": ("feedback", "feedforward", "learning"),
     }.items()
 }
+_WITHOUT_CREEP = {"b1": 1e18, "k2": 1e15}
 # about the rest length of films that creep: what is learnt has no mean, the feedforward no creep
-MODES |= {
-    "recentred": {
-        **MODES["learning"],
-        "learning.recentring": 1.0,
-        "feedforward.b1": 1e18,
-        "feedforward.k2": 1e15,
-    }
+MODES["recentred"] = {
+    **MODES["learning"],
+    "learning.recentring": 1.0,
+    **{f"feedforward.{name}": value for name, value in _WITHOUT_CREEP.items()},
 }
+LIMITS = {"charge": 2.5 / 1.5, "voltage": 1.0, "current": 1.3, "displacement": 7e-3}
+"""Largest magnitudes in SI: of the estimated charge, voltage and current as the controllers limit
+them by default, of the displacement as the films do (thesis table 2-1)."""
+_FARTHEST = 1.5  # charges that are looked at, per limit
 _CIRCUIT = ("R1", "R2", "C", "alpha")  # parameters that an actuator shares with its inverse
 _POINTS = 40  # in a period: samples of a planned current, as many as of a learnt one
 _CORRECTION = 0.8  # share of the error that a repetition removes on the nominal model
@@ -187,6 +192,118 @@ def planned_current(
         current = _correct(current, _CORRECTION * error, inverse)
     whole = slice(cycles * _POINTS + 1)
     return time[whole], current[whole]
+
+
+def endurance(
+    model: type[Component],
+    loop: WorkLoop,
+    cycles: int = 3000,
+    parameters: Mapping[str, float] | None = None,
+    recentred: bool = False,
+    limits: Mapping[str, float] = LIMITS,
+) -> dict[str, float]:
+    """Predict how many cycles of a loop each limit allows.
+
+    At a length that is held the charge makes up for the creep, and its peak grows from cycle to
+    cycle. About the rest length its mean is zero, and the length creeps to its limit. Elongation is
+    taken at rest: what a lag of the strain needs is not in the figures, nor effects of the circuit.
+
+    Parameters
+    ----------
+    model : type[Component]
+        As for `planned_current`.
+    loop : WorkLoop
+    cycles : int
+        Number of cycles that are looked at.
+    parameters : Mapping of str to float, optional
+        Parameters that differ from their default, SI.
+    recentred : bool
+        Whether the loop moves with the rest length, as in the mode of that name.
+    limits : Mapping of str to float
+        Largest magnitudes, as `LIMITS`.
+
+    Returns
+    -------
+    dict of str to float
+        Whole cycles before the one in which a limit is exceeded, by limit, the fewest first, which
+        is the limit that binds; infinite if none is.
+
+    Raises
+    ------
+    UserError
+        If the model lacks a parameter of an actuator, or a limit or the number of cycles is not
+        above zero.
+    """
+    _check_plan(model, cycles=cycles, **limits)
+    time = loop.period / _POINTS * np.arange(cycles * _POINTS)
+    load = {"force": loop.force_at(time)}
+    bare = CompiledModel(model).run(time, load, parameters).signals["displacement"]
+    length = loop.length_at(time)
+    if recentred:
+        by_cycle = np.reshape([time, bare - length], (2, cycles, _POINTS))
+        length = length + np.interp(time, *by_cycle.mean(axis=2))
+    nominal: Any = model(**(parameters or {}))
+    charges = limits["charge"] * np.linspace(-_FARTHEST, _FARTHEST, 1001)
+    elongations = np.array([nominal.charge_elongation(charge) for charge in charges])
+    order = np.argsort(elongations)  # falling where alpha is negative
+    charge = np.interp(length - bare, elongations[order], charges[order])
+    rate = np.gradient(charge, time)
+    voltage = nominal.R1 * rate + charge / nominal.C
+    signals = {
+        "charge": charge,
+        "voltage": voltage,
+        "current": rate + voltage / nominal.R2,
+        "displacement": length,
+    }
+    allowed = {}
+    for name, limit in limits.items():
+        beyond = np.flatnonzero(np.abs(signals[name]) > limit)
+        allowed[name] = float(beyond[0] // _POINTS) if beyond.size else np.inf
+    return dict(sorted(allowed.items(), key=lambda pair: pair[1]))
+
+
+def forecast(experiment: Experiment, where: str) -> dict[str, dict[str, float]]:
+    """Predict how many cycles of an experiment's work loop each limit allows, before it is run.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        On a system, with the table of a work loop and without variants.
+    where : str
+        Its name, for messages.
+
+    Returns
+    -------
+    dict of str to dict
+        `endurance` at a length that is ``held``, and of a loop that is ``recentred``.
+
+    Raises
+    ------
+    UserError
+        If there is no work loop of a system, it does not fit the system, or the loop's member has
+        no equations of an actuator.
+    """
+    table = experiment.work_loop
+    if table is None or experiment.system is None:
+        raise UserError(f"{where}: cycles are those of a system with a work loop")
+    with open_subject(experiment, where) as subject:
+        prepared = prepare(experiment, subject, where, lambda line: None)
+    prefix, dot, _ = table.length.partition(".")
+    model = library.system(experiment.system).member(prefix).cls
+    if model is None:
+        raise UserError(f"{where}: {prefix} has no equations that are known")
+    parameters = {
+        name.removeprefix(prefix + dot): float(value)
+        for name, value in prepared.settings.items()
+        if name.startswith(prefix + dot)
+    }
+    period = prepared.time < prepared.time[0] + table.period * (1.0 - _ROUNDING)
+    force, length = (prepared.inputs[name][period] for name in (table.force, table.reference))
+    loop = WorkLoop(force, length, table.period)
+    return {
+        way: endurance(model, loop, parameters=parameters, recentred=way == "recentred")
+        for way in ("held", "recentred")
+    }
 
 
 def _check_plan(model: type[Component], **positive: float) -> None:

@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from demonstrations.work_loops import MODES, ellipse, inputs, planned_current, track
+from demonstrations.work_loops import (
+    MODES,
+    ellipse,
+    endurance,
+    forecast,
+    inputs,
+    planned_current,
+    track,
+)
 from fmus import component, effects
 from fmus.kit import UserError, stack
 from fmus.kit.record import CompiledModel
@@ -86,6 +94,52 @@ def test_a_planned_current_keeps_the_voltage_within_its_limit_between_samples_to
     held = current[np.searchsorted(time, fine + 1e-9, side="right") - 1]
     run = CompiledModel(model).run(fine, {"current": held, "force": 0.0 * fine}, hidden)
     assert 0.98 < np.abs(run.signals["voltage"]).max() <= 1.0 + 1e-9
+
+
+def test_cycles_that_limits_allow_are_those_of_the_creep_in_closed_form():
+    """Q = (r - F/k1 - k - m) / alpha, with k and m of eq. 3.5 under a load of 0.5 N + cosine."""
+    w, T, cycles = 0.2 * np.pi, 200.0, 40
+    t = 0.01 * np.arange(cycles * 1000)
+    flow = (0.5 * t + 0.4 * np.sin(w * t) / w) / 1.7e6
+    swing = 0.4 * (np.cos(w * t) + w * T * np.sin(w * t) - np.exp(-t / T)) / (1.0 + (w * T) ** 2)
+    kelvin = (0.5 * (1.0 - np.exp(-t / T)) + swing) / 1e4
+    charge = (-7e-5 * np.sin(w * t) - kelvin - flow) / 6.8e-5
+    rate = np.gradient(charge, t)
+    voltage = 0.43 * rate + charge / 2.70
+    needed = {"charge": charge, "voltage": voltage, "current": rate + voltage / 2.35}
+    limits = {"charge": 1.7, "voltage": 0.7, "current": 1.0, "displacement": 7e-3}
+    found = endurance(ACTUATOR, LOOP, cycles, limits=limits)
+    for name, values in needed.items():
+        peaks = np.abs(values).reshape(cycles, -1).max(axis=1)
+        assert found[name] == np.argmax(peaks > limits[name]), name
+    assert next(iter(found)) == "charge"
+    assert found["displacement"] == np.inf
+
+
+def test_about_the_rest_length_the_creep_ends_at_the_limit_of_the_displacement():
+    """All of the Kelvin element and 0.5 N / b1 are left beside the loop's 0.0794 + 0.0945 mm."""
+    found = endurance(ACTUATOR, LOOP, recentred=True)
+    reach = 7e-3 - 0.5 / 1e4 - (0.5 / 6300.0 + np.hypot(0.4 / 6300.0, 7e-5))
+    assert found["displacement"] == pytest.approx(reach / (0.5 / 1.7e6) / 10.0, abs=1.0)
+    assert {found[name] for name in ("charge", "voltage", "current")} == {np.inf}
+
+
+def test_films_that_saturate_allow_fewer_cycles():
+    known = effects("ppy_actuator")
+    model = stack(ACTUATOR, known["strain_saturation"])
+    hidden = {"strain_saturation_coefficient": 0.25}
+    assert endurance(model, LOOP, 20, hidden)["charge"] < endurance(ACTUATOR, LOOP, 20)["charge"]
+
+
+@pytest.mark.slow
+def test_an_experiment_is_forecast_from_its_own_stimuli_and_parameters():
+    settings = ["actuator.strain_saturation_coefficient=0", "actuator.b1=1.2e6"]
+    experiment = read("work_loop", settings).model_copy(update={"variants": {}})
+    found = forecast(experiment, "work_loop")
+    of_films = endurance(ACTUATOR, LOOP, parameters={"b1": 1.2e6})
+    assert found["held"] == of_films
+    with pytest.raises(UserError, match="fig_5_9: cycles are those of a system with a work loop"):
+        forecast(read("fig_5_9", []), "fig_5_9")
 
 
 def test_errors_of_users_are_a_line():
