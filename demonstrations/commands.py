@@ -1,4 +1,4 @@
-"""Commands ``ppy demo``, ``ppy characterise``, ``ppy thesis``, ``ppy cycles``, ``ppy rig demo``.
+"""Commands ``ppy demo``, ``characterise``, ``thesis``, ``system cycles`` and ``rig demo``.
 
 No ``from __future__ import annotations``, with which the options in annotations could not be read.
 """
@@ -69,7 +69,7 @@ class ThesisCommand(PageOption, JsonOption, total=False):
 
 
 class CyclesCommand(JsonOption, total=False):
-    """Options of ``ppy cycles``."""
+    """Options of ``ppy system cycles``."""
 
     experiment: Annotated[
         str,

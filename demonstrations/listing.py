@@ -16,8 +16,8 @@ COMMANDS = {
             "Recompute the thesis, and say which figures are wrong and why.",
             "demonstrations.commands:thesis",
         ),
-        "cycles": (
-            "Predict how many cycles of a work loop charge, voltage and creep allow.",
+        "system cycles": (
+            "Predict how many cycles of a work loop each limit allows.",
             "demonstrations.commands:cycles",
         ),
         "rig demo": (

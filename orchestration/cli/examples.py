@@ -93,7 +93,10 @@ EXAMPLES = {
         "ppy characterise demo-output/record.csv --out specimen",
         "ppy characterise demo-output/record.csv --set R1=0.5 --out another --json -",
     ),
-    "cycles": ("ppy cycles", "ppy cycles work_loop --set actuator.b1=1.2e6 --json -"),
+    "system cycles": (
+        "ppy system cycles",
+        "ppy system cycles work_loop --set actuator.b1=1.2e6 --json -",
+    ),
     "thesis": ("ppy thesis", "ppy thesis --out thesis.html --json thesis.json"),
     "sweep": (
         "ppy sweep ppy_actuator --over R1=0.3..0.7:9 --set current=0.5 --stop 10s",
