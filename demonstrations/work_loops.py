@@ -235,7 +235,7 @@ def endurance(
         above zero.
     """
     _check_plan(model, cycles=cycles, **limits)
-    time = loop.period / _POINTS * np.arange(cycles * _POINTS)
+    time: Array = loop.period / _POINTS * np.arange(cycles * _POINTS, dtype=np.float64)
     load = {"force": loop.force_at(time)}
     bare = CompiledModel(model).run(time, load, parameters).signals["displacement"]
     length = loop.length_at(time)

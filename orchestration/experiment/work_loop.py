@@ -7,7 +7,7 @@ absorbs in a cycle; a negative area is energy that it delivers (section 5.1).
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -17,13 +17,9 @@ from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError
 from fmus.kit.units import convert
 from orchestration.experiment.model import UNITS_OF_LOOP
-from orchestration.experiment.reading import read
-from orchestration.reporting import pictures
 
 if TYPE_CHECKING:
     import xarray
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from orchestration.experiment.model import WorkLoopTable
 
@@ -223,65 +219,3 @@ def _signal_of(data: xarray.Dataset, table: WorkLoopTable, key: str, prefix: str
 def figures(loops: Mapping[str, TrackedLoop]) -> dict[str, Any]:
     """Return the fields of `Cycle` of every cycle, by mode, for JSON."""
     return {mode: [asdict(cycle) for cycle in loop.cycles()] for mode, loop in loops.items()}
-
-
-def picture(
-    loops: Mapping[str, TrackedLoop],
-    title: str = "Work loops: the last cycle, and figures of each",
-) -> Figure:
-    """Draw the last cycle of loops, the loop of fig. 5-9, and error, work and energy of all cycles.
-
-    Parameters
-    ----------
-    loops : Mapping of str to TrackedLoop
-        By mode, with the same reference.
-    title : str, optional
-    """
-    figure, axes = pictures.mosaic(
-        [["loop", "thesis"], ["loop", "thesis"], ["error", "energy"], ["work", "energy"]], title
-    )
-    _draw_thesis_loop(axes["thesis"])
-    reference = next(iter(loops.values())).loop
-    closed = np.append(np.arange(reference.length.size), 0)
-    axes["loop"].plot(
-        1e3 * reference.length[closed], reference.force[closed], "k--", label="reference"
-    )
-    for mode, tracked in loops.items():
-        last = tracked.time >= tracked.time[-1] - tracked.loop.period
-        force = tracked.loop.force_at(tracked.time[last])
-        axes["loop"].plot(1e3 * tracked.length[last], force, label=mode)
-        _draw_cycles([axes[name] for name in ("error", "work", "energy")], tracked.cycles())
-    axes["loop"].set_xlabel("length [mm]")
-    axes["loop"].legend(fontsize=8)
-    pictures.logarithmic_values(axes["error"])
-    pictures.label(axes["loop"], "force", "N")
-    pictures.label(axes["error"], "error, rms", "um")
-    pictures.label(axes["work"], "work taken up", "uJ")
-    pictures.label(axes["energy"], "electrical energy", "J")
-    return figure
-
-
-def _draw_thesis_loop(axis: Axes) -> None:
-    """Draw the experiment of fig. 5-9 with and without its current, as it is printed."""
-    from orchestration.experiment import execution  # which remarks on work loops
-
-    for name, settings in {"with current": [], "without": ["inputs.current.amplitude=0"]}.items():
-        result = execution.run(read("fig_5_9", settings))
-        force = result["tension"].values
-        axis.plot(1e3 * result["length_change"].values, force, label=f"fig. 5-9, {name}")
-    axis.set_xlabel("length change [mm]")
-    axis.legend(fontsize=8)
-    pictures.label(axis, "tension", "N")
-
-
-def _draw_cycles(axes: Sequence[Any], cycles: Sequence[Cycle]) -> None:
-    """Draw error, work and electrical energy of a mode over the cycles."""
-    numbers = np.arange(1, len(cycles) + 1)
-    (line,) = axes[0].plot(numbers, [1e6 * cycle.error for cycle in cycles], "o-")
-    about_rest = [1e6 * cycle.error_about_rest for cycle in cycles]
-    axes[0].plot(numbers, about_rest, ":", color=line.get_color())
-    axes[1].plot(numbers, [1e6 * cycle.work for cycle in cycles], "o-")
-    axes[2].plot(numbers, [cycle.electrical_energy for cycle in cycles], "o-")
-    for axis in axes:
-        axis.set_xlabel("cycle")
-        pictures.whole_numbers(axis)

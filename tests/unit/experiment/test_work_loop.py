@@ -10,13 +10,13 @@ from fmus.kit import UserError
 from orchestration.experiment.execution import run
 from orchestration.experiment.model import WorkLoopTable
 from orchestration.experiment.page import cycles, experiment_page
+from orchestration.experiment.picture import draw_loops
 from orchestration.experiment.reading import read
 from orchestration.experiment.work_loop import (
     TrackedLoop,
     WorkLoop,
     figures,
     overtaken,
-    picture,
     tracked_loops,
     unpaid_work,
 )
@@ -118,7 +118,7 @@ def test_figures_are_json_and_the_picture_has_units(made):
     told = json.loads(json.dumps(figures(tracked)))
     assert list(told) == ["bare", "feedback", "feedforward", "both", "learning", "recentred"]
     assert told["bare"][0]["error"] == tracked["bare"].cycles()[0].error
-    labels = {axis.get_ylabel().replace("\n", " ") for axis in picture(tracked).axes}
+    labels = {axis.get_ylabel().replace("\n", " ") for axis in draw_loops(tracked).axes}
     of_cycles = {
         "error, rms [um]",
         "work taken up [uJ]",
@@ -229,7 +229,7 @@ def test_a_length_that_is_the_reference_has_no_error_where_the_period_is_no_mult
 
 def test_many_cycles_are_marked_as_far_as_they_can_be_read():
     many = TrackedLoop(LOOP, np.arange(0.0, 1001.0, 0.5), *np.ones((3, 2002)))
-    axes = {axis.get_ylabel(): axis for axis in picture({"$\\bad{$": many}).axes}
+    axes = {axis.get_ylabel(): axis for axis in draw_loops({"$\\bad{$": many}).axes}
     ticks = axes["electrical energy\n[J]"].get_xticks()
     assert len(ticks) < 15
     assert np.array_equal(ticks, np.round(ticks))
