@@ -38,6 +38,7 @@ HEAVY = {
     "diagnose",
     "stance",
     "systems",
+    "work-loops",
     "own-record",
     "hardware-in-the-loop",
     "commission",
