@@ -37,7 +37,7 @@ def test_stacks_are_named_and_remember_their_parts():
     assert stack(Thermostat, Warmer, name="mine").name == "mine"
     assert cls.__doc__ == Thermostat.__doc__
     assert cls.experiment == (60.0, 0.5)
-    assert cls.presets is Thermostat.presets
+    assert cls.presets == Thermostat.presets
 
 
 def test_a_long_name_is_cut_and_stays_its_own():
