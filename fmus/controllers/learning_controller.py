@@ -91,7 +91,6 @@ class LearningController(Component):
         min=0,
         max=1.0,
         nominal=0.1,
-        tunable=True,
         doc="share of the mean of a period that is taken off the learnt command: at 1, films that"
         " creep are moved about their rest length, at 0 the length is held (r)",
     )

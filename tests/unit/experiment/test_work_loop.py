@@ -120,8 +120,8 @@ def test_figures_are_json_and_the_picture_has_units(made):
     assert told["bare"][0]["error"] == tracked["bare"].cycles()[0].error
     labels = {axis.get_ylabel().replace("\n", " ") for axis in draw_loops(tracked).axes}
     of_cycles = {
-        "error, rms [um]",
-        "work taken up [uJ]",
+        "error, rms [µm]",
+        "work taken up [µJ]",
         "electrical energy [J]",
     }
     assert labels == {"force [N]", "tension [N]", *of_cycles}
@@ -233,7 +233,7 @@ def test_many_cycles_are_marked_as_far_as_they_can_be_read():
     ticks = axes["electrical energy\n[J]"].get_xticks()
     assert len(ticks) < 15
     assert np.array_equal(ticks, np.round(ticks))
-    assert "log" in axes["error, rms\n[um]"].get_yscale()
+    assert "log" in axes["error, rms\n[µm]"].get_yscale()
 
 
 def test_part_of_a_cycle_is_no_loop():
