@@ -45,11 +45,8 @@ HEAVY = {
     "thesis",
     "laws",
     "identify",
-<<<<<<< HEAD
     "characterise",
-=======
     "ageing",
->>>>>>> eb11fdb8 (docs(how-to): follow an actuator's ageing; test: ppy.age against solved circuits)
     "sweeps",
     "retune",
     "continuous-integration",
