@@ -51,7 +51,6 @@ EXAMPLES = {
     ),
     "export modelica": (
         "ppy export modelica",
-        "ppy export modelica ppy_actuator --with self_heating --out warm",
         "ppy export modelica ppy_actuator --set R1=0.61 --out specimen",
     ),
     "check": (

@@ -43,6 +43,7 @@ _PANELS = {
         "command",
         "measured",
         "controller",
+        "controller_settings",
         "sample_period",
         "phase_margin",
         "crossover",
