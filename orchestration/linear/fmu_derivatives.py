@@ -106,8 +106,10 @@ class FmuRequest:
             inputs[driven] = np.append(values, np.full(len(steps), values[-1]))
         if size:
             inputs[name][now + at] += size
+        # a pulse at the start time comes after the initialization, which may look at inputs
+        settings = {**self.settings, **self.levels} if now == 0 else self.settings
         with source_of(self.model).open() as runs:
-            return runs.run(time, inputs, self.settings, self.outputs)[now:].T
+            return runs.run(time, inputs, settings, self.outputs)[now:].T
 
     @property
     def levels(self) -> dict[str, float]:

@@ -274,7 +274,8 @@ def begin_run(fmu: Fmu, time: Array, inputs: Mapping[str, Array], *, goes_on: bo
         If a name is no input, or the FMU refuses.
     """
     check_inputs(fmu, inputs)
-    first = {name: values[0] for name, values in inputs.items()}
+    # one that is among the start values begins with that one, and moves at the first point
+    first = {name: values[0] for name, values in inputs.items() if name not in fmu.parameters}
     last = stepping.communication_points(fmu.description, time)[-1]
     fmu.start(float(time[0]), None if goes_on else float(last), first)
 
