@@ -17,7 +17,7 @@ PAGE = DOCS / "coverage.md"
 RECORDS = (
     "from demonstrations.records import draw, write; "
     "[write(draw(None, seed=k, duration=60.0), name)"
-    " for k, name in enumerate(('record.csv', 'later.csv'))]"
+    " for k, name in enumerate(('record.csv', 'later.csv', 'latest.csv'))]"
 )
 _INTRODUCTION = f"""\
 # What the thesis has, and the command that shows it
