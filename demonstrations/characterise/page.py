@@ -14,7 +14,7 @@ def characterisation_page(found: Characterisation, command: str = "") -> Page:
     count = f"{len(known)} of {len(known) + len(missing)} parameters"
     verdict = f"Not determined: {', '.join(missing)}." if missing else "Nothing is missing."
     about = Markup(f"<code>{escaped(found.model.name)}</code>")
-    page = Page(f"{count} of the specimen are known by {len(found.kinds)} records", verdict, about)
+    page = Page(f"{count} of the specimen are known", verdict, about)
     page.heading("Which tests the records are")
     page.table(("record", "test", "tells"), [*found.kind_rows()])
     page.heading("Its parameters")
