@@ -73,6 +73,7 @@ navigation = {
         "docs/how-to/design",
         "docs/how-to/systems",
         "docs/how-to/stance",
+        "docs/how-to/work-loops",
         "docs/how-to/other-tools",
         "docs/how-to/continuous-integration",
         "docs/how-to/hardware-in-the-loop",

@@ -55,21 +55,6 @@ FOOT_GAIT = SystemDeclaration(
     step=1e-4,  # at 5e-4 the oscillation of the toe grows under a Jacobi master
     stop=2.0,
 )
-# dorsiflexion: the actuators in front contract, those behind give way
-EXAMPLES = (
-    Example(
-        FOOT_GAIT,
-        {
-            "an_current": -0.5,
-            "po_current": 0.5,
-            "do_current": -0.5,
-            "pl_current": 0.5,
-            "toe_force_x": 0.0,
-            "toe_force_y": 0.0,
-        },
-    ),
-)
-
 # kg and kg m^2, a tenth of those of `foot_free`: its 31 g weigh 0.3 N. What films can move binds,
 # not what they bear: 1.3 A for half of 8 s rolls that weight from heel to ball, within 1.5 V.
 _MASSES = {
@@ -170,5 +155,24 @@ HIL_STANCE = replace(
     connections=tuple(
         wire.replace("po.electrochemical_displacement", "po.displacement")
         for wire in FOOT_STANCE.connections
+    ),
+)
+# dorsiflexion: the actuators in front contract, those behind give way
+EXAMPLES = (
+    Example(
+        FOOT_GAIT,
+        {
+            "an_current": -0.5,
+            "po_current": 0.5,
+            "do_current": -0.5,
+            "pl_current": 0.5,
+            "toe_force_x": 0.0,
+            "toe_force_y": 0.0,
+        },
+    ),
+    # the leg settles on its heel and ball, with the weight that the body leaves to it
+    Example(
+        FOOT_STANCE,
+        {**{f"{name}_current": 0.0 for name in ACTUATORS}, "leg_force_x": 0.0, "leg_force_y": 0.0},
     ),
 )

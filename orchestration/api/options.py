@@ -1082,7 +1082,6 @@ class ControllerOptions(TypedDict, total=False):
         Option(
             "Set a parameter of the controller, e.g. stiffness=2N/mm. Repeatable.",
             "Values of parameters of the controller, in place of those of the design.",
-            flag="--controller-set",
             metavar="NAME=VALUE[UNIT]",
             form=SETTINGS,
         ),

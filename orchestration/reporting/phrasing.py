@@ -16,6 +16,7 @@ from fmus.kit import quoting
 FLAGS = {
     "mapping": "--map",
     "settings": "--set",
+    "controller_settings": "--controller-set",
     "units": "--unit",
     "kind": "--design",
     "path_orders": "--orders",

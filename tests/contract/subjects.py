@@ -226,7 +226,7 @@ SUBJECTS = {
         "an_displacement m po_displacement m do_displacement m pl_displacement m an_force N"
         f" po_force N do_force N pl_force N {_MOVED} {_FREE}",
         _IN_THE_GROUND | {f"{name}_flow_start": -1e-4 for name in ("an", "po", "do", "pl")},
-        1e-11,
+        1e-12,
     ),
     "foot_free": Subject(
         {"po_tension": 0.1, "leg_force_y": 0.1},

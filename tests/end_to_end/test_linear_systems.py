@@ -93,8 +93,9 @@ def agree(measured, model):
 
 
 def test_every_system_with_laws_is_swept():
-    # a rig at the end of a cable has laws that nobody knows
-    with_laws = {name for name in library.NAMES if not name.startswith("hil_")}
+    # a rig at the end of a cable has laws that nobody knows, and a foot that lands does not stay
+    # at an operating point
+    with_laws = {name for name in library.NAMES if not name.startswith("hil_")} - {"foot_stance"}
     assert {case.system for case in CASES} == with_laws
 
 

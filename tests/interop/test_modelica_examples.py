@@ -31,6 +31,7 @@ RUNS = {
     "protected_bench": (0.2, 6000),
     "isotonic_stand": (0.3, 600),
     "foot_gait": (0.2, 6000),
+    "foot_stance": (0.2, 6000),
     "degradation_watch": (1.2, 600),
     "potentiostat_watch": (0.2, 600),
     "work_loop": (0.3, 600),

@@ -13,6 +13,7 @@ import re
 import casadi as ca
 
 from fmus.kit.declare import Declaration, summary
+from fmus.kit.interrupt import uninterrupted
 from fmus.kit.layout import Layout
 from fmus.kit.modelica.declarations import declaration, declared_identifiers, literal
 from fmus.kit.modelica.equations import Target, define
@@ -25,6 +26,7 @@ _BUILT_IN = {"roundedDown": "floor", "roundedUp": "ceil", "hypotenuse": "hypot"}
 _FUNCTION = re.compile(r"Functions\.(\w+)")
 
 
+@uninterrupted()
 def flat_text(model: TracedModel) -> str:
     """Write a component as a model without connectors, events and samples.
 

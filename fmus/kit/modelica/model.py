@@ -117,6 +117,7 @@ class TracedModel:
         laws = [s.rate for s in layout.states] + [d.update for d in layout.discretes]
         return units_of_laws(self.cls, [*laws, *(o.name for o in layout.outputs)])
 
+    @uninterrupted()
     def text(self) -> str:
         """Write the class, without the ``within`` clause.
 
