@@ -236,7 +236,11 @@ def test_a_circuit_hardens(public_data, tmp_path, samples):
 
 @pytest.mark.slow
 def test_an_aged_cell_has_more_resistance(public_data, tmp_path):
-    """Parameters only, of the cell before ageing, which then are nominal for the cell after."""
+    """Parameters only, of the cell before ageing, which then are nominal for the cell after.
+
+    What is left comes again in each cycle of the voltammogram, so that it is no noise (decision
+    127): new values alone do not explain the cell.
+    """
     before, after = (
         public_data(f"supercapacitor_{age}_ageing_5mV_per_s.csv") for age in ("before", "after")
     )
@@ -244,13 +248,9 @@ def test_an_aged_cell_has_more_resistance(public_data, tmp_path):
     _, fresh, _ = diagnosed(before, None, *only, folder=tmp_path)
     nominal = [text for name in ("R1", "R2", "C") for text in ("--set", f"{name}={fresh[name]!r}")]
     figures, aged, text = diagnosed(after, None, *only, *nominal, folder=tmp_path)
-    assert "R1" in figures["changed"]
+    assert {"R1", "C"} <= set(figures["changed"])
     assert 2.0 <= aged["R1"] / fresh["R1"] <= 4.0
-    if text.startswith("unexplained"):
-        pytest.xfail(
-            "what is left, 11.3 %, is called unexplained, and the new values are not named"
-        )
-    assert "the laws hold with other values of R1 and C" in text
+    assert text.startswith("unexplained")
     assert 0.4 < aged["C"] / fresh["C"] < 0.7
 
 
