@@ -188,7 +188,7 @@ def _declared(kind: type[_D], signal: Signal, start: bool = False) -> _D:
     A unit that is unknown here stands in the description, and the display unit is left out.
     """
     is_known = _is_unit(signal.unit)
-    more: dict[str, Any] = {"start": signal.start} if start else {"law": _no_law}
+    more: dict[str, Any] = {"start": signal.start} if start else {"law": no_law}
     if kind is ParameterDeclaration:
         more["tunable"] = signal.is_tunable
     declared = kind(
@@ -210,6 +210,6 @@ def _is_unit(text: str) -> bool:
     return True
 
 
-def _no_law(whole: Any) -> float:
-    """Stand in for the law of an output, which the library of the FMU computes."""
+def no_law(whole: Any) -> float:
+    """Stand in for the law of an output that no Python computes."""
     raise NotImplementedError

@@ -31,7 +31,7 @@ from orchestration.fmu.model import declared_model
 from orchestration.master import dependency_graph as structures
 from orchestration.master.buffers import BufferTransfer
 from orchestration.master.executor import Executor
-from orchestration.master.fmu_members import common_platforms, fmu_members
+from orchestration.master.fmu_members import common_platforms, fmu_members, no_law
 from orchestration.master.instances import STEP, CommunicationStep
 from orchestration.master.schedule import ExchangeStage, MasterSettings, MemberCall, PlainStep
 from orchestration.master.setup import make_structure, open_members
@@ -169,7 +169,7 @@ class _Whole:
             if ports
         ]
         outputs = [
-            _declared(OutputDeclaration, self._declarations[port], name, law=_no_law)
+            _declared(OutputDeclaration, self._declarations[port], name, law=no_law)
             for name, port in self._outputs.items()
         ]
         parameters = (name_declaration(step, COMMUNICATION_STEP), *constants)
@@ -260,11 +260,6 @@ class _Whole:
             updates=(),
             restorable=all(isinstance(part, Graph) for part in self._parts.values()),
         )
-
-
-def _no_law(whole: Component) -> float:
-    """Stand in for the law of an output, which the engine of the FMU computes."""
-    raise NotImplementedError
 
 
 def _reached(structure: structures.Structure, output: Port) -> set[Port]:
