@@ -1,4 +1,4 @@
-"""Parameters of a specimen by all of its tests: read off by eye, and fitted to all together."""
+"""Parameters of a specimen by all of its tests: graphical values, and a fit to all together."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _WIDE = 0.5  # of a value: half an interval, beyond which it counts as not determined
 _BEFORE = 10.0  # durations of a test for which its load had been as at the first sample
 _ANYTHING = 100.0  # typical sizes of a state: deviation of a start value that nothing tells
-HEAD = ("parameter", "record", "by eye", "95 % interval", "fitted to all", "95 % interval")
+HEAD = ("parameter", "record", "graphical", "95 % interval", "fitted to all", "95 % interval")
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Characterisation(Displayable):
     model : Model
     kinds : Mapping of str to Kind or None
         The test that each record is, by its label; None for none of the thesis.
-    by_eye : Mapping of str to Estimates
+    graphical : Mapping of str to Estimates
         What is read off each record.
     joint : JointComparison
         Of the fit to all records, without start values.
@@ -47,7 +47,7 @@ class Characterisation(Displayable):
 
     model: Model
     kinds: Mapping[str, Kind | None]
-    by_eye: Mapping[str, Estimates]
+    graphical: Mapping[str, Estimates]
     joint: JointComparison
     remarks: tuple[str, ...]
 
@@ -96,7 +96,7 @@ class Characterisation(Displayable):
             if name in self.determined:
                 fitted = _cells(estimate, declared)
             none_read = True
-            for label, read in self.by_eye.items():
+            for label, read in self.graphical.items():
                 if name in read:
                     yield [name, label, *_cells(read[name], declared), *fitted]
                     none_read = False
@@ -133,9 +133,9 @@ class Characterisation(Displayable):
         return {
             "model": self.model.name,
             "tests": {label: kind and kind.title for label, kind in self.kinds.items()},
-            "by_eye": {
+            "graphical": {
                 label: {name: asdict(one) for name, one in read.items()}
-                for label, read in self.by_eye.items()
+                for label, read in self.graphical.items()
             },
             "fitted": self.fit.to_dict(),
             "missing": self.missing,
@@ -187,20 +187,22 @@ def characterise(
     )
     progress("reading parameters off the records")
     circuit = {name: joint.fit.values[name] for name in CIRCUIT if name in declared}
-    by_eye: dict[str, Estimates] = {}
+    graphical: dict[str, Estimates] = {}
     remarks = []
     for label, record in zip(labels, records, strict=True):
         kind = kinds[label]
         try:
-            by_eye[label] = {} if kind is None else kind.read(record, circuit)
+            graphical[label] = {} if kind is None else kind.read(record, circuit)
         except UserError as error:
-            remarks.append(f"{label}: nothing is read off it by eye: {error}")
+            remarks.append(f"{label}: nothing is read off it: {error}")
     fit = _without_starts(joint.fit, [*starts])
     comparisons = {
         label: _without_history(one, record, fit)
         for (label, one), record in zip(joint.comparisons.items(), records, strict=True)
     }
-    return Characterisation(model, kinds, by_eye, JointComparison(comparisons, fit), tuple(remarks))
+    return Characterisation(
+        model, kinds, graphical, JointComparison(comparisons, fit), tuple(remarks)
+    )
 
 
 def _cells(estimate: GraphicalEstimate | Estimate, declared: Described) -> list[str]:

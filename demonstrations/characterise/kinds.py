@@ -1,4 +1,4 @@
-"""The thesis' tests of an actuator: how a record of each looks, and what is read off it by eye."""
+"""The tests of an actuator in the thesis: how their records look, and their graphical readings."""
 
 from __future__ import annotations
 
