@@ -296,9 +296,12 @@ def compiles_balanced(cls, folder):
     return compiled.structure().is_balanced
 
 
-# those of `foot` and `foot_dynamic` are among those of the other feet
+# the same effects as those of `foot_free` and `foot_design`
+OTHER_FEET = {"foot", "foot_dynamic", "foot_displacement_driven"}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sorted(COMPONENTS.keys() - {"foot", "foot_dynamic"}))
+@pytest.mark.parametrize("name", sorted(COMPONENTS.keys() - OTHER_FEET))
 def test_every_effect_compiles(name, tmp_path):
     """Those without a clock of their own all in one model, the others one by one.
 
