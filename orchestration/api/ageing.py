@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from math import inf, pi
+from math import inf
 from typing import NamedTuple, Unpack
 
 import numpy as np
@@ -163,10 +163,8 @@ def _measure(model: Model, options: AgeKeywords) -> Callable[[Mapping[str, float
 
     def magnitude(values: Mapping[str, float]) -> float:
         point = point_at(subject.graph, 0.0, known | dict(values))
-        m = subject.linearise(point, [driven], [output]).matrices
-        s = 2j * pi * frequency
-        response = m.C @ np.linalg.solve(s * np.eye(len(m.A)) - m.A, m.B) + m.D
-        return float(np.abs(response).item())
+        linear = subject.linearise(point, [driven], [output])
+        return float(np.abs(linear.response(np.array([frequency]), driven, output)).item())
 
     return magnitude
 
