@@ -6,10 +6,12 @@ that would; every command takes the file of parameters.
 from __future__ import annotations
 
 import json
+import math
 import re
 import tomllib
 from dataclasses import asdict
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -18,6 +20,7 @@ from demonstrations.emulator import RigParameters
 from examples.specimen import write_tests
 from orchestration.fmu.model import built, declared_model
 from orchestration.identify import read_for
+from orchestration.identify.uncertainty import Estimate
 from tests.support.command import here
 
 SPECIMENS = 12
@@ -27,6 +30,14 @@ def characterised(folder: Path, *names: str) -> Characterisation:
     model = declared_model("ppy_actuator")
     files = [folder / f"{name}.csv" for name in names] or sorted(folder.glob("*.csv"))
     return characterise(built(model), [read_for(model, file) for file in files])
+
+
+@pytest.mark.parametrize(("half", "is_known"), [(0.49, True), (0.51, False), (math.inf, False)])
+def test_a_value_that_may_be_half_as_large_is_not_determined(half, is_known):
+    estimate = Estimate(2.0, 1.0, (2.0 - 2.0 * half, 2.0 + 2.0 * half), "ohm")
+    joint = SimpleNamespace(fit=SimpleNamespace(estimates={"R1": estimate}))
+    found = Characterisation(None, {"record": None}, {}, joint, ())
+    assert ("R1" in found.determined, "R1" in found.missing) == (is_known, not is_known)
 
 
 @pytest.mark.slow
