@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -40,6 +41,7 @@ pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc brings 
 def program(tmp_path_factory):
     """Compile the driver with a component; return the program, the token and the resources."""
 
+    @cache
     def compiled(name, runtime, *flags):
         folder = tmp_path_factory.mktemp(name)
         planned = plan_build(CLASSES[name], runtime, 3)
@@ -74,11 +76,11 @@ def output_of(runtime, *command):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("name", slow_but(CLASSES, *FAST))
-def test_no_order_of_calls_and_no_argument_does_harm(program, name, runtime):
+def test_no_order_of_calls_and_no_argument_does_harm(program, name, runtime, seed):
     driver, token, resources = program(name, runtime, *SANITIZED)
-    for seed in range(4):
-        assert "errors" in output_of(runtime, driver, "calls", token, seed, 10_000, resources)
+    assert "errors" in output_of(runtime, driver, "calls", token, seed, 10_000, resources)
 
 
 @pytest.mark.slow
