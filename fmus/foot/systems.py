@@ -90,7 +90,7 @@ FOOT_STANCE = SystemDeclaration(
         " (thesis sections 5.4.1, 6.2)."
     ),
     members={
-        **{f"{name}_drive": _GALVANOSTAT for name in ACTUATORS},
+        **{f"drive_{name}": _GALVANOSTAT for name in ACTUATORS},
         **{name: MemberDeclaration("ppy_actuator") for name in ACTUATORS},
         "foot": MemberDeclaration(
             "foot_displacement_driven",
@@ -109,14 +109,14 @@ FOOT_STANCE = SystemDeclaration(
         wire
         for name in ACTUATORS
         for wire in (
-            f"{name}_drive.current -> {name}.current",
-            f"{name}.voltage -> {name}_drive.voltage",
+            f"drive_{name}.current -> {name}.current",
+            f"{name}.voltage -> drive_{name}.voltage",
             f"{name}.electrochemical_displacement -> foot.{name}_displacement",
             f"foot.{name}_force -> {name}.force",
         )
     ),
     inputs={
-        **{f"{name}_current": (f"{name}_drive.current_command",) for name in ACTUATORS},
+        **{f"{name}_current": (f"drive_{name}.current_command",) for name in ACTUATORS},
         **{f"leg_force_{axis}": (f"foot.leg_force_{axis}",) for axis in "xy"},
     },
     outputs=(

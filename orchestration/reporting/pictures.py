@@ -30,6 +30,8 @@ _LABEL_WIDTH = 26  # characters along the height of a panel
 _TITLE_LINES = 2
 _TITLE_DENSITY = 8.7  # characters of a title in an inch, most of them wide
 _TITLE_SIZE, _SMALLEST_TITLE = 10.8, 6.0  # points
+_LINE_HEIGHT = 1.3  # of the size of letters
+_POINTS = 72  # in an inch
 _ROUNDING = 1e-12  # relative variation below which a line is drawn as constant
 _BOOLEAN_MARGIN = 0.1  # space below false and above true
 _STYLE = {
@@ -96,16 +98,20 @@ def mosaic(rows: Sequence[Sequence[str]], title: str) -> tuple[ShownFigure, dict
 
 @contextmanager
 def _new_figure(title: str, width: float, height: float) -> Iterator[ShownFigure]:
-    """Yield an empty figure of a size in inches, in the style of its axes, and add the title."""
+    """Yield an empty figure of a size in inches, in the style of its axes, and add the title.
+
+    A title of more lines than there is room for makes the figure higher.
+    """
     with optional():
         import matplotlib.style
 
         from orchestration.reporting.figure import ShownFigure
 
+    lines, size = _title_lines(title, width)
+    height += max(len(lines) - _TITLE_LINES, 0) * _LINE_HEIGHT * size / _POINTS
     with matplotlib.style.context(_STYLE):
         figure = ShownFigure(figsize=(width, height), layout="constrained")
         yield figure
-    lines, size = _title_lines(title, width)
     figure.suptitle("\n".join(lines), x=0.01, ha="left", fontweight="bold", fontsize=size)
 
 
@@ -141,9 +147,11 @@ def name_ticks(axis: Axis, places: ArrayLike, names: Sequence[str]) -> None:
 
 def label(axis: Axes, name: str, unit: str) -> None:
     """Label the vertical axis with a name, wrapped to the height of a panel, and its unit."""
+    from orchestration.reporting.figure import shown
+
     lines: list[str] = []
     for part in name.splitlines():
-        lines += wrap(part.replace("_", " "), _LABEL_WIDTH)
+        lines += wrap(shown(part.replace("_", " ")), _LABEL_WIDTH)
     axis.set_ylabel(with_unit("\n".join(lines), unit, "\n"))
 
 

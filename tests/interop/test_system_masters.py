@@ -108,11 +108,11 @@ RUNS = {
         ["foot.ankle_angle", "foot.toe_x"],
         ["po.tension"],
     ),
-    "foot_stance": (  # in the air, then on the heel
-        {"po_drive.current_command": 1.0, "foot.leg_force_x": -0.2736},
+    "foot_stance": (  # in the air, then on the heel; without current, as the stand
+        {"foot.leg_force_x": -0.2736},
         20,
-        ["foot.ankle_angle", "foot.leg_height", "po.charge"],
-        ["foot.po_force"],
+        ["foot.ankle_angle", "foot.leg_height", "foot.po_force"],
+        ["foot.ground_force_x"],
     ),
 }
 # inputs that ours passes on at the start through several members, the others through one, and what
@@ -132,6 +132,11 @@ PASSED_ON = {
         {"bench.force_reference": 1.0, "galvanostat.current_command": 0.5},
         1000,
         ["bench.position", "actuator.charge"],
+    ),
+    "foot_stance": (
+        {"drive_po.current_command": 1.0, "foot.leg_force_x": -0.2736},
+        20,
+        ["foot.ankle_angle", "foot.leg_height", "po.charge"],
     ),
 }
 # within the time of the run

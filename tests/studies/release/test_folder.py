@@ -89,7 +89,7 @@ def test_for_all_platforms_it_is_twice_the_same(tmp_path):
     sums = [(tmp_path / name / "SHA256SUMS").read_text() for name in ("one", "two")]
     assert sums[0] == sums[1]
     listed = entries(tmp_path / "one")
-    assert len(listed) == 4
+    assert len(listed) == 5
     native = [entry for path, entry in listed.items() if path.startswith("fmu/native")]
     for entry in native:
         assert set(entry["platforms"]) == set(available_platforms())
