@@ -14,7 +14,7 @@ from fmus.kit.generic import asymmetric_friction, coulomb_friction, force_offset
 
 
 class Stage(Component):
-    """What both causalities share: mass, friction and drive."""
+    """Mass, friction and drive of both causalities."""
 
     experiment = (25.0, 0.001)
 

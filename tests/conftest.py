@@ -1,4 +1,4 @@
-"""What the tests share: FMUs built once, and the folder of public records."""
+"""Fixtures of all tests: FMUs built once, and the folder of public records."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a model description says of dependencies, held against the differences that an FMU shows."""
+"""Dependencies of a model description, compared with finite differences of its FMU."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the contract has to be told of each component; nearly everything else it reads from the FMU.
+"""Facts of each component that the contract cannot read from its FMU.
 
 The signals and their units are those of the design, typed in again.
 """

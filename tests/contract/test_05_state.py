@@ -89,7 +89,7 @@ def test_a_snapshot_that_is_reused_holds_the_newer_state(model):
 
 @each_kind
 def test_a_state_begins_with_a_pointer_that_may_be_freed(model):
-    """Which fmusim does: it takes the state for a pointer to one."""
+    """As by fmusim, which takes the state for a pointer to one."""
     with instance(model) as one:
         one.initialize()
         go(one, schedule(one.library, 1, STEPS))

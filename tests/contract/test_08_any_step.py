@@ -210,7 +210,7 @@ def test_aligned_or_not_the_number_of_samples_is_right(built, runtime, size):
 
 @pytest.mark.parametrize("first", [10**6, 3 * 10**8])
 def test_samples_stay_aligned_late_in_a_simulation(built, runtime, first):
-    """Where a time is rounded to more than a billionth of the period."""
+    """At times that are rounded to more than a billionth of the period."""
     period = 0.01
     with instance(built(Sampler, runtime)) as one:
         one.initialize({"period": period}, start=first * period)

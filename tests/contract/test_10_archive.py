@@ -26,7 +26,7 @@ REFERENCES = "extra/org.fmi-standard.fmi-ls-ref"
 
 @pytest.fixture
 def folder(name) -> Path:
-    """Where the component's sources are."""
+    """Return the folder of the component's sources."""
     return Path(sys.modules[component(name).__module__].__file__).parent
 
 

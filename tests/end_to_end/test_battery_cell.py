@@ -32,7 +32,7 @@ SECOND_PAIRS = {
 
 
 def diagnosed(folder, seed, clock=IN_SECONDS):
-    """What the default command writes down of a drawn record."""
+    """Return the JSON that the default command writes of a drawn record."""
     family = FAMILY.read_text(encoding="utf-8")
     (folder / "cell.py").write_text(f"{family}\nEFFECTS.clear()\n", encoding="utf-8")
     current, voltage, _ = record(seed)

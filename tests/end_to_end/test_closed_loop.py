@@ -36,7 +36,7 @@ class Loop:
             one.initialize(values)
 
     def run(self, seconds: float, reference: float, current: float) -> bool:
-        """Whether all steps were taken; if not, the one that failed has said why."""
+        """Return True if all steps were taken; the one that failed has said why."""
         self.bench.set({"force_reference": reference})
         self.actuator.set({"current": current})
         for _ in range(round(seconds / STEP)):

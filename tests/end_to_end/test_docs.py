@@ -178,7 +178,7 @@ def python(folder: Path) -> Iterator[Callable[[str], None]]:
 
 
 def words(line: str) -> list[str]:
-    """What a line says, whatever its numbers and its columns."""
+    """Return the words of a line, without its numbers and columns."""
     return NUMBER.sub("#", line).split()
 
 

@@ -54,7 +54,7 @@ def test_the_loop_of_the_bench_is_closed(tmp_path: Path) -> None:
 
 
 def texts_of(name: str, folder: Path) -> list[str]:
-    """What a tour shows that runs in a folder."""
+    """Return the texts that a tour shows when it runs in a folder."""
     outputs = executed(GALLERY / f"{name}.md", folder)
     return [output["data"].get("text/plain", "") for output in outputs if "data" in output]
 

@@ -25,7 +25,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def diagnosed(record, model, *options, folder):
-    """What ``ppy diagnose`` writes down, the values of the parameters, and what it prints."""
+    """Return the JSON of ``ppy diagnose``, the values of the parameters, and the printed text."""
     text = works(
         "diagnose",
         str(record),
@@ -97,8 +97,8 @@ def test_a_stage_has_dry_and_asymmetric_friction(public_data, tmp_path):
 
 
 def chain(time, times):
-    """What springs, dashpot and Kelvin elements with these time constants do under a constant
-    stress.
+    """Return the strain of springs, dashpot and Kelvin elements with these time constants under
+    constant stress.
     """
     return np.column_stack([np.ones_like(time), time, *(1.0 - np.exp(-time / t) for t in times)])
 

@@ -130,8 +130,8 @@ def test_the_page_is_up_to_date() -> None:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where examples run: an emulated record with an effect hidden in it, another of the same rig,
-    and the examples.
+    """Return the folder of the examples: an emulated record with an effect hidden in it, another of
+    the same rig, and the examples.
     """
     path = tmp_path_factory.mktemp("examples")
     write(draw("strain_saturation", 1), path / "hidden.csv")

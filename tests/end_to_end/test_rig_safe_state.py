@@ -280,7 +280,7 @@ def test_an_input_without_limits_is_refused_at_the_start(tmp_path):
 
 
 def test_a_real_device_is_not_served_in_lockstep(tmp_path):
-    """Where nothing ends a command of a client that goes."""
+    """In lockstep nothing ends a command of a client that goes."""
     with serve(tmp_path, "RealStepped", "--lockstep") as server:
         assert server.wait_end() == 2
         assert "--lockstep" in server.errors()

@@ -46,7 +46,7 @@ def named(path: Path) -> str:
 
 
 def test_no_test_module_is_imported() -> None:
-    """What tests share is a helper's, so that a test can be renamed, moved and skipped by
+    """Shared code of tests belongs to a helper, so that a test can be renamed, moved and skipped by
     itself.
     """
     imported = {named(path): among_tests(imports(path)) for path in TESTS.rglob("*.py")}

@@ -129,7 +129,7 @@ def test_each_build_of_fmi_3_offers_all_functions(tmp_path, name, runtime, compi
 
 
 def test_headers_are_those_of_the_standard(sources):
-    """What fmpy has changed of them is told by its comments; all else is the same."""
+    """Apart from the changes that fmpy's comments name."""
     folder = sources("foot")
     for header in HEADERS[1:]:
         assert (folder / header).read_text().split() == (

@@ -6,7 +6,7 @@ from fmus.kit import Component, Input, Output, Parameter
 
 
 class Amplifier(Component):
-    """What is fed, times a factor."""
+    """The input, times a factor."""
 
     name = "amplifier"
     factor = Parameter(1.0, "1", min=0.0, doc="a factor")

@@ -1,4 +1,4 @@
-"""What is said where a list of a test is not complete: what is missing, and where it goes."""
+"""Message for an incomplete list of a test: the missing entry, and its place."""
 
 from __future__ import annotations
 

@@ -13,11 +13,11 @@ class Plain(Component):
     level = State("V*s", rate="fill", start=0.5)
 
     def fill(self):
-        """What is integrated."""
+        """Rate of the level."""
         return self.drive
 
     def base(self):
-        """What a correction changes."""
+        """Law that a correction changes."""
         return self.factor + self.drive
 
     def squared(self):
@@ -52,5 +52,5 @@ class Plain(Component):
 
     @Output("V")
     def doubled(self):
-        """What is computed from the law."""
+        """Twice the law."""
         return self.of_base() + self.pair()[0]

@@ -42,7 +42,7 @@ class Doors(Contract):
 
 
 def may_import(importer: str, imported: str) -> bool:
-    """Whether a module may import another, both given by their dotted names."""
+    """Return True if a module may import another, both given by their dotted names."""
     package, _, name = imported.rpartition(".")
     if _folder(imported).is_dir() or not package:
         return True

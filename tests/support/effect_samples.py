@@ -1,4 +1,4 @@
-"""What the tests of the actuator's effects share: where each is active, and its laws evaluated by
+"""Samples of the actuator's effects: values at which each is active, and its laws evaluated by
 name.
 """
 

@@ -212,7 +212,7 @@ def readers() -> dict[str, Callable[[Path], Any]]:
 
 
 def tried(read: Callable[[Path], Any], path: Path) -> str:
-    """What comes of a file: nothing if it is read, or refused in a line."""
+    """Return the fault of reading a file: none if it is read, or refused in a line."""
     from fmus.kit.errors import UserError
 
     signal.alarm(LONGEST)

@@ -1,4 +1,4 @@
-"""Which module of the product imports which, at once or when a function is called."""
+"""Imports between modules of the product, at once or when a function is called."""
 
 from __future__ import annotations
 

@@ -243,12 +243,12 @@ class Adder(Component):
 
     @Output("1", type="integer")
     def lacking(self):
-        """What the count lacks of three."""
+        """Number that is missing to three."""
         return 3 - self.count
 
     @Output("1", type="integer")
     def excess(self):
-        """How much more the count is."""
+        """Excess of the count."""
         return self.count - 5 * self.more
 
     @Output("1", type="boolean")

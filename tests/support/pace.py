@@ -1,4 +1,4 @@
-"""Which cases of a test everybody runs, and which are for `make test-slow`."""
+"""Choice of the cases of a test for `make test` and for `make test-slow`."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def names_other_components(given: Mapping[str, Any]) -> set[str]:
 
 
 def is_repetition(given: Mapping[str, Any]) -> bool:
-    """Whether a case asks once more what others show: the front-end in Python is one for all
+    """Return True if others cover a case: the front-end in Python is one for all
     components, and the foot that rests is there for those that move.
     """
     others = names_other_components(given)

@@ -1,4 +1,4 @@
-"""What is to be read and drawn on a page of ours."""
+"""Words and drawings of a page of ours."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class DrawnPanel(NamedTuple):
 
 
 def words_of(text):
-    """What is to be read on a page."""
+    """Return the visible words of a page."""
     text = re.sub(r"<(script|style|noscript).*?</\1>", "", text, flags=re.S)
     return " ".join(html.unescape(re.sub(r"<[^>]+>", " ", text)).split())
 

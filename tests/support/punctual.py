@@ -1,4 +1,4 @@
-"""Whether the machine kept real time: what a busy one makes late is no fault of what is tested.
+"""Check of the machine's own punctuality: delays of a busy machine are no fault of the tested code.
 
 A process of its own sleeps for some milliseconds, again and again, and writes down when it was
 woken much too late. A test marked ``real_time`` that fails while that happened is not judged: it is

@@ -61,7 +61,7 @@ class Tank(Component):
     level = State("m", rate="level_rate", nominal=0.5)
 
     def level_rate(self):
-        """What comes in and does not run out."""
+        """Inflow less outflow."""
         return (self.inflow - self.outflow()) / self.area
 
     def outflow(self):

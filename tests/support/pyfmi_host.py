@@ -70,7 +70,7 @@ def simulate_fmu(
 
 
 def run(*arguments: str, text: str = "") -> str:
-    """What the interpreter that has PyFMI prints, given arguments and standard input."""
+    """Return the output of the interpreter that has PyFMI, given arguments and standard input."""
     with tempfile.TemporaryDirectory() as folder:  # for the files that it leaves
         done = subprocess.run(
             [INTERPRETER, *arguments],

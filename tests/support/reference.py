@@ -1,6 +1,4 @@
-"""What ``docs/reference/diagnosis.md`` documents of the JSON of a diagnosis, and what fields a JSON
-has.
-"""
+"""Fields of a diagnosis' JSON, in ``docs/reference/diagnosis.md`` and in a JSON."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ GAIN = 2.0
 
 
 class Amplifier(Component):
-    """What goes in, times a gain."""
+    """The input, times a gain."""
 
     name = "amplifier"
     gain = Parameter(GAIN, "1", min=1e-6, max=1e6, doc="gain")
@@ -20,5 +20,5 @@ class Amplifier(Component):
 
     @Output("V")
     def shown(self):
-        """What comes out."""
+        """The output."""
         return self.amplified()

@@ -46,7 +46,7 @@ class SampledLoop(Component):
         return self.kp * self.error() + self.next_total()
 
     def drive(self):
-        """What the plant gets."""
+        """Input of the plant."""
         return self.gain * self.command
 
     def rate(self):

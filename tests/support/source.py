@@ -68,7 +68,7 @@ def _bound(body: list[ast.stmt]) -> Iterator[tuple[str, ast.stmt]]:
 
 
 def members(module: str) -> dict[str, ast.stmt]:
-    """What a module binds, by name."""
+    """Return the members of a module, by name."""
     return dict(_bound(_tree(modules()[module]).body))
 
 
@@ -86,7 +86,7 @@ def attributes(cls: ast.ClassDef) -> set[str]:
 
 
 def exists(dotted: str) -> bool:
-    """Whether a full name such as ``orchestration.fmu.model.Model.inputs`` leads somewhere."""
+    """Return True if a full name such as ``orchestration.fmu.model.Model.inputs`` exists."""
     parts = dotted.split(".")
     for count in range(len(parts), 0, -1):
         module = ".".join(parts[:count])
@@ -112,7 +112,7 @@ def _within(module: str, names: list[str]) -> bool:
 
 @cache
 def defines(name: str) -> bool:
-    """Whether the product defines a name: a class, function, method, field, parameter or
+    """Return True if the product defines a name: a class, function, method, field, parameter or
     constant, or ``Class.field``.
     """
     cls, _, field = name.rpartition(".")

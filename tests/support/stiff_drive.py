@@ -59,7 +59,7 @@ STEP = 0.05
 
 
 def ladder_of(time, cls=Drive, linear=False, inputs=1, sensitivities=()):
-    """What is prepared for a record, of which only the clock counts here."""
+    """Return the preparation for a record, of which only the clock counts here."""
     graph = trace(cls)
     extended = with_sensitivities(graph, sensitivities)
     parameters = np.array([float(p.start) for p in extended.layout.parameters])

@@ -1,4 +1,4 @@
-"""What a result shows of itself, for comparison between processes.
+"""Texts, tables and pages of a result, for comparison between processes.
 
 As a program it reads pickles ``NAME.pickle`` of a folder and writes what each shows beside them.
 """

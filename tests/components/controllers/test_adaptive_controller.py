@@ -48,7 +48,7 @@ def test_without_adaptation_it_is_a_static_law_of_two_inputs():
 
 
 def sensitivity_at_rest(step):
-    """What the sensitivity settles at under a constant reference."""
+    """Return the sensitivity in the steady state of a constant reference."""
     return (1.0 - DECAY) / (1.0 - MODEL) * step
 
 

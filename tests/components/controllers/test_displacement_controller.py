@@ -75,7 +75,7 @@ def test_limits_hold_with_any_two_effects_hidden(first, second):
 
 
 def test_without_its_limits_the_voltage_goes_beyond():
-    """What the limits are good for: the same steps with limits out of reach."""
+    """The same steps with limits out of reach show the use of the limits."""
     free = DisplacementController(voltage_limit=100.0, charge_limit=100.0, current_limit=10.0)
     found = drive(free, PpyActuator(), stairs(0))
     assert worst(found, "voltage") > 2.0

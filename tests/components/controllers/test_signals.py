@@ -1,4 +1,4 @@
-"""What controllers of a displacement by a current have in common. Oracle: thesis table 2-2."""
+"""Common signals of controllers of a displacement by a current. Oracle: thesis table 2-2."""
 
 import pytest
 

@@ -37,7 +37,7 @@ def test_force_and_stroke_are_virtual_work_of_points():
 
 
 def test_a_toe_along_the_leg_still_has_numbers():
-    """Where the toe's joint has no lever it carries any force, and moves the toe no way."""
+    """A toe's joint without a lever carries any force and does not move the toe."""
     foot = FootDesign(mtp_angle=np.pi / 2)
     assert np.isfinite([foot.toe_limited_force(), foot.toe_stroke()]).all()
     assert foot.toe_force() == foot.ankle_limited_force()

@@ -331,7 +331,7 @@ def test_dry_friction_is_newtons_law_with_it(joint):
 
 @pytest.mark.parametrize("order", [1, -1])
 def test_all_effects_together_in_any_order(order):
-    """What each adds does not hang on which came first."""
+    """The share of each does not depend on their order."""
     names = list(EFFECTS)
     forth = stack(FootDynamic, *(EFFECTS[n] for n in names))
     other = stack(FootDynamic, *(EFFECTS[n] for n in (names[::order][2:] + names[::order][:2])))

@@ -122,7 +122,7 @@ def run(values, stop=1.0, step=5e-3, **given):
 
 
 def balance(found):
-    """What is in the foot, less what came in."""
+    """Return the energy in the foot, less the energy that came in."""
     inside = found["kinetic_energy"] + found["potential_energy"] + found["joint_loss"]
     return inside - found["actuator_work"] - found["ground_work"] - found["load_work"]
 

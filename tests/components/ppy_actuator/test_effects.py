@@ -317,7 +317,7 @@ def models():
     ids=lambda value: getattr(value, "name", value),
 )
 def test_sensitivity_at_neutral_is_that_of_differences_and_not_zero(base, name, models):
-    """Where identification begins: a slope of zero there would hide the effect from it."""
+    """Identification begins at neutral, and a slope of zero would hide the effect from it."""
     (found, model), declared = models(base), EFFECTS[name].declared[NEUTRAL[name]]
     step, seen = 1e-3 * declared.nominal, []
     # to both sides, or into the range where neutral is the end of it; both of second order

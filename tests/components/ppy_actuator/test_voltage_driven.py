@@ -89,7 +89,7 @@ def test_the_catalogue_is_all_that_is_not_solved_for_the_voltage():
 @effects
 @pytest.mark.parametrize("seed", range(20))
 def test_an_effect_is_the_same_in_both_causalities(name, seed):
-    """What the current-driven one has for its voltage, the voltage-driven one answers with its
+    """Given the voltage of the current-driven component, the voltage-driven one answers with its
     current: at any state, and with the same rates and elongations.
     """
     pair = [stack(cls, EFFECTS[name]) for cls in (PpyActuator, PpyActuatorVoltageDriven)]

@@ -1,4 +1,4 @@
-"""What makes a claim hold: the digits in which it is printed, and nothing else."""
+"""A claim holds by the digits in which it is printed, and by nothing else."""
 
 import pytest
 

@@ -124,7 +124,7 @@ def test_the_largest_voltage_is_not_that_of_actuator_135():
 
 
 def test_a_life_is_derated_and_protected():
-    """What figs. 4-3 and 4-4 promise, in the run that is drawn."""
+    """As in figs. 4-3 and 4-4, in the run that is drawn."""
     life = degradation.life()
     limit = life["voltage_limit"]
     assert (np.diff(limit) <= 0).all()
@@ -140,7 +140,7 @@ def test_a_life_is_derated_and_protected():
 
 
 def test_the_controller_rests_in_recoveries_and_would_not_by_itself():
-    """What is left of eq. 2.2 is proportional; a controller that goes on would show itself."""
+    """The rest of eq. 2.2 is proportional; a controller that goes on would be visible."""
     signals = degradation.recoveries()
     # V; forces between points of a millisecond are interpolated
     assert degradation.windup(signals) < 1e-5

@@ -1,4 +1,4 @@
-"""What chapter 5 prints, and what does not hold of it: eqs. 5.11 to 5.16, table 5-1."""
+"""Printed values of chapter 5, with those that do not hold: eqs. 5.11 to 5.16, table 5-1."""
 
 import numpy as np
 import pytest

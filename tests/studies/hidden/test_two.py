@@ -55,7 +55,7 @@ def test_one_alone_is_as_it_was():
 
 @pytest.mark.parametrize(("plant", "first", "second"), _ADDITIVE)
 def test_both_are_at_work(plant, first, second):
-    """What does not hang on the outputs adds up, each with its own memory and as large as by
+    """Effects that do not depend on the outputs add up, each with its own memory and as large as by
     itself.
     """
     case = HiddenCase(plant, "multisine", "Gaussian", 6, hidden=first, second=second, strength=0.3)
@@ -101,7 +101,7 @@ def test_a_place_has_one_change():
 
 @pytest.mark.slow
 def test_what_is_left_beside_the_other():
-    """Where one adds to the output whatever the other does, as much as alone; and nothing of what
+    """If one adds to the output whatever the other does, as much as alone; and nothing of what
     parameters can do.
 
     A resistance that a binary stimulus meets at one level each way is another resistance.

@@ -88,7 +88,7 @@ def test_a_digest_is_not_of_what_hands_records_over(tmp_path: Path, monkeypatch)
 
 
 def test_a_diagnosis_is_made_of_what_decides_it():
-    """What is called through a model or an option, and so by no import of the diagnosis, is named
+    """Code called through a model or an option, and so by no import of the diagnosis, is named
     by itself.
     """
     deciding = (

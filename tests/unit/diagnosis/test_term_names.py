@@ -71,7 +71,7 @@ def test_units_are_those_of_law_and_signal(term, units):
 
 
 class Shaft(Component):
-    """What an FMU of a shaft gets, and what it gives, as for an FMU without equations."""
+    """Inputs and outputs of a shaft, as of an FMU without equations."""
 
     name = "shaft"
     fed = frozenset({"torque_in_fmu"})

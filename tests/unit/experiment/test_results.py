@@ -30,7 +30,7 @@ def folder(tmp_path):
 
 
 def same(one, other):
-    """Whether the values of two datasets are the same to the bit."""
+    """Return True if the values of two datasets are the same to the bit."""
     return set(one.variables) == set(other.variables) and all(
         one[n].values.astype("<f8").tobytes() == other[n].values.astype("<f8").tobytes()
         for n in one.variables

@@ -54,7 +54,7 @@ def first_values(calls):
 
 
 def setup_of(life, version):
-    """What is told of tolerance, start and stop."""
+    """Return the arguments for tolerance, start and stop."""
     name = "SetupExperiment" if version == 2 else "EnterInitializationMode"
     return next(list(map(float, c.arguments)) for c in life if c.function == name)
 

@@ -54,7 +54,7 @@ def test_a_smaller_tolerance_gives_a_smaller_error(chain, extrapolation):
 
 @pytest.mark.parametrize("extrapolation", [0, 1])
 def test_what_is_kept_of_a_step_are_its_halves(chain, extrapolation):
-    """Where no error is too large: what the whole step went through is gone, slopes as well."""
+    """If no error is too large, nothing of the whole step is kept, slopes included."""
     halves = np.linspace(0.0, 4.0, 17)
     fixed = run(chain, halves, extrapolation=extrapolation)
     adaptive = run(chain, halves[::2], tolerance=0.9, extrapolation=extrapolation)

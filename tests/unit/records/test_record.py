@@ -55,7 +55,7 @@ def test_the_first_rows_are_spelled_out(rows, text):
 
 
 def test_a_refusal_is_one_line_of_bearable_length():
-    """What a parser says may hold line ends, control characters and half of the file."""
+    """A parser's message may hold line ends, control characters and half of the file."""
     message = str(refuse(Path("r.csv"), "row 3:\n\ttwo\x1b[31m\x00 words " + "x" * 5000))
     assert message.startswith(r"r.csv: row 3: two\x1b[31m\x00 words xxx")
     assert message.endswith("x...")

@@ -52,7 +52,7 @@ def written(folder, text, name="sweep.toml"):
 
 
 def test_an_experiment_is_made_at_every_value(folder):
-    """What is swept replaces what the experiment has for it; its FMU lies beside the file."""
+    """Swept values replace those of the experiment; its FMU lies beside the file."""
     found = ppy.sweep_file(written(folder, LAG))
     taus, time = np.array([0.5, 1.0, 1.5, 2.0]), 0.1 * np.arange(51)
     exact = 2.0 * (1.0 - np.exp(-time / taus[:, None]))

@@ -94,7 +94,7 @@ def test_strain_lag_follows_its_transfer_function(base, lag):
 
 @pytest.mark.parametrize("lag", [0.5, 3.0])
 def test_strain_lag_is_a_first_order_lag(lag):
-    """What keeps it regular at zero is not seen from ten times 50 ms on."""
+    """Its regularization at zero is negligible from ten times 50 ms on."""
     elongation, _, _ = run(
         stack(PpyActuator, EFFECTS["strain_lag"]), STEP, STEPS, CURRENT, lag_time=lag
     )

@@ -104,7 +104,7 @@ def test_a_choice_that_there_is_not_is_refused_before_any_work(name):
 
 
 def test_a_server_has_the_defaults_of_its_settings():
-    """Where to bind is put together from three options, and what is to be served has to be said."""
+    """The address is made of three options, and the rig to serve has no default."""
     usual = {field.name: field.default for field in fields(ServerSettings)}
     served = options_of(ServeCommand)
     for name in ("rate", "lockstep", "keys", "log", "priority", "cpu"):

@@ -104,7 +104,7 @@ def test_simulate_a_part_of_a_record(record, tmp_path):
 
 
 def test_a_system_is_simulated_by_its_name(tmp_path):
-    """Where a component has the name, it is that."""
+    """A component of the same name goes first."""
     arguments = ["--set", "force_reference=1N", "--stop", "0.1s"]
     assert "bench.force_measured" in works("simulate", "dma_bench", *arguments, cwd=tmp_path)
     assert "stand." not in works("simulate", "isotonic_stand", "--stop", "1s", cwd=tmp_path)
@@ -120,7 +120,7 @@ def test_a_simulation_that_its_fmu_ends_is_no_failure(tmp_path):
 
 @pytest.mark.parametrize("kind", ["component", "file"])
 def test_a_tunable_parameter_moves_at_a_limited_rate(kind, fmu, tmp_path):
-    """What is left of the limit is the limit, which is a ramp from its start value of 3 N."""
+    """The force follows the limit, which is a ramp from its start value of 3 N."""
     model = "ppy_actuator" if kind == "component" else fmu("ppy_actuator", "native")
     works(
         *("simulate", model, "--set", "force=0.5N", "--set", "force_limit=1N@0.5s@2N/s"),

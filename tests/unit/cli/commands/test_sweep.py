@@ -168,7 +168,7 @@ def test_it_refuses_in_a_line(folder, arguments, told):
     ],
 )
 def test_it_refuses_before_any_work(folder, arguments, told, monkeypatch):
-    """What is not drawn, or does not fit, is known beforehand."""
+    """Pictures that cannot be drawn and parameters that do not fit are known beforehand."""
     monkeypatch.setattr(run, "run_cases", lambda *given: pytest.fail("a case was run"))
     refused(folder, *CALL, "--over", "tau=1..2:1000", *arguments, parts=[told])
     assert not (folder / "c.nc.part").exists()

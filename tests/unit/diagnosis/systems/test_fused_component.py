@@ -32,7 +32,7 @@ class Lag(Component):
     x = State("1", rate="rate", output=True)
 
     def gap(self):
-        """What drives it."""
+        """Driving gap."""
         return self.drive - self.load - self.x
 
     def rate(self):
@@ -41,7 +41,7 @@ class Lag(Component):
 
 
 class Spring(Component):
-    """What pushes back, with a state of its own."""
+    """A spring with a state of its own."""
 
     name = "spring"
     k = Parameter(2.0, "1", min=0)

@@ -31,7 +31,7 @@ class SampledHeater(Component):
 
     @Output("1")
     def sensed(self) -> Any:
-        """What is measured of the temperature."""
+        """Measured temperature."""
         return self.share * self.temperature
 
     @Output("1")

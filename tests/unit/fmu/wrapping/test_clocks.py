@@ -52,7 +52,7 @@ def test_the_value_of_an_output_clock_is_how_often_it_was_active(interface, tmp_
 
 @pytest.mark.parametrize("interface", ["CoSimulation", "ModelExchange"])
 def test_a_state_has_the_next_ticks(interface, tmp_path):
-    """What comes after it is what came at first, in another instance, too; 0.27 s is before the
+    """The same ticks follow it again, in another instance, too; 0.27 s is before the
     only tick of `once`, which the FMU has told already, and within an interval of `slower`.
     """
     path = of_interface(foreign("clocked"), interface, tmp_path)

@@ -188,7 +188,7 @@ def test_a_comparison_of_any_fmu_recalibrates_it(lag, tmp_path):
 
 
 def test_what_the_fmu_refuses_on_one_side_is_looked_at_from_the_other(noisy):
-    """Where the FMU fails at a smaller value, though it declares no range."""
+    """The FMU fails at a smaller value, though it declares no range."""
     with FmuWithDifferences(noisy, ["tau"], ["x"]) as fmu:
         point = SimulationInput(TIME, {"u": np.ones(101)}, {"tau": 1.0})
         found = fmu._slopes(point, rise(1.0)[:, np.newaxis], [("tau", 1.5)])

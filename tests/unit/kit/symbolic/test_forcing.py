@@ -109,7 +109,7 @@ def test_a_derivative_and_differences_of_a_law_at_both_sides_of_every_step():
 
 
 def test_a_difference_is_that_of_all_of_the_effect():
-    """Where a switch bends: the share that is left squared, and the derivative where it is 1."""
+    """At the ends of a switch: the remaining share squared, and the derivative where it is 1."""
     begin, end = swinging()
     found = EffectForcing(along(begin, end), Drained).of([{"left": 1.0}, {"left": 0.5}])
     gravity = 4.0 * np.sin(begin.states[0])

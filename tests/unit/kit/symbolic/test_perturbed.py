@@ -241,7 +241,7 @@ def test_jacobians_of_a_component_that_is_sampled_and_saturates():
 
 
 def test_jacobians_of_effects_laid_over():
-    """What is added to a law is added to what effects make of it, and theirs are laws too."""
+    """A term of a law is added to the law with its effects, and laws of effects have terms too."""
     cubic = curve(PpyActuator, "film_voltage", "charge", "cubic", "V")
     cls = stack(PpyActuator, cubic, EFFECTS["double_layer"], defaults={cubic.neutral: 0.3})
     laws = check_against_differences(cls)
@@ -250,7 +250,7 @@ def test_jacobians_of_effects_laid_over():
 
 
 def test_jacobians_of_an_input_that_arrives_as_another():
-    """What an effect makes of an input is what the laws see; the input itself is no law."""
+    """The laws have the input as an effect changes it; the input itself is no law."""
     level = input_saturation(Chain, "drive")
     laws = check_against_differences(stack(Chain, level, defaults={level.neutral: 0.8}))
     assert laws.names == PerturbedLaws(Chain).names

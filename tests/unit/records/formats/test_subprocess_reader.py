@@ -35,7 +35,7 @@ def contents():
 
 
 def ends(content):
-    """Whether SciPy ends a process that reads it here."""
+    """Return True if SciPy ends a process that reads it here."""
     child = os.fork()
     if child == 0:
         faulthandler.disable()

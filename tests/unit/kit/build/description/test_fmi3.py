@@ -102,7 +102,7 @@ def whole(name):
 
 
 def joined(variables):
-    """What FMI 2.0 says of variables; of an array by its first element, with all start values."""
+    """Return variables as in FMI 2.0; an array by its first element, with all start values."""
     starts = defaultdict(list)
     first = {}
     for v in variables:
