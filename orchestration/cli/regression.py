@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def show(regression: Regression) -> None:
-    """Print the signals with their largest differences, and the places where they differ."""
+    """Print the signals with their worst differences, and the places where they differ."""
     from orchestration.experiment.regression import page
     from orchestration.reporting import plain_table
     from orchestration.reporting.console import note, out
@@ -56,7 +56,7 @@ def as_json(regression: Regression) -> dict[str, Any]:
         "signals": {
             one.signal: {
                 "unit": one.unit,
-                "largest": one.largest,
+                "difference": one.difference,
                 "at": None if one.fault else float(one.time[one.worst]),
                 "outside": one.outside,
                 "message": one.message or None,

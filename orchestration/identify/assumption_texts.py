@@ -9,7 +9,6 @@ import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.errors import find
-from fmus.kit.units import difference_unit
 from orchestration.fmu import Model, Signal
 from orchestration.fmu.signal import read_amount, read_quantity
 from orchestration.identify.fitting import SCALES, Assumptions
@@ -80,7 +79,7 @@ def _prior(value: Any, signal: Signal, where: str) -> tuple[float, float]:
 
 
 def _deviation(value: Any, signal: Signal, where: str) -> float:
-    return read_amount(str(value), difference_unit(signal.unit), where)
+    return read_amount(str(value), signal.unit, where, difference=True)
 
 
 def _scale(value: Any, signal: Signal, where: str) -> str:

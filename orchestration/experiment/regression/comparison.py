@@ -72,7 +72,7 @@ class Deviation(NamedTuple):
         return int(np.count_nonzero(~np.isnan(self.lower) | (self.excess > 0.0)))
 
     @property
-    def largest(self) -> float:
+    def difference(self) -> float:
         """Difference from the reference at the worst sample; infinite if there is no number."""
         if self.fault:
             return np.inf
@@ -87,7 +87,7 @@ class Deviation(NamedTuple):
         k = self.worst
         now, lower, upper = (self.shown(one[k]) for one in (self.values, self.lower, self.upper))
         return (
-            f"differs by up to {self.shown(self.largest)} at {self.time[k]:.6g} s: {now}, allowed"
+            f"differs by {self.shown(self.difference)} at {self.time[k]:.6g} s: {now}, allowed"
             f" {lower} to {upper}; {self.outside} of {self.compared} samples are outside"
         )
 

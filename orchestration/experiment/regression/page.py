@@ -10,7 +10,7 @@ from orchestration.experiment.regression.picture import shown
 from orchestration.reporting import draw, make_page, pictures
 from orchestration.reporting.html import Page
 
-COLUMNS = ("signal", "largest difference", "at", "outside", "verdict")
+COLUMNS = ("signal", "worst difference", "at", "outside", "verdict")
 
 
 def rows(regression: Regression) -> list[tuple[str, ...]]:
@@ -23,7 +23,7 @@ def _row(one: Deviation) -> tuple[str, ...]:
         return (one.signal, "", "", "", one.fault)
     return (
         one.signal,
-        one.shown(one.largest),
+        one.shown(one.difference),
         f"{one.time[one.worst]:.6g} s",
         f"{one.outside} of {one.compared}",
         "differs" if one.message else "as allowed",

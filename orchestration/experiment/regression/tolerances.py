@@ -45,9 +45,7 @@ class Tolerance(NamedTuple):
         UserError
             If an amount is of another quantity.
         """
-        # a difference of temperatures has no offset
-        difference = units.difference_unit(unit)
-        added = (read_amount(text, difference, where) for text in self.amounts)
+        added = (read_amount(text, unit, where, difference=True) for text in self.amounts)
         return self.percent / 100.0 * extent + sum(added)
 
 

@@ -145,7 +145,7 @@ def read_quantity(text: str) -> tuple[float, str] | None:
     return float(match["number"]), unit
 
 
-def read_amount(given: str, unit: str, where: str) -> float:
+def read_amount(given: str, unit: str, where: str, difference: bool = False) -> float:
     """Read a number with an optional unit and convert it.
 
     Parameters
@@ -156,6 +156,8 @@ def read_amount(given: str, unit: str, where: str) -> float:
         Unit of the result, and of a number without a unit.
     where : str
         Beginning of the message.
+    difference : bool
+        Whether it is a difference of values, such as a deviation, of which ``1degC`` is 1 K.
 
     Returns
     -------
@@ -171,7 +173,12 @@ def read_amount(given: str, unit: str, where: str) -> float:
     if quantity is None:
         raise UserError(f"{where}: {given!r} is not a number with an optional unit")
     value, given_unit = quantity
-    return _convert(value, given_unit, unit, where) if given_unit else value
+    if not given_unit:
+        return value
+    if difference:
+        units.check(given_unit)
+        given_unit, unit = map(units.difference_unit, (given_unit, unit))
+    return _convert(value, given_unit, unit, where)
 
 
 def _convert(value: float, unit: str, to: str, where: str) -> float:

@@ -30,6 +30,9 @@ def test_names_may_have_commas_and_texts_be_several():
         ("1mV, 1%", "V", 0.021),
         ("0.5K", "degC", 0.5),
         ("0.5degC", "degC", 0.5),
+        ("0.5degC", "K", 0.5),
+        ("0.9degF", "K", 0.5),
+        ("0.5K", "degF", 0.9),
     ],
 )
 def test_the_height_is_the_sum_in_the_unit_of_the_signal(text, unit, height):
