@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import inf
-from typing import NamedTuple, Unpack
+from typing import Unpack
 
 import numpy as np
 
 from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError, find
+from fmus.kit.units import Described
 from orchestration.api.batch import named_records
 from orchestration.api.declaration import takes
 from orchestration.api.forms import rows_per_second, seconds
@@ -23,14 +24,13 @@ from orchestration.fmu.signal import Signal, numeric
 from orchestration.identify import Fit, comparison
 from orchestration.identify.ageing import FEWEST, Ageing, Course, Derating, forecast_life
 from orchestration.identify.spectral import parts_of_ratio, unit_of_ratio
-from orchestration.identify.uncertainty import Estimate
 from orchestration.linear import point_at, subject_of
 from orchestration.records import Record, record_labels
 from orchestration.reporting import option
 
 _ESTIMATOR = "degradation_estimator"  # the registered component that lowers the voltage limit
 _WATCHED = ("current", "voltage")  # its inputs
-_REST = 60.0  # s between records, in which the estimator is at rest; longer than its timeout
+_REST = 60.0  # s between records, in which the estimator stands still; longer than its timeout
 
 
 @takes(AgeKeywords)
@@ -69,19 +69,30 @@ def age(records: Records, model: AnyModel | None = None, **options: Unpack[AgeKe
     (3, True)
     """
     declared = as_measured(model).with_options(options)
-    measure = _measure(declared, options)
+    of = options["of"]
+    ratio = _ratio(declared, options) if "/" in of else None
+    if ratio is None:
+        find(of, dict.fromkeys(options["fit"]), f"{option('of')}: nothing is fitted")
     sources = named_records(listed(records)).values()
-    runs = [run for one in sources for run in matching_runs(one, declared, options)]
-    windows = [*_windows(runs, seconds(options["window"]))]
-    courses = _courses(declared, windows, measure, options)
-    time = np.array([one.middle for one in windows])
+    found = [run for one in sources for run in matching_runs(one, declared, options)]
+    runs = [*_in_operation(found)]
+    windows = [part for run in runs for part in _windows(run, seconds(options["window"]))]
+    fits = _fits(declared, windows, options)
+    courses = {
+        name: _course([(fit.values[name], *fit.intervals[name]) for fit in fits], signal)
+        for name, signal in fits[0].declared.items()
+    }
+    if ratio is not None:
+        signal, magnitude = ratio
+        courses[of] = _course([_with_interval(fit, magnitude) for fit in fits], signal)
+    time = np.array([one.time.mean() for one in windows])
     forecast = None
     if time.size >= FEWEST:
-        forecast = forecast_life(time, courses[options["of"]].value, options["rise"] / 100.0)
+        forecast = forecast_life(time, courses[of].value, options["rise"] / 100.0)
     return Ageing(
         declared.title,
         tuple(dict.fromkeys(run.source for run in runs)),
-        options["of"],
+        of,
         time,
         tuple(one.label for one in windows),
         courses,
@@ -90,139 +101,111 @@ def age(records: Records, model: AnyModel | None = None, **options: Unpack[AgeKe
     )
 
 
-class _Window(NamedTuple):
-    """A part of a record: its middle in s of operation, and the label of the record."""
-
-    middle: float
-    label: str
-    record: Record
-
-
-def _windows(runs: Sequence[Record], length: float) -> Iterator[_Window]:
-    """Divide each record into equal windows of about a length in s."""
-    if not 0.0 < length < inf:
-        raise UserError(f"{option('window', f'{length:g}')}: a time above 0 s")
+def _in_operation(runs: Sequence[Record]) -> Iterator[Record]:
+    """Yield records over the time of operation in s, which rests between them do not count to."""
     begin = 0.0
     for run, label in zip(runs, record_labels(runs), strict=True):
-        time = run.time - run.time[0]
-        count = max(round(float(time[-1]) / length), 1)
-        ends = np.searchsorted(time, np.linspace(0.0, time[-1], count + 1)[1:-1])
-        for inside in np.split(np.arange(time.size), ends):
-            if inside.size:
-                signals = {name: values[inside] for name, values in run.signals.items()}
-                part = replace(run, time=run.time[inside], signals=signals)
-                yield _Window(begin + float(time[inside].mean()), label, part)
-        begin += float(time[-1])
+        time = begin + (run.time - run.time[0])
+        yield replace(run, time=time, label=label)
+        begin = float(time[-1])
 
 
-def _courses(
-    model: Model,
-    windows: Sequence[_Window],
-    measure: Callable[[Mapping[str, float]], float],
-    options: AgeKeywords,
-) -> dict[str, Course]:
-    """Fit the windows, and return the course of each parameter and of what ends the life."""
+def _windows(run: Record, length: float) -> Iterator[Record]:
+    """Divide a record into equal windows of about a length in s."""
+    if not 0.0 < length < inf:
+        raise UserError(f"{option('window', f'{length:g}')}: a time above 0 s")
+    first, last = run.time[[0, -1]]
+    count = max(round((last - first) / length), 1)
+    ends = np.searchsorted(run.time, np.linspace(first, last, count + 1)[1:-1])
+    for inside in np.split(np.arange(run.time.size), ends):
+        if inside.size:
+            signals = {name: values[inside] for name, values in run.signals.items()}
+            yield replace(run, time=run.time[inside], signals=signals)
+
+
+def _fits(model: Model, windows: Sequence[Record], options: AgeKeywords) -> list[Fit]:
+    """Fit the parameters of each window."""
     given = values_of(model, options["settings"])
     subject = built(model)
-    fits: list[Fit] = []
+    fits = []
     for k, one in enumerate(windows):
         options["progress"](f"window {k + 1} of {len(windows)}")
-        data = comparison.fit_data(subject, one.record)
+        data = comparison.fit_data(subject, one)
         fits.append(comparison.fit_model(subject, [data], options["fit"], given))
-    courses = {
-        name: Course.of([fit.estimates[name] for fit in fits], declared)
-        for name, declared in fits[0].declared.items()
-    }
-    if options["of"] not in courses:
-        rising = [_with_interval(fit, measure) for fit in fits]
-        courses[options["of"]] = Course.of(rising, _signal(options["of"], model))
-    return courses
+    return fits
 
 
-def _measure(model: Model, options: AgeKeywords) -> Callable[[Mapping[str, float]], float]:
-    """Return the quantity that ends the life, as a function of fitted values.
+def _course(rows: Sequence[tuple[float, float, float]], declared: Described) -> Course:
+    """Return the course of estimates, each with the ends of its interval."""
+    value, low, high = np.transpose(rows)
+    return Course(value, low, high, declared)
 
-    It is the magnitude of a ratio of two signals of the linearised model, such as eq. 4.10.
+
+def _ratio(
+    model: Model, options: AgeKeywords
+) -> tuple[Signal, Callable[[Mapping[str, float]], float]]:
+    """Return a ratio of two signals: its declaration, and its magnitude at fitted values.
+
+    It is that of the linearised model, such as eq. 4.10.
     """
-    of = options["of"]
-    if "/" not in of:
-        name = find(
-            of, {name: name for name in options["fit"]}, f"{option('of')}: nothing is fitted"
-        )
-        return lambda values: values[name]
-    output, driven = parts_of_ratio(of)
+    written = option("of", options["of"])
+    output, driven = parts_of_ratio(options["of"])
     if model.cls is None:
-        raise UserError(
-            f"{option('of', of)}: {model.name} has no equations; name a fitted parameter"
-        )
-    find(output, model.outputs, f"{option('of', of)}: {model.name} has no output")
-    find(driven, model.inputs, f"{option('of', of)}: {model.name} has no input")
-    frequency = rows_per_second(options["frequency"])
+        raise UserError(f"{written}: {model.name} has no equations; name a fitted parameter")
+    above = find(output, model.outputs, f"{written}: {model.name} has no output")
+    below = find(driven, model.inputs, f"{written}: {model.name} has no input")
+    unit = unit_of_ratio(above.unit, below.unit)
+    frequency = np.array([rows_per_second(options["frequency"])])
     subject = subject_of(model.cls, model.title)
     known = numeric(values_of(model, options["settings"]))
 
     def magnitude(values: Mapping[str, float]) -> float:
         point = point_at(subject.graph, 0.0, known | dict(values))
         linear = subject.linearise(point, [driven], [output])
-        return float(np.abs(linear.response(np.array([frequency]), driven, output)).item())
+        return float(np.abs(linear.response(frequency)).item())
 
-    return magnitude
+    return Signal(options["of"], "real", unit, unit, 0.0, 0.0, inf), magnitude
 
 
-def _with_interval(fit: Fit, measure: Callable[[Mapping[str, float]], float]) -> Estimate:
-    """Return a quantity at fitted values, with an interval by differences over standard errors."""
-    values = fit.values
-    value = measure(values)
-    moves = [
-        measure(values | {name: one.interval[1]}) - value if np.isfinite(one.interval[1]) else inf
-        for name, one in fit.estimates.items()
-    ]
+def _with_interval(
+    fit: Fit, measure: Callable[[Mapping[str, float]], float]
+) -> tuple[float, float, float]:
+    """Return a quantity at fitted values, and its interval by differences over those of a fit."""
+    value = measure(fit.values)
+    highs = {name: high for name, (_, high) in fit.intervals.items()}
     half = inf
-    if np.isfinite(moves).all():
+    if np.isfinite([*highs.values()]).all():
+        moves = [measure(fit.values | {name: high}) - value for name, high in highs.items()]
         half = float(np.sqrt(moves @ fit.correlation_matrix @ moves))
-    return Estimate(value, value, (value - half, value + half), "")
-
-
-def _signal(of: str, model: Model) -> Signal:
-    """Return the declaration of a ratio of an output and an input."""
-    output, driven = parts_of_ratio(of)
-    unit = unit_of_ratio(model.outputs[output].unit, model.inputs[driven].unit)
-    return Signal(of, "real", unit, unit, 0.0, 0.0, inf)
+    return value, value - half, value + half
 
 
 def _derated(
     runs: Sequence[Record], options: AgeKeywords
 ) -> tuple[Derating | None, tuple[str, ...]]:
-    """Run the degradation estimator over the records."""
+    """Run the degradation estimator over the records, with rests between them."""
     lacking = [name for name in _WATCHED if any(name not in run.signals for run in runs)]
     if lacking:
         return None, (f"no derating: the records have no {' and no '.join(lacking)}",)
     step = float(np.median(np.concatenate([np.diff(run.time) for run in runs])))
-    clock, operation, *watched = np.hstack([*_joined(runs, step)])
+    rest = step * np.arange(1, max(round(_REST / step), 1) + 1)
+    parts = []
+    clock = 0.0
+    for run in runs:
+        watched = [_filled(run.time, run.signals[name]) for name in _WATCHED]
+        since = run.time - run.time[0]
+        parts.append([clock + since, run.time, *watched])
+        clock += since[-1]
+        parts.append([clock + rest, np.full(rest.size, np.nan), *np.zeros((2, rest.size))])
+        clock += rest[-1] + step
+    time, operation, *signals = np.hstack(parts)
     settings = {"sample_period": step} | dict(options["derating"] or {})
-    signals = dict(zip(_WATCHED, watched, strict=True))
-    found = simulate(_ESTIMATOR, signals, time=clock, settings=settings)
+    inputs = dict(zip(_WATCHED, signals, strict=True))
+    found = simulate(_ESTIMATOR, inputs, time=time, settings=settings)
     valid = np.maximum.accumulate(found["estimate_valid"]) > 0.5
     change = np.where(valid, found["impedance_change"], np.nan)
     used = np.isfinite(operation)
     return Derating(operation[used], found["voltage_limit"][used], change[used]), ()
-
-
-def _joined(runs: Sequence[Record], step: float) -> Iterator[Array]:
-    """Yield clock, time of operation, current and voltage (4, n) of each record and the rest after.
-
-    The estimator stands still in a rest, which takes no time of operation.
-    """
-    rest = step * np.arange(1, max(round(_REST / step), 1) + 1)
-    clock = operation = 0.0
-    for run in runs:
-        time = run.time - run.time[0]
-        watched = [_filled(time, run.signals[name]) for name in _WATCHED]
-        yield np.array([clock + time, operation + time, *watched])
-        idle = np.zeros(rest.size)
-        yield np.array([clock + time[-1] + rest, np.full(rest.size, np.nan), idle, idle])
-        clock += time[-1] + rest[-1] + step
-        operation += time[-1]
 
 
 def _filled(time: Array, values: Array) -> Array:

@@ -16,13 +16,12 @@ the first value is as uncertain as all others.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import solve_triangular
 from scipy.optimize import brentq
 from scipy.special import sici, stdtr
 
@@ -126,114 +125,52 @@ def forecast_life(time: ArrayLike, impedance: ArrayLike, rise: float = 0.15) -> 
         raise UserError(f"time: must increase, and does not after sample {late[0]}")
     if not rise > 0.0:
         raise UserError(f"rise = {rise:g}: must be above 0")
-    posterior = _posterior(*_averaged(clock, values), float(clock[0]))
+    posterior = _posterior(_averaged(clock, values), float(clock[0]))
     low, median, high = (posterior.life(rise, end) for end in _ENDS)
     limit = (1.0 + rise) * float(posterior.expected(clock[:1])[0])
     return LifeForecast(median, (low, high), rise, limit, posterior)
 
 
-def _averaged(clock: Array, values: Array) -> tuple[Array, Array]:
-    """Return times and values, with neighbours averaged where there are many."""
-    first = np.linspace(0, clock.size, min(clock.size, _MOST) + 1).astype(int)[:-1]
-    counts = np.diff(first, append=clock.size)
-    return np.add.reduceat(clock, first) / counts, np.add.reduceat(values, first) / counts
-
-
-class _Group(NamedTuple):
-    """Fits with p coefficients each, of k combinations of noise and shapes.
-
-    Attributes
-    ----------
-    weight : ndarray, shape (k,)
-        Logarithm of the integrated likelihood.
-    columns : ndarray, shape (k, p)
-        Columns of `_Shapes` that have the coefficients.
-    coefficients : ndarray, shape (k, p)
-    covariance : ndarray, shape (k, p, p)
-    freedom : int
-        Degrees of freedom.
-    """
-
-    weight: Array
-    columns: Indices
-    coefficients: Array
-    covariance: Array
-    freedom: int
-
-
-@dataclass(frozen=True)
-class _Shapes:
-    """Shapes of growth and fall over the share x of the record."""
-
-    powers: Array
-    rates: Array
-    falls: Array
-
-    @classmethod
-    def of(cls, count: int) -> _Shapes:
-        """Return all that can be seen in a number of values."""
-        fastest = np.clip(_SEEN / count, _FASTEST, _SLOWEST / 2.0)
-        return cls(_POWERS, _RATES, np.geomspace(fastest, _SLOWEST, _FALLS))
-
-    def columns(self, x: Array) -> Array:
-        """Return the columns at shares x (m,): a constant, growths, and falls."""
-        share = np.maximum(x, 0.0)[:, None]
-        rates = self.rates + 1e-9  # none is zero
-        growths = [share**self.powers, np.expm1(rates * share) / rates]
-        return np.hstack([np.ones_like(share), *growths, np.exp(-share / self.falls)])
-
-    def designs(self) -> list[Indices]:
-        """Return the columns of each model without a fall (k, 2), and of each with one (l, 3)."""
-        growths = 1 + np.arange(self.powers.size + self.rates.size)
-        falls = growths[-1] + 1 + np.arange(self.falls.size)
-        return [
-            np.array([(0, growth) for growth in growths]),
-            np.array([(0, growth, fall) for growth in growths for fall in falls]),
-        ]
-
-    def narrowed(self, used: Indices) -> _Shapes:
-        """Return as many shapes in the ranges of the columns that are used, and a step beyond."""
-        ends = np.cumsum([1, self.powers.size, self.rates.size])
-        parts = [
-            _narrowed(values, used[(used >= end) & (used < end + values.size)] - end)
-            for end, values in zip(ends, (self.powers, self.rates, np.log(self.falls)), strict=True)
-        ]
-        return _Shapes(parts[0], parts[1], np.exp(parts[2]))
-
-
-def _narrowed(values: Array, used: Indices) -> Array:
-    if not used.size:
-        return values
-    low, high = max(used.min() - 1, 0), min(used.max() + 1, values.size - 1)
-    return np.linspace(values[low], values[high], values.size)
+def _averaged(clock: Array, values: Array) -> Array:
+    """Return times and values (2, m), with neighbours averaged where there are many."""
+    ends = np.linspace(0, clock.size, min(clock.size, _MOST) + 1).astype(int)[1:-1]
+    parts = np.split(np.array([clock, values]), ends, axis=1)
+    return np.transpose([part.mean(axis=1) for part in parts])
 
 
 @dataclass(frozen=True)
 class _Posterior:
-    """Distribution of the course of the impedance, over shapes and noises.
+    """Distribution of the course of the impedance: k fits, each of a shape in a noise.
 
     Attributes
     ----------
     shapes : _Shapes
-    groups : sequence of _Group
-        With weights that sum to 1, of those that are not negligible.
     begin, length : float
         Of the record, in s.
+    weight : ndarray, shape (k,)
+        Probability of each, without those that are negligible.
+    columns : ndarray, shape (k, 3)
+        Columns of `_Shapes` that have the coefficients.
+    coefficients : ndarray, shape (k, 3)
+    covariance : ndarray, shape (k, 3, 3)
+    freedom : ndarray, shape (k,)
+        Degrees of freedom.
     """
 
     shapes: _Shapes
-    groups: Sequence[_Group]
     begin: float
     length: float
+    weight: Array
+    columns: Indices
+    coefficients: Array
+    covariance: Array
+    freedom: Indices
 
     def expected(self, time: Array) -> Array:
         """Return the expected impedance (m,) in ohm at times in s."""
-        columns = self.shapes.columns((time - self.begin) / self.length)
-        parts = [
-            np.einsum("k,mkp,kp->m", one.weight, columns[:, one.columns], one.coefficients)
-            for one in self.groups
-        ]
-        return np.sum(parts, axis=0)
+        columns = self.shapes.columns((time - self.begin) / self.length)[:, self.columns]
+        found: Array = np.einsum("k,mkp,kp->m", self.weight, columns, self.coefficients)
+        return found
 
     def life(self, rise: float, probability: float) -> float:
         """Return the time in s before which the life has ended with a probability."""
@@ -241,7 +178,10 @@ class _Posterior:
 
         def excess(logarithm: float) -> float:
             above = self.shapes.columns(np.exp([logarithm]))[0] - first
-            return sum(_probability(one, above) for one in self.groups) - probability
+            contrast = above[self.columns]
+            spread = np.sqrt(np.einsum("kp,kpq,kq->k", contrast, self.covariance, contrast))
+            t = np.sum(contrast * self.coefficients, axis=1) / spread
+            return float(self.weight @ stdtr(self.freedom, t)) - probability
 
         low, high = -np.log(_HORIZON), np.log(_HORIZON)
         if excess(low) > 0.0:
@@ -251,41 +191,85 @@ class _Posterior:
         return self.begin + self.length * float(np.exp(brentq(excess, low, high)))
 
 
-def _probability(group: _Group, contrast: Array) -> float:
-    """Return the weighted probability that a linear function of the coefficients is positive."""
-    c = contrast[group.columns]
-    spread = np.sqrt(np.einsum("kp,kpq,kq->k", c, group.covariance, c))
-    return float(
-        group.weight @ stdtr(group.freedom, np.sum(c * group.coefficients, axis=1) / spread)
-    )
+class _Shapes(NamedTuple):
+    """Shapes of growth and fall over the share x of the record.
+
+    Attributes
+    ----------
+    powers, rates : ndarray
+        Of growths.
+    falls : ndarray
+        Logarithms of time constants.
+    """
+
+    powers: Array
+    rates: Array
+    falls: Array
+
+    def columns(self, x: Array) -> Array:
+        """Return the columns (m, c) at shares x (m,).
+
+        They are a constant, growths, falls, and zero for no fall.
+        """
+        share = np.maximum(x, 0.0)[:, None]
+        rates = self.rates + 1e-9  # none is zero
+        growths = [share**self.powers, np.expm1(rates * share) / rates]
+        falls = np.exp(-share / np.exp(self.falls))
+        return np.hstack([np.ones_like(share), *growths, falls, np.zeros_like(share)])
+
+    def designs(self) -> Indices:
+        """Return the columns (k, 3) of each model: the constant, a growth, and a fall or none."""
+        fall = 1 + self.powers.size + self.rates.size
+        falls = range(fall, fall + self.falls.size + 1)
+        return np.array([*product([0], range(1, fall), falls)])
+
+    def narrowed(self, used: Indices) -> _Shapes:
+        """Return as many shapes in the ranges of the columns that are used, and a step beyond."""
+        ranges = []
+        column = 1
+        for values in self:
+            inside = used[(used >= column) & (used < column + values.size)] - column
+            column += values.size
+            if inside.size:
+                ends = np.clip([inside.min() - 1, inside.max() + 1], 0, values.size - 1)
+                values = np.linspace(values[ends[0]], values[ends[1]], values.size)
+            ranges.append(values)
+        return _Shapes(*ranges)
 
 
-def _posterior(clock: Array, values: Array, begin: float) -> _Posterior:
-    """Return the distribution of courses; ranges of shapes are narrowed to those that fit."""
+def _posterior(course: Array, begin: float) -> _Posterior:
+    """Return the distribution of a course (2, n), of times and values.
+
+    Ranges of shapes are narrowed to those that fit.
+    """
+    clock, values = course
     length = float(clock[-1]) - begin
     x = (clock - begin) / length
-    noises = [(weight, np.linalg.cholesky(matrix)) for weight, matrix in _noises(x)]
-    shapes = _Shapes.of(x.size)
-    groups = _groups(shapes, noises, x, values)
-    for _ in range(_PASSES - 1):
-        shapes = shapes.narrowed(np.unique(np.concatenate([one.columns.ravel() for one in groups])))
-        groups = _groups(shapes, noises, x, values)
-    return _Posterior(shapes, groups, begin, length)
+    prior, roots = _noises(x)
+    fastest = np.clip(_SEEN / x.size, _FASTEST, _SLOWEST / 2.0)
+    shapes = _Shapes(_POWERS, _RATES, np.linspace(np.log(fastest), np.log(_SLOWEST), _FALLS))
+    for _ in range(_PASSES):
+        white = np.linalg.solve(roots, np.column_stack([shapes.columns(x), values]))
+        normal = np.swapaxes(white, 1, 2) @ white
+        found = _Posterior(shapes, begin, length, *_fits(normal, prior, shapes.designs(), x.size))
+        shapes = shapes.narrowed(found.columns)
+    return found
 
 
-def _noises(x: Array) -> Iterator[tuple[float, Any]]:
-    """Yield correlations (n, n) of the noise, each with the logarithm of its prior probability.
+def _noises(x: Array) -> tuple[Array, Array]:
+    """Return noises: logarithms of their prior densities (m,), and roots of covariances (m, n, n).
 
-    White noise is as likely as all that remembers; of that 1/f noise is as likely as each memory.
+    The first is white. It is as likely as all that remember, and of these 1/f noise is as likely as
+    each exponential memory.
     """
     distance = np.abs(x[:, None] - x) / np.median(np.diff(x))
     white = np.eye(x.size)
     memories = 0.5 * 2.0 ** np.arange(np.log2(max(2.0 * _LONGEST * x.size, 2.0)))
-    prior = -np.log(memories.size + 1.0) - 0.5 * np.log(x.size)
-    yield 0.0, white
-    for memory in memories:
-        yield prior, np.exp(-distance / memory)
-    yield prior, _flicker(distance) + 1e-9 * white
+    remembering = np.exp(-distance / memories[:, None, None])
+    roots = np.linalg.cholesky([white, *remembering, _flicker(distance) + 1e-9 * white])
+    prior = -np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1)
+    prior[1:] -= np.log(memories.size + 1.0) + 0.5 * np.log(x.size)
+    return prior, roots
 
 
 def _flicker(distance: Array) -> Array:
@@ -299,48 +283,38 @@ def _flicker(distance: Array) -> Array:
     return np.where(distance > 0.0, apart, np.log(0.5 / f0))
 
 
-def _groups(
-    shapes: _Shapes, noises: Sequence[tuple[float, Any]], x: Array, values: Array
-) -> list[_Group]:
-    """Fit all combinations of shapes and noises, and weigh them."""
-    columns = np.column_stack([shapes.columns(x), values])
-    plain = columns.T @ columns
-    fits = []
-    for prior, root in noises:
-        white = solve_triangular(root, columns, lower=True)
-        prior = prior - float(np.log(np.diag(root)).sum())
-        for design in shapes.designs():
-            fits.append(_fit(white.T @ white, plain, design, prior, x.size))
-    top = max(one.weight.max() for one in fits)
-    total = sum(np.exp(one.weight - top).sum() for one in fits)
-    found = []
-    for one in fits:
-        weight = np.exp(one.weight - top)
-        kept = weight > _NEGLIGIBLE
-        if kept.any():
-            arrays = (one.columns[kept], one.coefficients[kept], one.covariance[kept])
-            found.append(_Group(weight[kept] / total, *arrays, one.freedom))
-    return found
+def _fits(
+    normal: Array, prior: Array, design: Indices, n: int
+) -> tuple[Array, Indices, Array, Array, Indices]:
+    """Fit designs (k, 3) by normal matrices (m, c, c) of n values in noises, of which one is white.
 
+    The last column is the data, and the one before it that of no fall. Falls are as likely as none,
+    and their coefficient has the prior of one value (unit information: Kass and Wasserman, J. Am.
+    Stat. Assoc. 90, 1995).
 
-def _fit(normal: Array, plain: Array, design: Indices, prior: float, n: int) -> _Group:
-    """Fit models by normal matrices of all columns, whitened and plain; the last is the data.
-
-    Falls are as likely as none, and their coefficient has the prior of one value (unit
-    information: Kass and Wasserman, J. Am. Stat. Assoc. 90, 1995).
+    Returns
+    -------
+    tuple of ndarray
+        Attributes of `_Posterior` from `weight` on.
     """
-    rows, across = design[:, :, None], design[:, None, :]
-    matrix = normal[rows, across]
-    p = design.shape[1]
+    normal[:, -2, -2] = 1.0  # so that its coefficient is zero
+    matrix = normal[:, design[:, :, None], design[:, None, :]]
+    moment = normal[:, design, -1]
     inverse = np.linalg.inv(matrix)
-    coefficients = np.einsum("kpq,kq->kp", inverse, normal[design, -1])
-    power = normal[-1, -1]
-    squares = power - np.sum(coefficients * normal[design, -1], axis=1)
-    squares = np.maximum(squares, _EXACT * power)
-    volume = np.linalg.slogdet(plain[rows, across])[1] - np.linalg.slogdet(matrix)[1]
-    falls = (p - 2) * (0.5 * np.log(n) + np.log(_FALLS))
-    weight = prior + 0.5 * volume - 0.5 * (n - 2) * np.log(squares) - falls
-    freedom = n - p
-    return _Group(
-        weight, design, coefficients, inverse * (squares / freedom)[:, None, None], freedom
+    coefficients = np.einsum("mkpq,mkq->mkp", inverse, moment)
+    power = normal[:, -1:, -1]
+    squares = np.maximum(power - np.sum(coefficients * moment, axis=2), _EXACT * power)
+    volume = np.linalg.slogdet(matrix)[1]
+    has_fall = design[:, 2] < design.max()
+    freedom = np.broadcast_to(n - 2 - has_fall, squares.shape)
+    weight = prior[:, None] + 0.5 * (volume[0] - volume - (n - 2) * np.log(squares))
+    weight -= has_fall * (0.5 * np.log(n) + np.log(_FALLS))
+    likelihood = np.exp(weight - weight.max())
+    kept = likelihood > _NEGLIGIBLE
+    return (
+        likelihood[kept] / likelihood.sum(),
+        design[np.nonzero(kept)[1]],
+        coefficients[kept],
+        inverse[kept] * (squares / freedom)[kept][:, None, None],
+        freedom[kept],
     )
