@@ -12,8 +12,7 @@ from rich.table import Table
 from demonstrations.thesis import chapters
 from demonstrations.thesis.claim import Claim
 from fmus.kit import UserError, quoting
-from fmus.kit.storage import scratch
-from orchestration.reporting import console, pictures
+from orchestration.reporting import console
 from orchestration.reporting.html import Page
 
 _STYLE = {"holds": "", "within rounding": "", "only as printed": "yellow", "differs": "red"}
@@ -60,16 +59,13 @@ def run(out: Path) -> Path:
         tell("drawing the figures")
         done = 0
         count = sum(map(len, drawings.values()))
-        with scratch.folder("page") as folder:
-            picture = folder / "picture.png"
-            for title, claims in by_chapter.items():
-                page.heading(title)
-                page.parts.append(_table(claims))
-                for drawing in drawings[title]:
-                    tell.done(done, count, drawing.title)
-                    done += 1
-                    pictures.save(drawing.draw(), picture)
-                    page.picture(picture, f"{drawing.title}. {drawing.caption}")
+        for title, claims in by_chapter.items():
+            page.heading(title)
+            page.parts.append(_table(claims))
+            for drawing in drawings[title]:
+                tell.done(done, count, drawing.title)
+                done += 1
+                page.figure(drawing.draw(), f"{drawing.title}. {drawing.caption}")
         page.heading("Errata")
         rows = [[str(e.number), e.where, e.printed, e.holds] for e in chapters.errata()]
         page.parts.append(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import inf
-from typing import Unpack
+from typing import NamedTuple, Unpack
 
 import numpy as np
 
@@ -15,16 +15,16 @@ from fmus.kit.units import Described
 from orchestration.api.batch import named_records
 from orchestration.api.declaration import takes
 from orchestration.api.forms import rows_per_second, seconds
+from orchestration.api.linearisation import linearise
 from orchestration.api.options import AgeKeywords
 from orchestration.api.records import Records, listed, matching_runs
 from orchestration.api.simulation import AnyModel, as_measured, simulate, values_of
 from orchestration.fmu import Model
 from orchestration.fmu.model import built
-from orchestration.fmu.signal import Signal, numeric
+from orchestration.fmu.signal import Signal
 from orchestration.identify import Fit, comparison
 from orchestration.identify.ageing import FEWEST, Ageing, Course, Derating, forecast_life
 from orchestration.identify.spectral import parts_of_ratio, unit_of_ratio
-from orchestration.linear import point_at, subject_of
 from orchestration.records import Record, record_labels
 from orchestration.reporting import option
 
@@ -77,14 +77,7 @@ def age(records: Records, model: AnyModel | None = None, **options: Unpack[AgeKe
     found = [run for one in sources for run in matching_runs(one, declared, options)]
     runs = [*_in_operation(found)]
     windows = [part for run in runs for part in _windows(run, seconds(options["window"]))]
-    fits = _fits(declared, windows, options)
-    courses = {
-        name: _course([(fit.values[name], *fit.intervals[name]) for fit in fits], signal)
-        for name, signal in fits[0].declared.items()
-    }
-    if ratio is not None:
-        signal, magnitude = ratio
-        courses[of] = _course([_with_interval(fit, magnitude) for fit in fits], signal)
+    courses = _courses(declared, windows, ratio, options)
     time = np.array([one.time.mean() for one in windows])
     forecast = None
     if time.size >= FEWEST:
@@ -123,8 +116,10 @@ def _windows(run: Record, length: float) -> Iterator[Record]:
             yield replace(run, time=run.time[inside], signals=signals)
 
 
-def _fits(model: Model, windows: Sequence[Record], options: AgeKeywords) -> list[Fit]:
-    """Fit the parameters of each window."""
+def _courses(
+    model: Model, windows: Sequence[Record], ratio: _Ratio | None, options: AgeKeywords
+) -> dict[str, Course]:
+    """Fit the windows, and return the course of each parameter, and of a ratio."""
     given = values_of(model, options["settings"])
     subject = built(model)
     fits = []
@@ -132,22 +127,27 @@ def _fits(model: Model, windows: Sequence[Record], options: AgeKeywords) -> list
         options["progress"](f"window {k + 1} of {len(windows)}")
         data = comparison.fit_data(subject, one)
         fits.append(comparison.fit_model(subject, [data], options["fit"], given))
-    return fits
+    signals: dict[str, Described] = dict(fits[0].declared)
+    rows = {name: [(fit.values[name], *fit.intervals[name]) for fit in fits] for name in signals}
+    if ratio is not None:
+        signals[options["of"]] = ratio.signal
+        rows[options["of"]] = [_with_interval(fit, ratio.magnitude) for fit in fits]
+    courses = {}
+    for name, signal in signals.items():
+        value, low, high = np.transpose(rows[name])
+        courses[name] = Course(value, low, high, signal)
+    return courses
 
 
-def _course(rows: Sequence[tuple[float, float, float]], declared: Described) -> Course:
-    """Return the course of estimates, each with the ends of its interval."""
-    value, low, high = np.transpose(rows)
-    return Course(value, low, high, declared)
+class _Ratio(NamedTuple):
+    """A ratio of two signals: its declaration, and its magnitude at fitted values."""
+
+    signal: Signal
+    magnitude: Callable[[Mapping[str, float]], float]
 
 
-def _ratio(
-    model: Model, options: AgeKeywords
-) -> tuple[Signal, Callable[[Mapping[str, float]], float]]:
-    """Return a ratio of two signals: its declaration, and its magnitude at fitted values.
-
-    It is that of the linearised model, such as eq. 4.10.
-    """
+def _ratio(model: Model, options: AgeKeywords) -> _Ratio:
+    """Return a ratio of two signals of the linearised model, such as eq. 4.10."""
     written = option("of", options["of"])
     output, driven = parts_of_ratio(options["of"])
     if model.cls is None:
@@ -156,15 +156,13 @@ def _ratio(
     below = find(driven, model.inputs, f"{written}: {model.name} has no input")
     unit = unit_of_ratio(above.unit, below.unit)
     frequency = np.array([rows_per_second(options["frequency"])])
-    subject = subject_of(model.cls, model.title)
-    known = numeric(values_of(model, options["settings"]))
 
     def magnitude(values: Mapping[str, float]) -> float:
-        point = point_at(subject.graph, 0.0, known | dict(values))
-        linear = subject.linearise(point, [driven], [output])
+        settings = {**(options["settings"] or {}), **values}
+        linear = linearise(model, inputs=[driven], outputs=[output], settings=settings)
         return float(np.abs(linear.response(frequency)).item())
 
-    return Signal(options["of"], "real", unit, unit, 0.0, 0.0, inf), magnitude
+    return _Ratio(Signal(options["of"], "real", unit, unit, 0.0, 0.0, inf), magnitude)
 
 
 def _with_interval(
@@ -183,32 +181,32 @@ def _with_interval(
 def _derated(
     runs: Sequence[Record], options: AgeKeywords
 ) -> tuple[Derating | None, tuple[str, ...]]:
-    """Run the degradation estimator over the records, with rests between them."""
+    """Run the degradation estimator over the records, with rests between them.
+
+    Its sample period is that of the first record.
+    """
     lacking = [name for name in _WATCHED if any(name not in run.signals for run in runs)]
     if lacking:
         return None, (f"no derating: the records have no {' and no '.join(lacking)}",)
-    step = float(np.median(np.concatenate([np.diff(run.time) for run in runs])))
-    rest = step * np.arange(1, max(round(_REST / step), 1) + 1)
-    parts = []
-    clock = 0.0
-    for run in runs:
-        watched = [_filled(run.time, run.signals[name]) for name in _WATCHED]
-        since = run.time - run.time[0]
-        parts.append([clock + since, run.time, *watched])
-        clock += since[-1]
-        parts.append([clock + rest, np.full(rest.size, np.nan), *np.zeros((2, rest.size))])
-        clock += rest[-1] + step
-    time, operation, *signals = np.hstack(parts)
+    step = float(np.median(np.diff(runs[0].time)))
+    rest = step * (max(round(_REST / step), 1) + 1)
+    rows = []
+    for k, run in enumerate(runs):
+        clock = run.time + k * rest
+        rows.append(np.array([clock, run.time, *(_filled(run, name) for name in _WATCHED)]))
+        rows.append(np.array([[clock[-1] + step], [np.nan], [0.0], [0.0]]))
+    clock, operation, *signals = np.hstack(rows)
     settings = {"sample_period": step} | dict(options["derating"] or {})
     inputs = dict(zip(_WATCHED, signals, strict=True))
-    found = simulate(_ESTIMATOR, inputs, time=time, settings=settings)
+    found = simulate(_ESTIMATOR, inputs, time=clock, settings=settings)
     valid = np.maximum.accumulate(found["estimate_valid"]) > 0.5
     change = np.where(valid, found["impedance_change"], np.nan)
     used = np.isfinite(operation)
     return Derating(operation[used], found["voltage_limit"][used], change[used]), ()
 
 
-def _filled(time: Array, values: Array) -> Array:
-    """Return a signal with straight lines across the samples that are missing."""
+def _filled(run: Record, name: str) -> Array:
+    """Return a signal of a record with straight lines across the samples that are missing."""
+    values = run.signals[name]
     present = np.isfinite(values)
-    return np.interp(time, time[present], values[present])
+    return np.interp(run.time, run.time[present], values[present])

@@ -11,10 +11,9 @@ from rich.table import Table
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from fmus.kit.storage import scratch
 from fmus.kit.titles import capitalised, in_words
 from fmus.kit.units import convert, printed, write_prefixed
-from orchestration.reporting import option, pictures
+from orchestration.reporting import option
 from orchestration.reporting.html import Markup, Page, escaped
 from orchestration.sweeps.reductions import REDUCTIONS
 from orchestration.sweeps.sensitivity import failures, parameters_of
@@ -185,11 +184,8 @@ def _add_picture(page: Page, draw: Callable[[], Figure]) -> None:
         figure = draw()
     except UserError:
         return
-    with scratch.folder("page") as folder:
-        file = folder / "sweep.png"
-        pictures.save(figure, file)
-        page.heading("The picture")
-        page.picture(file, "What was kept of every case, over what was swept.")
+    page.heading("The picture")
+    page.figure(figure, "What was kept of every case, over what was swept.")
 
 
 def _next_steps(data: xarray.Dataset) -> list[str]:

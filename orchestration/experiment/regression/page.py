@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fmus.kit.storage import scratch
 from orchestration.experiment.regression.comparison import Deviation, Regression
 from orchestration.experiment.regression.picture import shown
-from orchestration.reporting import draw, make_page, pictures
+from orchestration.reporting import draw, make_page
 from orchestration.reporting.html import Page
 
 COLUMNS = ("signal", "worst difference", "at", "outside", "verdict")
@@ -44,10 +43,7 @@ def regression_page(regression: Regression, command: str = "") -> Page:
     page = Page("Comparison with a reference", verdict(regression))
     page.items([f"{one.signal} {one.message}" for one in regression.refused])
     if shown(regression):
-        with scratch.folder("page") as folder:
-            picture = folder / "signals.png"
-            pictures.save(draw(regression), picture)
-            page.picture(picture, "Left the whole, right the worst place of each signal.")
+        page.figure(draw(regression), "Left the whole, right the worst place of each signal.")
     page.heading("Signals")
     page.table(COLUMNS, rows(regression))
     if regression.new:

@@ -12,6 +12,7 @@ import numpy as np
 from fmus.kit.arrays import Array
 from fmus.kit.units import Described, format_prefixed
 from orchestration.identify.ageing.life import LifeForecast
+from orchestration.identify.metrics import finite_or_none
 from orchestration.reporting import Displayable, format_percent, one_line, plain_table, write_page
 from orchestration.reporting.html import format_ends
 
@@ -161,26 +162,21 @@ class Ageing(Displayable):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON: None for an open end."""
-        figures: dict[str, Any] = {
+        windows = {}
+        for name, course in self.courses.items():
+            ends = {"value": course.value, "low": course.low, "high": course.high}
+            numbers = {key: [*map(finite_or_none, end)] for key, end in ends.items()}
+            windows[name] = {"unit": course.declared.unit, **numbers}
+        return {
             "model": self.model,
             "of": self.of,
             "time": self.time.tolist(),
             "records": [*self.labels],
-            "windows": {},
+            "windows": windows,
             "forecast": self.forecast and self.forecast.to_dict(),
             "derating": self.derating and self.derating.steps(),
             "notes": [*self.notes],
         }
-        for name, course in self.courses.items():
-            ends = (course.value, course.low, course.high)
-            value, low, high = ([x if np.isfinite(x) else None for x in end] for end in ends)
-            figures["windows"][name] = {
-                "unit": course.declared.unit,
-                "value": value,
-                "low": low,
-                "high": high,
-            }
-        return figures
 
     def report(self, path: str | Path, command: str = "") -> Path:
         """Write the page.

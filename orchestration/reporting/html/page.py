@@ -10,9 +10,13 @@ from contextlib import contextmanager
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fmus.kit import files, quoting
 from fmus.kit.build import STYLE
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _HEADING = re.compile(r"(?<=<h)\d(?=>)|(?<=</h)\d(?=>)")  # its level
 _GROUND = "var(--jp-layout-color0, var(--vscode-editor-background, Canvas))"  # of notebooks, too
@@ -179,7 +183,16 @@ class Page:
 
     def picture(self, file: Path, caption: str) -> None:
         """Append a PNG from a file, with a caption."""
-        data = base64.b64encode(file.read_bytes()).decode()
+        self._add_png(file.read_bytes(), caption)
+
+    def figure(self, figure: Figure, caption: str) -> None:
+        """Append a figure of matplotlib, with a caption."""
+        from orchestration.reporting.figure import rendered
+
+        self._add_png(rendered(figure, "png"), caption)
+
+    def _add_png(self, picture: bytes, caption: str) -> None:
+        data = base64.b64encode(picture).decode()
         text = escaped(caption)
         self.parts.append(
             f'<figure><div class="picture" tabindex="0"><img alt="{text}"'

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from fmus.kit.storage import scratch
 from orchestration.identify.black_box.order_search import Row
 from orchestration.identify.black_box.study.identification import BlackBox
 from orchestration.identify.black_box.study.picture import (
@@ -12,7 +11,7 @@ from orchestration.identify.black_box.study.picture import (
     draw_residual,
     draw_roots,
 )
-from orchestration.reporting import make_page, pictures
+from orchestration.reporting import make_page
 from orchestration.reporting.html import Page
 
 _FREE_RUN = (
@@ -44,17 +43,14 @@ def black_box_page(result: BlackBox, command: str = "") -> Page:
     page = Page(title, result.sentence)
     _add_data(page, result)
     _add_structures(page, result)
-    with scratch.folder("page") as folder:
-        for draw_one, caption in (
-            (draw_free_run, _FREE_RUN),
-            (draw_identified, _IDENTIFIED),
-            (draw_residual, _RESIDUAL),
-            (draw_correlations, _CORRELATIONS),
-            (draw_roots, _ROOTS),
-        ):
-            file = folder / f"{draw_one.__name__}.png"
-            pictures.save(draw_one(result), file)
-            page.picture(file, caption)
+    for draw_one, caption in (
+        (draw_free_run, _FREE_RUN),
+        (draw_identified, _IDENTIFIED),
+        (draw_residual, _RESIDUAL),
+        (draw_correlations, _CORRELATIONS),
+        (draw_roots, _ROOTS),
+    ):
+        page.figure(draw_one(result), caption)
     _add_chosen_model(page, result)
     return page
 
