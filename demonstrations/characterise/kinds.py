@@ -75,36 +75,28 @@ def kind_of(record: Record) -> Kind | None:
 
 
 def _is_held_force(record: Record) -> bool:
-    force = _signal(record, "force")
-    is_quiet = bool(np.abs(_signal(record, "current")).max() <= _QUIET)
-    is_step = _has_two_levels(force) and len(_switches(force)) == 1
-    return "displacement" in record.signals and is_quiet and is_step
+    is_quiet = np.abs(_signal(record, "current")).max() <= _QUIET
+    is_step = len(_switches(_signal(record, "force"))) == 1
+    return bool("displacement" in record.signals and is_quiet and is_step)
 
 
 def _is_held_voltage(record: Record) -> bool:
     if not {"current", "voltage"} <= record.signals.keys():
         return False
-    current, voltage = _held_part(record)[1:]
-    is_held = voltage.size and np.nanstd(voltage) <= _FLAT * abs(np.nanmean(voltage))
+    _, current, voltage = _held_part(record)
+    is_held = np.nanstd(voltage) <= _FLAT * abs(np.nanmean(voltage))
     return bool(is_held and np.ptp(current) > _FLAT * np.abs(current).max())
 
 
 def _is_triangle(record: Record) -> bool:
-    switches = _switches(_driven(_signal(record, "current")))
-    if "displacement" not in record.signals or len(switches) < 2 * _CYCLES:
+    between = np.diff(record.time[_switches_of_current(record)])
+    if "displacement" not in record.signals or between.size < 2 * _CYCLES - 1:
         return False
-    between = np.diff(record.time[switches])
-    is_even = np.abs(between - between.mean()).max() <= _EVEN * between.mean()
-    return bool(is_even) and _is_switched(record)
+    return bool(np.abs(between - between.mean()).max() <= _EVEN * between.mean())
 
 
 def _is_prbs(record: Record) -> bool:
-    enough = len(_switches(_driven(_signal(record, "current")))) >= 2 * _CYCLES
-    return "voltage" in record.signals and enough and _is_switched(record)
-
-
-def _is_switched(record: Record) -> bool:
-    return _has_two_levels(_driven(_signal(record, "current")))
+    return "voltage" in record.signals and len(_switches_of_current(record)) >= 2 * _CYCLES
 
 
 def _signal(record: Record, name: str) -> Array:
@@ -112,33 +104,26 @@ def _signal(record: Record, name: str) -> Array:
     return record.signals.get(name, np.zeros_like(record.time))
 
 
-def _driven(current: Array) -> Array:
-    """Return a current without the rests before and after it."""
-    inside = np.flatnonzero(np.abs(current) > 0.5 * np.abs(current).max())
-    return current[inside[0] : inside[-1] + 1] if inside.size else current[:0]
-
-
-def _has_two_levels(signal: Array) -> bool:
-    """Return whether a signal is always near one of the ends of its range, which is not empty."""
-    if not signal.size or not np.ptp(signal) > 0.0:
-        return False
-    share = (signal - signal.min()) / np.ptp(signal)
-    return bool((np.minimum(share, 1.0 - share) <= _FLAT).all())
+def _switches_of_current(record: Record) -> Indices:
+    """Return the switches of the current, counted from its first sample after a rest."""
+    current = _signal(record, "current")
+    is_driven = np.abs(current) > 0.5 * np.abs(current).max()
+    return _switches(np.trim_zeros(np.where(is_driven, current, 0.0)))
 
 
 def _switches(signal: Array) -> Indices:
-    """Return the indices of the first samples on the other side of the middle of its range."""
-    if not signal.size:
+    """Return the first sample after each change between two levels; none if there are others."""
+    height = signal - signal.min(initial=np.inf)
+    span = height.max(initial=0.0)
+    if (np.minimum(height, span - height) > _FLAT * span).any():
         return np.zeros(0, dtype=np.intp)
-    above = signal > 0.5 * (signal.min() + signal.max())
-    return np.asarray(np.flatnonzero(np.diff(above)) + 1)
+    return np.flatnonzero(np.diff(height > 0.5 * span)) + 1
 
 
 def _held_part(record: Record) -> tuple[Array, Array, Array]:
     """Return time, current and voltage from the first sample at a voltage that is held."""
     voltage = record.signals["voltage"]
-    reached = np.flatnonzero(np.abs(voltage) > 0.5 * np.nanmax(np.abs(voltage)))
-    first = int(reached[0]) if reached.size else 0
+    first = np.argmax(np.abs(voltage) > 0.5 * np.nanmax(np.abs(voltage)))
     return record.time[first:], record.signals["current"][first:], voltage[first:]
 
 
@@ -186,7 +171,8 @@ def _read_held_voltage(record: Record, circuit: Mapping[str, float]) -> Estimate
 def _read_triangle(record: Record, circuit: Mapping[str, float]) -> Estimates:
     """Read the displacement per charge off the slope of their loops (fig. 3-10, eq. 3.4)."""
     current = record.signals["current"]
-    switches = record.time[_switches(current)]
+    is_above = current > 0.5 * (current.min() + current.max())
+    switches = record.time[1:][np.diff(is_above)]
     period = 2.0 * float(np.diff(switches).mean())
     charge = _charge(record.time, current, circuit)
     start = float(switches[0] - record.time[0])
