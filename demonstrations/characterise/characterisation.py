@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 _WIDE = 0.5  # of a value: half an interval, beyond which it counts as not determined
 _BEFORE = 10.0  # durations of a test for which its load had been as at the first sample
 _ANYTHING = 100.0  # typical sizes of a state: deviation of a start value that nothing tells
+TESTS = ("record", "test", "tells")
 HEAD = ("parameter", "record", "graphical", "95 % interval", "fitted to all", "95 % interval")
 
 
@@ -57,21 +58,15 @@ class Characterisation(Displayable):
         return self.joint.fit
 
     @property
-    def records(self) -> list[Record]:
-        """The records, in their order."""
-        return [one.record for one in self.joint.comparisons.values()]
-
-    @property
     def determined(self) -> dict[str, float]:
         """Fitted values by name, SI, of the parameters that the records determine.
 
         Those that no test among them tells are left out: where a minute of creep stands for all of
         it, a linearised interval of one of its parameters may be narrow and wrong.
         """
-        tests = [kind for kind in self.kinds.values() if kind is not None]
-        told = {name for kind in tests for name in kind.tells}
-        if len(tests) < len(self.kinds):
-            told |= self.fit.estimates.keys()
+        told: set[str] = set()
+        for kind in self.kinds.values():
+            told |= set(self.fit.estimates if kind is None else kind.tells)
         known = {}
         for name, estimate in self.fit.estimates.items():
             low, high = estimate.interval
@@ -83,25 +78,26 @@ class Characterisation(Displayable):
     def missing(self) -> dict[str, str]:
         """By parameter that the records do not determine: the test that would tell it."""
         advice = {}
-        for name in self.fit.estimates.keys() - self.determined.keys():
+        determined = self.determined
+        for name in self.fit.estimates:
             able = [f"{kind.title}: {kind.advice}" for kind in KINDS if name in kind.tells]
-            advice[name] = "; or ".join(able) or "no test of the thesis tells it"
-        return {name: advice[name] for name in self.fit.estimates if name in advice}
+            if name not in determined:
+                advice[name] = "; or ".join(able) or "no test of the thesis tells it"
+        return advice
 
     def rows(self) -> Iterator[list[str]]:
         """Yield a row of `HEAD` for each reading, and for each parameter without one."""
+        determined = self.determined
         for name, estimate in self.fit.estimates.items():
             declared = self.fit.declared[name]
-            fitted = ["not determined", ""]
-            if name in self.determined:
-                fitted = _cells(estimate, declared)
-            none_read = True
-            for label, read in self.graphical.items():
-                if name in read:
-                    yield [name, label, *_cells(read[name], declared), *fitted]
-                    none_read = False
-            if none_read:
-                yield [name, "", "", "", *fitted]
+            fitted = _cells(estimate, declared) if name in determined else ["not determined", ""]
+            readings = [
+                [label, *_cells(read[name], declared)]
+                for label, read in self.graphical.items()
+                if name in read
+            ]
+            for reading in readings or [["", "", ""]]:
+                yield [name, *reading, *fitted]
 
     def kind_rows(self) -> Iterator[list[str]]:
         """Yield a row for each record: its label, its test, and what such a test tells."""
@@ -113,15 +109,9 @@ class Characterisation(Displayable):
 
     def overview(self) -> Iterator[RenderableType]:
         """Yield the tests, the parameters, and what is missing."""
-        tests = plain_table(None, "record", "test", "tells")
-        for row in self.kind_rows():
-            tests.add_row(*row)
-        yield tests
+        yield plain_table(None, *TESTS, rows=self.kind_rows())
         yield ""
-        table = plain_table(None, *HEAD, right=HEAD[2:])
-        for row in self.rows():
-            table.add_row(*row)
-        yield table
+        yield plain_table(None, *HEAD, right=HEAD[2:], rows=self.rows())
         yield from (f"not determined: {name}; {text}" for name, text in self.missing.items())
         yield from (f"warning: {text}" for text in (*self.remarks, *self.fit.warnings))
 
@@ -218,26 +208,24 @@ def _with_history(record: Record, kind: Kind | None) -> Record:
     """
     if kind is not KINDS[0]:
         return record
-    span = float(record.time[-1] - record.time[0])
-    time = np.concatenate([[record.time[0] - _BEFORE * span], record.time])
-    signals = {}
-    for name, values in record.signals.items():
-        first = values[0] if name in ("current", "force") else np.nan
-        signals[name] = np.concatenate([[first], values])
-    return replace(record, time=time, signals=signals)
+    before = record.time[0] - _BEFORE * np.ptp(record.time)
+    signals = {name: np.insert(values, 0, np.nan) for name, values in record.signals.items()}
+    for name in signals.keys() & {"current", "force"}:
+        signals[name][0] = signals[name][1]
+    return replace(record, time=np.insert(record.time, 0, before), signals=signals)
 
 
 def _without_history(one: comparison.Comparison, record: Record, fit: Fit) -> comparison.Comparison:
     """Return a comparison over the samples of the record itself, with another fit."""
-
-    def own(run: Mapping[str, comparison.GoodnessOfFit]) -> dict[str, comparison.GoodnessOfFit]:
-        part = slice(len(one.record.time) - len(record.time), None)
-        return {
-            name: replace(judged, measured=judged.measured[part], simulated=judged.simulated[part])
+    own = slice(-record.time.size, None)
+    before, after = (
+        {
+            name: replace(judged, measured=judged.measured[own], simulated=judged.simulated[own])
             for name, judged in run.items()
         }
-
-    return replace(one, record=record, before=own(one.before), after=own(one.latest), fit=fit)
+        for run in (one.before, one.latest)
+    )
+    return replace(one, record=record, before=before, after=after, fit=fit)
 
 
 def _without_starts(fit: Fit, starts: Collection[str]) -> Fit:

@@ -23,18 +23,9 @@ Estimates = Mapping[str, GraphicalEstimate]
 _QUIET = 0.013  # A, 1 % of the galvanostat's range
 _FLAT = 0.05  # of a level or a range: largest deviation of what is constant
 _EVEN = 0.1  # of the mean: largest deviation of the intervals of what is periodic
-CIRCUIT = ("R1", "R2", "C")
+CIRCUIT = {"R1": "ohm", "R2": "ohm", "C": "F"}  # units by parameter
 _CYCLES = 2  # of a triangle at least
-_UNITS = {
-    "R1": "ohm",
-    "R2": "ohm",
-    "C": "F",
-    "alpha": "m/C",
-    "k1": "N/m",
-    "b1": "N*s/m",
-    "k2": "N/m",
-    "b2": "N*s/m",
-}
+_BURGERS = {"k1": "N/m", "b1": "N*s/m", "k2": "N/m", "b2": "N*s/m"}
 
 
 @dataclass(frozen=True)
@@ -145,7 +136,7 @@ def _read_held_force(record: Record, circuit: Mapping[str, float]) -> Estimates:
     def read(displacement: Array) -> Sequence[float]:
         return [*read_creep(time, force, displacement).values.values()]
 
-    return _estimates(read, curve, measured, [*found.values])
+    return _estimates(read, curve, measured, _BURGERS)
 
 
 def _read_held_voltage(record: Record, circuit: Mapping[str, float]) -> Estimates:
@@ -203,18 +194,20 @@ def _read_prbs(record: Record, circuit: Mapping[str, float]) -> Estimates:
 
 
 def _estimates(
-    read: Callable[[Array], Sequence[float]], curve: Array, measured: Array, names: Sequence[str]
+    read: Callable[[Array], Sequence[float]],
+    curve: Array,
+    measured: Array,
+    units: Mapping[str, str],
 ) -> Estimates:
-    """Return what is read off a signal, with intervals, by name."""
-    estimates = resampled(read, curve, measured, [_UNITS[name] for name in names])
-    return dict(zip(names, estimates, strict=True))
+    """Return what is read off a signal, with intervals, by the names that have units."""
+    return dict(zip(units, resampled(read, curve, measured, [*units.values()]), strict=True))
 
 
 KINDS = (
     Kind(
         "held force with creep",
         "thesis section 3.1.2",
-        ("k1", "b1", "k2", "b2"),
+        tuple(_BURGERS),
         "no current, one step of the load, held for at least six time constants of the creep",
         _is_held_force,
         _read_held_force,
@@ -222,7 +215,7 @@ KINDS = (
     Kind(
         "held voltage",
         "thesis section 2.3",
-        CIRCUIT,
+        tuple(CIRCUIT),
         "a step of the voltage, held until the current no longer falls",
         _is_held_voltage,
         _read_held_voltage,

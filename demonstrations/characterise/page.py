@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from demonstrations.characterise.characterisation import HEAD, Characterisation
+from demonstrations.characterise.characterisation import HEAD, TESTS, Characterisation
 from orchestration.reporting import make_page
 from orchestration.reporting.html import Markup, Page, escaped, format_quantities
 
@@ -16,7 +16,7 @@ def characterisation_page(found: Characterisation, command: str = "") -> Page:
     about = Markup(f"<code>{escaped(found.model.name)}</code>")
     page = Page(f"{count} of the specimen are known", verdict, about)
     page.heading("Which tests the records are")
-    page.table(("record", "test", "tells"), [*found.kind_rows()])
+    page.table(TESTS, [*found.kind_rows()])
     page.heading("Its parameters")
     page.table(HEAD, [list(map(format_quantities, row)) for row in found.rows()])
     page.text(

@@ -83,10 +83,7 @@ class Diagnoses(Displayable, Mapping[str, DiagnosisResult]):
     def overview(self) -> Iterator[RenderableType]:
         """Yield a table of the records, and why some could not be diagnosed."""
         yield self.summary
-        table = plain_table(None, *_HEAD, right=_HEAD[3:])
-        for row in self.table():
-            table.add_row(*row)
-        yield table
+        yield plain_table(None, *_HEAD, right=_HEAD[3:], rows=self.table())
         for name, reason in self.failures.items():
             yield f"{name}: {reason}"
 

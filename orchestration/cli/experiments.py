@@ -140,19 +140,14 @@ def _show(data: xarray.Dataset) -> None:
     from orchestration.reporting.console import out
 
     columns = ("smallest", "largest", "last")
-    table = plain_table(None, "signal", *columns, right=columns)
-    for row in page.extremes(data):
-        table.add_row(*row)
     out.print(page.state(data))
     if "deadlines" in data.attrs:
         out.print(page.pace(data))
-    out.print(table)
+    out.print(plain_table(None, "signal", *columns, right=columns, rows=page.extremes(data)))
     cycles = page.cycles(data)
     if cycles:
-        of_cycles = plain_table(None, *page.CYCLE_COLUMNS, right=page.CYCLE_COLUMNS[1:])
-        for row in cycles:
-            of_cycles.add_row(*row)
-        out.print(of_cycles)
+        head = page.CYCLE_COLUMNS
+        out.print(plain_table(None, *head, right=head[1:], rows=cycles))
 
 
 def experiment_on_system(options: SimulateCommand) -> Experiment:

@@ -18,10 +18,7 @@ def show(regression: Regression) -> None:
     from orchestration.reporting import plain_table
     from orchestration.reporting.console import note, out
 
-    table = plain_table(None, *page.COLUMNS, right=page.COLUMNS[1:4])
-    for row in page.rows(regression):
-        table.add_row(*row)
-    out.print(table)
+    out.print(plain_table(None, *page.COLUMNS, right=page.COLUMNS[1:4], rows=page.rows(regression)))
     for one in regression.refused:
         out.print(f"not as in {regression.reference}: {one.signal} {one.message}")
     if regression.new:

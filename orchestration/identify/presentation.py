@@ -96,10 +96,7 @@ def parameters(fit: Fit) -> Table:
 def correlations(fit: Fit) -> Table:
     """Return the table of correlations of the estimates, below its diagonal."""
     names = [*fit.estimates]
-    table = plain_table(None, "correlation", *names, right=names)
-    for row in correlation_rows(fit):
-        table.add_row(*row)
-    return table
+    return plain_table(None, "correlation", *names, right=names, rows=correlation_rows(fit))
 
 
 def correlation_rows(fit: Fit) -> list[list[str]]:

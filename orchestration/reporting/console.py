@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 import os
 import sys
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
@@ -131,8 +131,13 @@ def tell_repairs(repairs: Sequence[object]) -> None:
         err.print(f"{word}: {getattr(repair, 'message', repair)}", soft_wrap=True, style="dim")
 
 
-def plain_table(title: str | None, *columns: str, right: Collection[str] = ()) -> Table:
-    """Make an empty table without borders.
+def plain_table(
+    title: str | None,
+    *columns: str,
+    right: Collection[str] = (),
+    rows: Iterable[Sequence[str]] = (),
+) -> Table:
+    """Make a table without borders.
 
     Parameters
     ----------
@@ -141,10 +146,14 @@ def plain_table(title: str | None, *columns: str, right: Collection[str] = ()) -
         Headings; the first column is for names and does not wrap.
     right : collection of str
         Headings of columns that are aligned to the right, such as numbers.
+    rows : iterable of sequence of str
+        The first rows.
     """
     table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False)
     for k, column in enumerate(columns):
         table.add_column(column, no_wrap=k == 0, justify="right" if column in right else "left")
+    for row in rows:
+        table.add_row(*row)
     return table
 
 

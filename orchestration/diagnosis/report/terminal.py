@@ -72,10 +72,8 @@ def laws(rows: Sequence[LawRow]) -> Group:
 
 
 def _table(title: str, head: Sequence[str], rows: Rows) -> Table:
-    table = plain_table(title, *head, right=[name for name in head if name in _FIGURES])
-    for row in rows:
-        table.add_row(*row)
-    return table
+    right = [name for name in head if name in _FIGURES]
+    return plain_table(title, *head, right=right, rows=rows)
 
 
 def filled(head: Sequence[str], rows: Rows) -> tuple[Sequence[str], Rows]:

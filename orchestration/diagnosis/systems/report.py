@@ -168,11 +168,8 @@ def view_of(diagnosis: SystemDiagnosis, command: str = "") -> SystemView:
 
 def overview(shown: SystemView) -> Group:
     """Return what ``ppy diagnose --system`` prints."""
-    members, outputs = plain_table(None, *MEMBER_HEAD), plain_table("outputs", *OUTPUT_HEAD)
-    for row in shown.members:
-        members.add_row(*row)
-    for row in shown.outputs:
-        outputs.add_row(*row)
+    members = plain_table(None, *MEMBER_HEAD, rows=shown.members)
+    outputs = plain_table("outputs", *OUTPUT_HEAD, rows=shown.outputs)
     told = [Text(f"  {text}") for text in shown.notes]
     return Group(Text(shown.sentence, "bold"), members, *told, outputs)
 
