@@ -184,19 +184,16 @@ def cycles(options: CyclesCommand) -> None:
     experiment = read(name, options["settings"]).model_copy(update={"variants": {}})
     with standard_output_for(path):
         found = forecast(experiment, name)
-        table = plain_table(None, "length", "limit", "cycles", right=("cycles",))
-        for way, allowed in found.items():
-            for limit, count in allowed.items():
-                table.add_row(way, limit, f"{count:g}" if math.isfinite(count) else "not reached")
-        out.print(table)
+        rows = [
+            [way, limit, f"{count:g}" if math.isfinite(count) else "not reached"]
+            for way, allowed in found.items()
+            for limit, count in allowed.items()
+        ]
+        out.print(plain_table(None, "length", "limit", "cycles", right=("cycles",), rows=rows))
         for way, allowed in found.items():
             limit, count = next(iter(allowed.items()))
             out.print(f"{way}: {limit if math.isfinite(count) else 'no limit'} binds first")
-        write_json(path, {way: _finite(allowed) for way, allowed in found.items()})
-
-
-def _finite(allowed: dict[str, float]) -> dict[str, int | None]:
-    return {limit: int(n) if math.isfinite(n) else None for limit, n in allowed.items()}
+        write_json(path, found)
 
 
 def _as_json(claim: "Claim") -> dict[str, Any]:

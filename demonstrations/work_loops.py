@@ -257,8 +257,8 @@ def endurance(
     }
     allowed = {}
     for name, limit in limits.items():
-        beyond = np.flatnonzero(np.abs(signals[name]) > limit)
-        allowed[name] = float(beyond[0] // _POINTS) if beyond.size else np.inf
+        beyond = np.abs(signals[name]) > limit
+        allowed[name] = int(np.argmax(beyond)) // _POINTS if beyond.any() else np.inf
     return dict(sorted(allowed.items(), key=lambda pair: pair[1]))
 
 

@@ -159,40 +159,35 @@ def characterise(
     if model.cls is None:
         raise UserError(f"{model.without_equations}; ppy identify fits named parameters of it")
     refuse_same(records, model.outputs)
-    labels = record_labels(records)
-    kinds = {label: kind_of(one) for label, one in zip(labels, records, strict=True)}
-    declared = {p.name: p for p in model.cls.layout.parameters if p.fitted and p.type == "real"}
-    starts = {name: p for name, p in declared.items() if p.starts}
+    by_label = dict(zip(record_labels(records), records, strict=True))
+    kinds = {label: kind_of(record) for label, record in by_label.items()}
+    fitted = [p for p in model.cls.layout.parameters if p.fitted and p.type == "real"]
+    starts = [p.name for p in fitted if p.starts]
     # a state that no sample tells, such as one long before it, would make the fit singular
-    assumptions = Assumptions(
-        priors={name: (0.0, _ANYTHING * p.nominal) for name, p in starts.items()}
-    )
+    priors = {p.name: (0.0, _ANYTHING * p.nominal) for p in fitted if p.starts}
     joint = comparison.compare_fitted(
         model,
-        [_with_history(one, kind) for one, kind in zip(records, kinds.values(), strict=True)],
+        [_with_history(record, kinds[label]) for label, record in by_label.items()],
         dict(given or {}),
-        [*declared],
-        assumptions,
+        [p.name for p in fitted],
+        Assumptions(priors=priors),
         progress=progress,
     )
     progress("reading parameters off the records")
-    circuit = {name: joint.fit.values[name] for name in CIRCUIT if name in declared}
+    fit = _without_starts(joint.fit, starts)
+    circuit = {name: value for name, value in fit.values.items() if name in CIRCUIT}
     graphical: dict[str, Estimates] = {}
+    comparisons = {}
     remarks = []
-    for label, record in zip(labels, records, strict=True):
+    for label, record in by_label.items():
         kind = kinds[label]
+        comparisons[label] = _without_history(joint.comparisons[label], record, fit)
         try:
             graphical[label] = {} if kind is None else kind.read(record, circuit)
         except UserError as error:
             remarks.append(f"{label}: nothing is read off it: {error}")
-    fit = _without_starts(joint.fit, [*starts])
-    comparisons = {
-        label: _without_history(one, record, fit)
-        for (label, one), record in zip(joint.comparisons.items(), records, strict=True)
-    }
-    return Characterisation(
-        model, kinds, graphical, JointComparison(comparisons, fit), tuple(remarks)
-    )
+    joint = JointComparison(comparisons, fit)
+    return Characterisation(model, kinds, graphical, joint, tuple(remarks))
 
 
 def _cells(estimate: GraphicalEstimate | Estimate, declared: Described) -> list[str]:

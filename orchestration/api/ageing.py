@@ -112,8 +112,7 @@ def _windows(run: Record, length: float) -> Iterator[Record]:
     ends = np.searchsorted(run.time, np.linspace(first, last, count + 1)[1:-1])
     for inside in np.split(np.arange(run.time.size), ends):
         if inside.size:
-            signals = {name: values[inside] for name, values in run.signals.items()}
-            yield replace(run, time=run.time[inside], signals=signals)
+            yield run.part(inside)
 
 
 def _courses(

@@ -6,10 +6,9 @@ import json
 
 import xarray
 
-from fmus.kit.storage import scratch
 from orchestration.experiment.picture import caption, tracked
 from orchestration.experiment.results import ExperimentResult, displayed
-from orchestration.reporting import draw, make_page, pictures
+from orchestration.reporting import draw, make_page
 from orchestration.reporting.html import Page
 
 CYCLE_COLUMNS = (
@@ -88,10 +87,7 @@ def experiment_page(data: ExperimentResult, command: str = "") -> Page:
     made = Page(about["title"], state(data))
     if about["source"]:
         made.text(about["source"])
-    with scratch.folder("page") as folder:
-        picture = folder / "signals.png"
-        pictures.save(draw(data), picture)
-        made.picture(picture, caption(data))
+    made.figure(draw(data), caption(data))
     loops = cycles(data)
     if loops:
         made.heading("Cycles")

@@ -6,9 +6,9 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -104,6 +104,11 @@ class Record(Displayable):
     repairs: list[Repair] = field(default_factory=list)
     label: str = ""
     scales: dict[str, str] = field(default_factory=dict)
+
+    def part(self, rows: Any) -> Record:
+        """Return the samples of some rows, given as NumPy takes them."""
+        signals = {name: values[rows] for name, values in self.signals.items()}
+        return replace(self, time=self.time[rows], signals=signals)
 
     def display_unit(self, name: str, signal: Described) -> str:
         """Return the unit in which a signal is displayed: of a temperature that of the file."""

@@ -467,10 +467,7 @@ def _given(part: Part) -> Iterator[tuple[Port, float]]:
 def _beginning(record: Record) -> Record:
     """Return the beginning of a record, which is enough of a loop."""
     count = max(int(np.searchsorted(record.time, record.time[0] + _SECONDS)), _LONGEST)
-    if count >= len(record.time):
-        return record
-    signals = {name: values[:count] for name, values in record.signals.items()}
-    return replace(record, time=record.time[:count], signals=signals)
+    return record.part(slice(count))
 
 
 def _judgement(
