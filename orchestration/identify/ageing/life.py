@@ -44,6 +44,7 @@ _PASSES = 3  # the ranges are narrowed to where the likelihood is, so that steps
 _NEGLIGIBLE = 1e-4  # of the largest weight
 _LONGEST = 0.33  # memory of the noise, in record lengths: beyond, it is a part of the growth
 _CUTOFF = 20.0  # record lengths of the slowest period of 1/f noise
+_TOGETHER = 1e-6  # of a sample: the covariance has its limit at none, log(1 / (2 f0))
 _EXACT = 1e-14  # share of the sum of squares that is rounding
 _HORIZON = 100.0  # record lengths beyond which nothing is forecast
 
@@ -278,9 +279,9 @@ def _flicker(distance: Array) -> Array:
     From f0 to 1/2 a sample it is Ci(pi h) - Ci(2 pi f0 h) at the distance h, where f0 h is small.
     """
     f0 = 1.0 / (_CUTOFF * distance.max())
-    h = np.where(distance > 0.0, distance, 1.0)
-    apart = sici(np.pi * h)[1] - np.euler_gamma - np.log(2.0 * np.pi * f0 * h)
-    return np.where(distance > 0.0, apart, np.log(0.5 / f0))
+    h = np.maximum(distance, _TOGETHER)
+    covariance: Array = sici(np.pi * h)[1] - np.euler_gamma - np.log(2.0 * np.pi * f0 * h)
+    return covariance
 
 
 def _fits(

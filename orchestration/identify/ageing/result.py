@@ -137,12 +137,14 @@ class Ageing(Displayable):
 
     def overview(self) -> Iterator[RenderableType]:
         """Yield the first and the last window, the forecast, and the derating."""
-        table = plain_table(None, "quantity", "first", "95 %", "last", "95 %", "change")
-        for name, course in self.courses.items():
-            table.add_row(name, *course.at(0), *course.at(-1), course.change())
-        yield table
+        rows = [
+            (name, *course.at(0), *course.at(-1), course.change())
+            for name, course in self.courses.items()
+        ]
+        yield plain_table(None, "quantity", "first", "95 %", "last", "95 %", "change", rows=rows)
         yield self.headline()
-        yield from filter(None, [self.derating and self.derating.summary()])
+        if self.derating is not None:
+            yield self.derating.summary()
         yield from self.notes
 
     def to_frame(self) -> pandas.DataFrame:
