@@ -11,7 +11,6 @@ import numpy as np
 
 from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError, find
-from fmus.kit.units import Described
 from orchestration.api.batch import named_records
 from orchestration.api.declaration import takes
 from orchestration.api.forms import rows_per_second, seconds
@@ -25,6 +24,7 @@ from orchestration.fmu.signal import Signal
 from orchestration.identify import Fit, comparison
 from orchestration.identify.ageing import FEWEST, Ageing, Course, Derating, forecast_life
 from orchestration.identify.spectral import parts_of_ratio, unit_of_ratio
+from orchestration.identify.uncertainty import Estimate
 from orchestration.records import Record, record_labels
 from orchestration.reporting import option
 
@@ -109,10 +109,9 @@ def _windows(run: Record, length: float) -> Iterator[Record]:
         raise UserError(f"{option('window', f'{length:g}')}: a time above 0 s")
     first, last = run.time[[0, -1]]
     count = max(round((last - first) / length), 1)
-    ends = np.searchsorted(run.time, np.linspace(first, last, count + 1)[1:-1])
-    for inside in np.split(np.arange(run.time.size), ends):
-        if inside.size:
-            yield run.part(inside)
+    window = np.searchsorted(np.linspace(first, last, count + 1)[1:-1], run.time, side="right")
+    for number in np.unique(window):
+        yield run.part(window == number)
 
 
 def _courses(
@@ -126,15 +125,13 @@ def _courses(
         options["progress"](f"window {k + 1} of {len(windows)}")
         data = comparison.fit_data(subject, one)
         fits.append(comparison.fit_model(subject, [data], options["fit"], given))
-    signals: dict[str, Described] = dict(fits[0].declared)
-    rows = {name: [(fit.values[name], *fit.intervals[name]) for fit in fits] for name in signals}
+    courses = {
+        name: Course.of([fit.estimates[name] for fit in fits], declared)
+        for name, declared in fits[0].declared.items()
+    }
     if ratio is not None:
-        signals[options["of"]] = ratio.signal
-        rows[options["of"]] = [_with_interval(fit, ratio.magnitude) for fit in fits]
-    courses = {}
-    for name, signal in signals.items():
-        value, low, high = np.transpose(rows[name])
-        courses[name] = Course(value, low, high, signal)
+        rising = [_with_interval(fit, ratio.magnitude) for fit in fits]
+        courses[options["of"]] = Course.of(rising, ratio.signal)
     return courses
 
 
@@ -164,9 +161,7 @@ def _ratio(model: Model, options: AgeKeywords) -> _Ratio:
     return _Ratio(Signal(options["of"], "real", unit, unit, 0.0, 0.0, inf), magnitude)
 
 
-def _with_interval(
-    fit: Fit, measure: Callable[[Mapping[str, float]], float]
-) -> tuple[float, float, float]:
+def _with_interval(fit: Fit, measure: Callable[[Mapping[str, float]], float]) -> Estimate:
     """Return a quantity at fitted values, and its interval by differences over those of a fit."""
     value = measure(fit.values)
     highs = {name: high for name, (_, high) in fit.intervals.items()}
@@ -174,7 +169,7 @@ def _with_interval(
     if np.isfinite([*highs.values()]).all():
         moves = [measure(fit.values | {name: high}) - value for name, high in highs.items()]
         half = float(np.sqrt(moves @ fit.correlation_matrix @ moves))
-    return value, value - half, value + half
+    return Estimate(value, value, (value - half, value + half), "")
 
 
 def _derated(

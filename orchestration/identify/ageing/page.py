@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from orchestration.identify.ageing.picture import draw_derating
 from orchestration.identify.ageing.result import HOUR, Ageing
 from orchestration.reporting import draw, make_page
 from orchestration.reporting.html import Markup, Page, escaped
@@ -30,7 +31,7 @@ def ageing_page(found: Ageing, command: str = "") -> Page:
     if derating is not None:
         page.heading("The derating, as it would have acted")
         page.figure(
-            draw(derating),
+            draw_derating(derating),
             "The degradation estimator over the same records, and the limit that it would have"
             " set.",
         )

@@ -37,7 +37,6 @@ def draw_ageing(found: Ageing) -> Figure:
     return figure
 
 
-@draw.register(Derating)
 def draw_derating(found: Derating) -> Figure:
     """Draw the change of the impedance, and the voltage limit that follows it."""
     figure, (change, limit) = pictures.panels(2, "derating", _HOURS)

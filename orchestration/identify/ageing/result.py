@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,7 @@ from fmus.kit.arrays import Array
 from fmus.kit.units import Described, format_prefixed
 from orchestration.identify.ageing.life import LifeForecast
 from orchestration.identify.metrics import finite_or_none
+from orchestration.identify.uncertainty import Estimate
 from orchestration.reporting import Displayable, format_percent, one_line, plain_table, write_page
 from orchestration.reporting.html import format_ends
 
@@ -39,6 +40,12 @@ class Course:
     low: Array
     high: Array
     declared: Described
+
+    @classmethod
+    def of(cls, estimates: Sequence[Estimate], declared: Described) -> Course:
+        """Return the course of one estimate for each window."""
+        value, low, high = np.transpose([(one.value, *one.interval) for one in estimates])
+        return cls(value, low, high, declared)
 
     def change(self) -> str:
         """Return the change from the first window to the last as a text.
