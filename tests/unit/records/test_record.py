@@ -35,6 +35,16 @@ def test_a_notebook_shows_what_every_signal_has(record):
     assert repr(record) == "<Record r.csv: 3 samples of u, y>"
 
 
+def test_a_part_has_the_same_rows_of_all(record):
+    part = record.part(np.array([True, False, True]))
+    assert part.time.tolist() == [0.0, 31.5]
+    assert {name: values.tolist() for name, values in part.signals.items()} == {
+        "u": [1.0, 3.0],
+        "y": [1e-3, 3e-3],
+    }
+    assert (part.source, part.label, record.time.size) == (record.source, "b", 3)
+
+
 def test_a_table_has_its_signals_over_time(record):
     frame = record.to_frame()
     assert (frame.index.name, list(frame.index)) == ("time", [0.0, 0.5, 31.5])

@@ -165,9 +165,8 @@ def test_a_table_is_a_text_too(monkeypatch):
     colours are asked for of whatever prints.
     """
     monkeypatch.setenv("FORCE_COLOR", "1")
-    table = console.plain_table("of both", "name", "value", right=["value"])
-    table.add_row("[bold]x[/]", "1")
-    table.add_row("y", "22")
+    rows = [("[bold]x[/]", "1"), ("y", "22")]
+    table = console.plain_table("of both", "name", "value", right=["value"], rows=rows)
     text = console.plain_text(table)
     assert text.splitlines() == [
         "of both",

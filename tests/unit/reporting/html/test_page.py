@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import os
 import re
@@ -9,6 +10,7 @@ import re
 import numpy as np
 import pytest
 
+from orchestration.reporting import pictures
 from orchestration.reporting.html.page import SCROLLED, Markup, Page, escaped
 from orchestration.reporting.html.plots import Panel, Trace, stacked
 from tests.support.browser import chromium
@@ -107,3 +109,12 @@ def test_the_sign_of_what_goes_on_is_seen_and_leaves_texts_readable():
         assert contrast(bar, ground) >= 3.0
         shaded = share * np.array(shadow) + (1.0 - share) * np.array(ground)
         assert all(contrast(text, shaded) >= 4.5 for text in texts)
+
+
+def test_a_figure_is_a_png_with_its_caption():
+    made = Page("title", "")
+    figure, _ = pictures.panels(1, "one")
+    made.figure(figure, "what <it> shows")
+    (shown,) = re.findall(r'src="data:image/png;base64,([^"]+)"', made.html())
+    assert base64.b64decode(shown).startswith(b"\x89PNG\r\n")
+    assert "<figcaption>what &lt;it&gt; shows</figcaption>" in made.html()
