@@ -22,7 +22,7 @@ def test_json_of_run(tmp_path):
     assert answer["again"] is None
     again = answered("run", "r.nc", cwd=tmp_path)["again"]
     assert (again["reference"], again["same"], again["new"]) == ("r.nc", True, [])
-    assert {one["largest"] for one in again["signals"].values()} == {0.0}
+    assert {one["difference"] for one in again["signals"].values()} == {0.0}
 
 
 @pytest.fixture
