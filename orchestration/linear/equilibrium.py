@@ -20,7 +20,7 @@ from fmus.kit.declare import Declaration
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.interrupt import uninterrupted
 from fmus.kit.symbolic import Graph
-from orchestration.linear.operating_point import OperatingPoint
+from orchestration.linear.operating_point import OperatingPoint, groups_of, with_outputs
 from orchestration.reporting import option
 
 _MOST_STEPS = 100
@@ -143,49 +143,26 @@ def _equations(
     """Return the equations, with values for all variables that are known."""
     constants = _integrals(graph) - targets.keys()
     names = {*start.states, *start.discretes, *request.free} - constants
-    unknowns: list[_Variable] = []
-    known: list[_Variable] = []
-    for variable in _variables(graph, start):
-        group = unknowns if variable.declaration.name in names else known
-        group.append(variable)
-    nominal = np.array([v.declaration.nominal for v in unknowns])
+    variables = [variable for group in groups_of(graph) for variable in group]
+    places = [k for k, variable in enumerate(variables) if variable.name in names]
+    unknowns = [variables[k] for k in places]
+    nominal = np.array([variable.nominal for variable in unknowns])
+    known = np.concatenate(start.arguments(graph))
     scaled = ca.SX.sym("scaled", len(unknowns))
-    symbols = ca.vertcat(*(v.symbol for v in (*unknowns, *known)), graph.time)
-    values = ca.vertcat(scaled * nominal, *(v.value for v in known), start.time)
+    values = ca.SX(known)
+    for k, place in enumerate(places):
+        values[place + 1] = scaled[k] * nominal[k]  # behind the time
     laws = dict(_laws(graph, request, targets))
+    symbols = ca.vertcat(*graph.arguments)
     (residual,) = ca.substitute([ca.vertcat(*laws.values())], [symbols], [values])
     jacobian = ca.densify(ca.jacobian(residual, scaled))
     return _Equations(
         residual=ca.Function("equations", [scaled], [residual, jacobian]),
         rows=list(laws),
-        unknowns=[v.declaration for v in unknowns],
+        unknowns=unknowns,
         nominal=nominal,
-        start=np.array([v.value for v in unknowns]) / nominal,
+        start=known[[place + 1 for place in places]] / nominal,
     )
-
-
-class _Variable(NamedTuple):
-    """A variable of a graph, with its start value in the search."""
-
-    declaration: Declaration
-    symbol: ca.SX
-    value: float
-
-
-def _variables(graph: Graph, start: OperatingPoint) -> list[_Variable]:
-    """Return parameters, inputs, states and discrete states."""
-    layout = graph.layout
-    groups = (
-        (layout.parameters, graph.parameters, start.parameters),
-        (layout.inputs, graph.inputs, start.inputs),
-        (layout.states, graph.states, start.states),
-        (layout.discretes, graph.discretes, start.discretes),
-    )
-    return [
-        _Variable(declaration, symbols[k], values[declaration.name])
-        for group, symbols, values in groups
-        for k, declaration in enumerate(group)
-    ]
 
 
 def _integrals(graph: Graph) -> set[str]:
@@ -287,19 +264,11 @@ def _operating_point(
     """Return the operating point of a solution, with the rates of the states that drift."""
     names = [v.name for v in equations.unknowns]
     unknowns = dict(zip(names, (solution * equations.nominal).tolist(), strict=True))
-
-    def update(values: Mapping[str, float]) -> dict[str, float]:
-        return {name: unknowns.get(name, value) for name, value in values.items()}
-
-    point = replace(
-        start,
-        parameters=update(start.parameters),
-        inputs=update(start.inputs),
-        states=update(start.states),
-        discretes=update(start.discretes),
+    point = start.updated(unknowns)
+    rates = with_outputs(graph, point).rates
+    return replace(
+        point,
         trimmed=True,
+        drift={name: rates[name] for name in request.drift},
         undetermined=tuple(undetermined),
     )
-    rates = ca.Function("rates", graph.arguments, [graph.rates])(*point.arguments(graph)).full()
-    by_state = dict(zip(point.states, rates.ravel().tolist(), strict=True))
-    return replace(point, drift={name: by_state[name] for name in request.drift})

@@ -10,9 +10,11 @@ import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array, Signals
+from fmus.kit.declare import Declaration
 from fmus.kit.interrupt import uninterrupted
 from fmus.kit.record import CompiledModel
 from fmus.kit.symbolic import Graph
+from orchestration.fmu.simulation import points_before
 from orchestration.reporting import option
 
 _AT_REST = 1e-3  # largest way to the equilibrium that is none, of a state's magnitude
@@ -68,15 +70,25 @@ class OperatingPoint:
 
     def arguments(self, graph: Graph) -> list[Array]:
         """Return the arguments of the functions of a graph."""
-        layout = graph.layout
-        groups = (
-            (layout.parameters, self.parameters),
-            (layout.inputs, self.inputs),
-            (layout.states, self.states),
-            (layout.discretes, self.discretes),
-        )
-        vectors = [np.array([values[v.name] for v in group]) for group, values in groups]
+        values = self.parameters | self.inputs | self.states | self.discretes
+        vectors = [np.array([values[v.name] for v in group]) for group in groups_of(graph)]
         return [np.array([self.time]), *vectors]
+
+    def updated(self, values: Mapping[str, float]) -> OperatingPoint:
+        """Return the operating point with other values of some variables but outputs."""
+        groups = (self.parameters, self.inputs, self.states, self.discretes)
+        parameters, inputs, states, discretes = (
+            {name: values.get(name, value) for name, value in group.items()} for group in groups
+        )
+        return replace(
+            self, parameters=parameters, inputs=inputs, states=states, discretes=discretes
+        )
+
+
+def groups_of(graph: Graph) -> tuple[Sequence[Declaration], ...]:
+    """Return parameters, inputs, states and discrete states, as the functions of a graph do."""
+    layout = graph.layout
+    return layout.parameters, layout.inputs, layout.states, layout.discretes
 
 
 def rest_notes(
@@ -155,15 +167,11 @@ def start_point(graph: Graph, settings: Mapping[str, float]) -> OperatingPoint:
     settings : Mapping of str to float
         Values of parameters and inputs that differ from their defaults.
     """
-    vectors = graph.point(**settings)
-    layout = graph.layout
-    groups = (layout.parameters, layout.inputs, layout.states, layout.discretes)
     values = [
         {v.name: float(value) for v, value in zip(group, vector, strict=True)}
-        for group, vector in zip(groups, vectors, strict=True)
+        for group, vector in zip(groups_of(graph), graph.point(**settings), strict=True)
     ]
-    parameters, inputs, states, discretes = values
-    return OperatingPoint(0.0, parameters, inputs, states, discretes)
+    return OperatingPoint(0.0, *values)
 
 
 def point_at(
@@ -205,20 +213,14 @@ def point_at(
     if not (np.isfinite(time) and time >= earliest):
         raise UserError(f"{option('at', f'{time:g}')}: a time from {earliest:g} s on")
     start = start_point(graph, settings)
-    before = np.zeros(1) if points is None else points[points <= time]
-    inputs = {name: np.full(before.size, value) for name, value in start.inputs.items()}
-    inputs |= {name: values[: before.size] for name, values in (stimulus or {}).items()}
+    known = np.zeros(1) if points is None else points
+    instants = np.union1d(known[known <= time], [time])
+    latest = points_before(known, instants)
+    inputs = {name: np.full(latest.size, value) for name, value in start.inputs.items()}
+    inputs |= {name: values[latest] for name, values in (stimulus or {}).items()}
     now = {name: float(values[-1]) for name, values in inputs.items()}
-    instants = np.union1d(before, [time])
     if instants.size == 1:
-        return replace(start, inputs=now)
-    held = {name: np.append(values, now[name])[: instants.size] for name, values in inputs.items()}
-    run = (compiled or CompiledModel(graph)).run(instants, held, start.parameters)
+        return start.updated(now)
+    run = (compiled or CompiledModel(graph)).run(instants, inputs, start.parameters)
     end = {name: float(values[-1]) for name, values in run.signals.items()}
-    return OperatingPoint(
-        time,
-        start.parameters,
-        now,
-        {name: end[name] for name in start.states},
-        {name: end[name] for name in start.discretes},
-    )
+    return replace(start.updated(end | now), time=time)
