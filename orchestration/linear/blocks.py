@@ -175,20 +175,20 @@ class LinearBlocks:
         solution = np.linalg.solve(loop_matrix, rows)
         substitution = np.eye(width)
         substitution[connected] = solution
+        followed = self._times(substitution)
+        inputs = tuple(name for name in self.inputs if name not in received)
+        if not step:
+            return replace(followed, inputs=inputs)._with_columns_from(self)
+        first = len(self.discretes)
+        indices = tuple(range(first, first + len(names)))
+        exchange = SampledUpdate("the communication step", step, 0.0, indices, solution)
         blocks = replace(
             self,
-            inputs=tuple(name for name in self.inputs if name not in received),
-            signals={name: row @ substitution for name, row in self.signals.items()},
+            inputs=inputs,
+            discretes=(*self.discretes, *names),
+            updates=(exchange, *self.updates),
+            signals=followed.signals,
         )
-        if step:
-            first = len(self.discretes)
-            indices = tuple(range(first, first + len(names)))
-            exchange = SampledUpdate("the communication step", step, 0.0, indices, solution)
-            discretes = (*self.discretes, *names)
-            blocks = replace(blocks, discretes=discretes, updates=(exchange, *self.updates))
-        else:
-            updates = tuple(replace(u, matrix=u.matrix @ substitution) for u in self.updates)
-            blocks = replace(blocks, rates=self.rates @ substitution, updates=updates)
         return blocks._with_columns_from(self)
 
     def between(self, inputs: Sequence[str], outputs: Sequence[str]) -> LinearBlocks:
@@ -251,26 +251,20 @@ class LinearBlocks:
 
         Columns are reordered or dropped, and zero for new names. A new input is a signal as well.
         """
-        places = {name: k for k, name in enumerate(source.columns)}
-        width = len(places)
-        order = [places.get(name, width) for name in self.columns]
+        columns = np.array(self.columns, dtype=object)
+        known = np.array(source.columns, dtype=object)
+        blocks = self._times(np.equal.outer(known, columns).astype(float))
+        rows = zip(self.columns, np.eye(len(columns)), strict=True)
+        new = {*self.inputs} - {*source.columns}
+        return replace(blocks, signals=blocks.signals | {n: row for n, row in rows if n in new})
 
-        def arrange(matrix: Array) -> Array:
-            # the last column, of zeros, is that of new names
-            padded = np.hstack([matrix, np.zeros((len(matrix), 1))])
-            return padded[:, order]
-
-        names = list(self.signals)
-        rows = arrange(np.array(list(self.signals.values())).reshape(len(names), width))
-        signals = dict(zip(names, rows, strict=True))
-        for name in self.inputs:
-            if name not in places:
-                signals[name] = np.array([float(column == name) for column in self.columns])
+    def _times(self, matrix: Array) -> LinearBlocks:
+        """Return the blocks with all their matrices times one, from their columns to others."""
         return replace(
             self,
-            rates=arrange(self.rates),
-            updates=tuple(replace(u, matrix=arrange(u.matrix)) for u in self.updates),
-            signals=signals,
+            rates=self.rates @ matrix,
+            updates=tuple(replace(u, matrix=u.matrix @ matrix) for u in self.updates),
+            signals={name: row @ matrix for name, row in self.signals.items()},
         )
 
 
