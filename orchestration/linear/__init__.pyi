@@ -10,4 +10,5 @@ from .model import w_plane as w_plane
 from .operating_point import OperatingPoint as OperatingPoint
 from .operating_point import point_at as point_at
 from .subject import Equations as Equations
+from .subject import LinearSubject as LinearSubject
 from .subject import subject_of as subject_of

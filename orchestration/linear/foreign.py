@@ -81,8 +81,9 @@ class ForeignSubject:
         self,
         time: float,
         settings: Mapping[str, Value],
-        drive: tuple[Array, Signals],
-        signals: tuple[Sequence[str], Sequence[str]],
+        instants: Array,
+        driven: Signals,
+        asked: set[str],
         step: float,
     ) -> MembersAtPoint:
         """Return the members, linearised about the operating point that they reach.
@@ -93,9 +94,11 @@ class ForeignSubject:
             Time of the operating point, s.
         settings : Mapping of str to float or str
             Values of parameters and constant inputs.
-        drive : tuple
-            Times, s, shape (n,), and inputs that vary, each of shape (n,), held between them.
-        signals : tuple of sequence of str
+        instants : ndarray, shape (n,)
+            Seconds.
+        driven : Mapping of str to ndarray, shape (n,)
+            Inputs that vary, held from each of the instants.
+        asked : set of str
             Inputs and outputs that the linear model is to have; all if empty.
         step : float
             Communication step until then, and that of pulses, s.
@@ -107,9 +110,8 @@ class ForeignSubject:
         """
         if not 0.0 <= time < np.inf:
             raise UserError(f"{option('at', f'{time:g}')}: a time from 0 s on")
-        instants, driven = drive
-        before = instants <= time
-        points = np.union1d(instants[before], grid(0.0, time, step) if time else np.zeros(1))
+        even = grid(0.0, time, step) if time else np.zeros(1)
+        points = np.union1d(instants[instants <= time], even)
         latest = points_before(instants, points)
         known = self.model.inputs
         inputs = {n: np.full(points.size, float(v)) for n, v in settings.items() if n in known}
@@ -118,7 +120,7 @@ class ForeignSubject:
         members = self._members(parameters)
         received = self._received(members, points, inputs, step)
         parts = list(self._known_parts(parameters, points, received))
-        asked = self._ends.union(*signals)
+        wanted = self._ends | asked
         for prefix, (member, model) in members.items():
             if member.cls is None:
                 request = FmuRequest(
@@ -126,8 +128,8 @@ class ForeignSubject:
                     member.parameters,
                     points,
                     {name: received[f"{prefix}{name}"] for name in model.inputs},
-                    _chosen(model.inputs, prefix, asked),
-                    _chosen(model.outputs, prefix, asked),
+                    _chosen(model.inputs, prefix, wanted),
+                    _chosen(model.outputs, prefix, wanted),
                     step,
                     prefix,
                 )

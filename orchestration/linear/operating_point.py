@@ -167,11 +167,11 @@ def start_point(graph: Graph, settings: Mapping[str, float]) -> OperatingPoint:
     settings : Mapping of str to float
         Values of parameters and inputs that differ from their defaults.
     """
-    values = [
+    parameters, inputs, states, discretes = (
         {v.name: float(value) for v, value in zip(group, vector, strict=True)}
         for group, vector in zip(groups_of(graph), graph.point(**settings), strict=True)
-    ]
-    return OperatingPoint(0.0, *values)
+    )
+    return OperatingPoint(0.0, parameters, inputs, states, discretes)
 
 
 def point_at(
