@@ -75,24 +75,21 @@ def sampled_plant(plant: LinearModel, period: float, delay: float) -> LinearMode
         rest = 0.0
     late = _flow(plant, rest, "delay")
     early = _flow(plant, period - rest, "sample period")
-    # next state and outputs, by the state and by commands, the latest first
-    laws = np.zeros((n + len(plant.outputs), n + whole + 2))
-    laws[:n, :n] = early[:n, :n] @ late[:n, :n]
-    laws[:n, n + whole] = early[:n, n]
-    laws[:n, n + whole + 1] = early[:n, :n] @ late[:n, n]
-    laws[n:, :n] = m.C
-    laws[n:, n + whole + 1] = m.D[:, 0]  # a sample sees the command before its own
+    # an earlier command acts at first, or on the output at once: a sample sees none of its own
     count = whole + int(rest > 0.0 or m.D.any())
-    remembered = np.eye(count, n + count + 1, n)
-    step = np.vstack([laws[:n, : n + count + 1], remembered])
+    # next state and output, by the state and by commands, the latest first
+    step = np.zeros((n + count, n + count + 2))
+    step[:n, :n] = early[:n, :n] @ late[:n, :n]
+    step[:n, n + whole] = early[:n, n]
+    step[:n, n + whole + 1] = early[:n, :n] @ late[:n, n]
+    step[n:, n:-2] = np.eye(count)
+    output = np.zeros((len(plant.outputs), n + count + 2))
+    output[:, :n] = m.C
+    output[:, n + whole + 1] = m.D[:, 0]
+    states = [*range(n), *range(n + 1, n + count + 1)]
     names = (*m.states, *(f"{plant.inputs[0]} {k} samples ago" for k in range(1, count + 1)))
     matrices = Matrices(
-        np.delete(step, n, axis=1),
-        step[:, [n]],
-        np.delete(laws[n:, : n + count + 1], n, axis=1),
-        np.zeros(m.D.shape),
-        period,
-        names,
+        step[:, states], step[:, [n]], output[:, states], np.zeros(m.D.shape), period, names
     )
     varied = tuple(sampled_plant(one, period, delay) for one in plant.variations)
     return replace(plant, matrices=matrices, variations=varied, further=())
@@ -276,6 +273,7 @@ class ControllerDesign(Displayable):
         """Step of the load of the picture, added to the command, which half the headroom meets."""
         return -0.5 * self._headroom
 
+    @uninterrupted()
     def step(
         self, reference: float = 0.0, load: float = 0.0, plant: LinearModel | None = None
     ) -> StepResponse:
@@ -295,8 +293,21 @@ class ControllerDesign(Displayable):
         StepResponse
         """
         m = (plant or self.plant).matrices
+        x, held = ca.MX.sym("x", len(m.states)), ca.MX.sym("held", len(self.point.discretes))
+        rest = ca.DM([self.point.inputs[port] for port in self._measured])
+        measured = rest + ca.DM(m.C) @ x
+        after, command = self._sample(held, ca.vertcat(rest[0] + reference, measured))
+        driven = command - self.plant.at_rest(self.plant.inputs[0]) + load
+        sample = ca.Function(
+            "sample",
+            [ca.vertcat(x, held)],
+            [
+                ca.vertcat(ca.DM(m.A) @ x + ca.DM(m.B) * driven, after),
+                ca.vertcat(measured[0], command),
+            ],
+        )
         start = [*np.zeros(len(m.states)), *self.point.discretes.values()]
-        _, outputs = self._simulation(start, m.A, m.B, m.C, reference, load)
+        _, outputs = sample.mapaccum("loop", len(self.time))(start)
         return StepResponse(self.time, *outputs.full())
 
     @cached_property
@@ -312,25 +323,8 @@ class ControllerDesign(Displayable):
 
     @cached_property
     @uninterrupted()
-    def _simulation(self) -> ca.Function:
-        """Function of start state, plant, and steps of reference and load; see `step`."""
-        n = len(self.plant.states)
-        rest = ca.DM([self.point.inputs[port] for port in self._measured])
-        x, held = ca.MX.sym("x", n), ca.MX.sym("held", len(self.point.discretes))
-        A, B, C = (ca.MX.sym(*size) for size in (("A", n, n), ("B", n, 1), ("C", rest.numel(), n)))
-        reference, load = ca.MX.sym("reference"), ca.MX.sym("load")
-        measured = rest + C @ x
-        after, command = self._sample()(held, ca.vertcat(rest[0] + reference, measured))
-        driven = command - self.plant.at_rest(self.plant.inputs[0]) + load
-        sample = ca.Function(
-            "sample",
-            [ca.vertcat(x, held), A, B, C, reference, load],
-            [ca.vertcat(A @ x + B * driven, after), ca.vertcat(measured[0], command)],
-        )
-        return sample.mapaccum("loop", len(self.time))
-
     def _sample(self) -> ca.Function:
-        """Return the function from discrete states and inputs to states and command of a sample."""
+        """Function from discrete states and inputs to states and command of a sample."""
         graph = trace(self.controller)
         held = ca.MX.sym("held", len(self.point.discretes))
         ports = (self.designed.reference, *self._measured)
