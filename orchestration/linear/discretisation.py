@@ -45,6 +45,11 @@ class Matrices:
     period: float
     states: tuple[str, ...]
 
+    @property
+    def by_name(self) -> dict[str, Array]:
+        """A, B, C and D by their names."""
+        return {"A": self.A, "B": self.B, "C": self.C, "D": self.D}
+
 
 def hyper_period(periods: Mapping[str, float]) -> float:
     """Return the least common multiple of the periods of clocks.

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf, pi
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -117,6 +117,11 @@ class LinearModel(Displayable):
         return self.matrices.states
 
     @property
+    def _names(self) -> dict[str, tuple[str, ...]]:
+        """Names of inputs, states and outputs."""
+        return {"inputs": self.inputs, "states": self.states, "outputs": self.outputs}
+
+    @property
     def period(self) -> float:
         """Sample period in s; 0 of a continuous model."""
         return self.matrices.period
@@ -135,14 +140,9 @@ class LinearModel(Displayable):
         with optional(), uninterrupted():  # it loads matplotlib, which ignores a Ctrl-C
             import control
 
-        m = self.matrices
-        names = {
-            group: quoting.control(getattr(self, group))
-            for group in ("states", "inputs", "outputs")
-        }
-        return control.StateSpace(
-            m.A, m.B, m.C, m.D, m.period, **names, remove_useless_states=False
-        )
+        matrices = self.matrices.by_name.values()
+        names = {kind: quoting.control(names) for kind, names in self._names.items()}
+        return control.StateSpace(*matrices, self.period, **names, remove_useless_states=False)
 
     def part(self, input: str = "", output: str = "") -> control.StateSpace:
         """Return the system from one input to one output.
@@ -170,17 +170,16 @@ class LinearModel(Displayable):
             If there is no such input or output.
         """
         m = self.matrices
-        sources, targets = tuple(inputs or self.inputs), tuple(outputs or self.outputs)
-        columns = [_index(name, self.inputs, "input") for name in sources]
-        rows = [_index(name, self.outputs, "output") for name in targets]
-        through = m.D[np.ix_(rows, columns)]
+        ends = (inputs or self.inputs, outputs or self.outputs)
+        columns = [_index(name, self.inputs, "input") for name in ends[0]]
+        rows = [_index(name, self.outputs, "output") for name in ends[1]]
         return replace(
             self,
-            matrices=replace(m, B=m.B[:, columns], C=m.C[rows], D=through),
-            inputs=sources,
-            outputs=targets,
-            further=tuple(one.between(sources, targets) for one in self.further),
-            variations=tuple(one.between(sources, targets) for one in self.variations),
+            matrices=replace(m, B=m.B[:, columns], C=m.C[rows], D=m.D[np.ix_(rows, columns)]),
+            inputs=tuple(ends[0]),
+            outputs=tuple(ends[1]),
+            further=tuple(one.between(*ends) for one in self.further),
+            variations=tuple(one.between(*ends) for one in self.variations),
         )
 
     def response(self, frequencies: Array, input: str = "", output: str = "") -> Array:
@@ -224,7 +223,7 @@ class LinearModel(Displayable):
         at_nyquist = float(plane.D[0, 0]) if self.period else 0.0
         if at_nyquist < 0.0 and abs(np.log(-at_nyquist)) < abs(np.log(gain)):
             # half the sampling rate, infinite in the w-plane, where python-control does not look
-            return LoopMargins(phase, self._hertz(crossover), -1.0 / at_nyquist, self._hertz(inf))
+            gain, phase_crossover = -1.0 / at_nyquist, inf
         return LoopMargins(phase, self._hertz(crossover), gain, self._hertz(phase_crossover))
 
     def sensitivities(self, frequencies: Array) -> Array:
@@ -266,17 +265,14 @@ class LinearModel(Displayable):
         import control
 
         margins = control.margin(plane)
-        if _is_unity(plane, margins[-1]):
-            return tuple(map(float, margins))
-        omega = 2.0 * pi * self._plane(self.frequencies(_POINTS))
-        response = control.frd(plane(1j * omega), omega, smooth=True)
-        return tuple(map(float, control.margin(response)))
-
-    def _plane(self, frequencies: Array) -> Array:
-        """Return frequencies in the w-plane, Hz; unchanged for a continuous model."""
-        if not self.period:
-            return frequencies
-        return np.tan(pi * frequencies * self.period) / (pi * self.period)
+        crossover = margins[-1]
+        # roots may be inaccurate or missing
+        if not (np.isfinite(crossover) and abs(abs(plane(1j * crossover)) - 1.0) <= _UNITY):
+            omega = 2.0 * pi * self.frequencies(_POINTS)
+            if self.period:
+                omega = 2.0 / self.period * np.tan(0.5 * omega * self.period)
+            margins = control.margin(control.frd(plane(1j * omega), omega, smooth=True))
+        return tuple(map(float, margins))
 
     def _hertz(self, omega: float) -> float:
         """Return the frequency, Hz, of an angular frequency in the w-plane or the s-plane."""
@@ -331,8 +327,8 @@ class LinearModel(Displayable):
         points = [self.point, *(one.point for one in self.beside)]
         heads = [one.words for one in (self, *self.beside)] if self.beside else ["operating point"]
         table = plain_table(None, "signal", "is", *heads, "unit", right=heads)
-        for kind in ("inputs", "states", "outputs"):
-            for name in getattr(self, kind):
+        for kind, names in self._names.items():
+            for name in names:
                 values = [point.values.get(name) for point in points]
                 texts = ["" if value is None else f"{value:.6g}" for value in values]
                 table.add_row(name, kind.removesuffix("s"), *texts, self.units.get(name, ""))
@@ -340,19 +336,11 @@ class LinearModel(Displayable):
         if self.matrices.states:
             yield poles_table(self.matrices.A, self.period)
         yield from self.notes
-        yield from self._notes_beside()
-
-    def _notes_beside(self) -> Iterator[str]:
-        """Yield the first notes on models beside this one, and the number of others."""
-        notes = [
-            f"{one.words}: {note}"
-            for one in self.beside
-            for note in one.notes
-            if note not in self.notes
-        ]
-        yield from notes[:_NOTES_BESIDE]
-        if len(notes) > _NOTES_BESIDE:
-            yield f"{len(notes) - _NOTES_BESIDE} more notes on these are in the JSON"
+        pairs = [(one.words, note) for one in self.beside for note in one.notes]
+        beside = [f"{words}: {note}" for words, note in pairs if note not in self.notes]
+        yield from beside[:_NOTES_BESIDE]
+        if len(beside) > _NOTES_BESIDE:
+            yield f"{len(beside) - _NOTES_BESIDE} more notes on these are in the JSON"
 
     def __repr__(self) -> str:
         ends = f"{', '.join(self.inputs)} -> {', '.join(self.outputs)}"
@@ -360,20 +348,17 @@ class LinearModel(Displayable):
 
     def to_dict(self) -> dict[str, Any]:
         """Return a dictionary for JSON, with poles as pairs of real and imaginary part."""
-        m = self.matrices
         point = self.point
         result = {
             "model": self.name,
             "method": self.method,
             "period": self.period,
             "loop": self.loop or None,
-            "inputs": _with_units(self.inputs, self.units),
-            "outputs": _with_units(self.outputs, self.units),
-            "states": _with_units(self.states, self.units),
-            "A": m.A.tolist(),
-            "B": m.B.tolist(),
-            "C": m.C.tolist(),
-            "D": m.D.tolist(),
+            **{
+                kind: [{"name": name, "unit": self.units.get(name, "")} for name in names]
+                for kind, names in self._names.items()
+            },
+            **{name: matrix.tolist() for name, matrix in self.matrices.by_name.items()},
             "operating_point": {
                 "time": point.time,
                 "trimmed": point.trimmed,
@@ -419,20 +404,13 @@ class LinearModel(Displayable):
         if Path(path).suffix.lower() != _MATLAB:
             raise UserError(f"cannot write {path}: its name must end in {_MATLAB}")
 
-        m = self.matrices
-        cells = {
-            kind: np.array(list(getattr(self, kind)), dtype=object)
-            for kind in ("inputs", "outputs", "states")
-        }
+        cells = {kind: np.array(names, dtype=object) for kind, names in self._names.items()}
         units = {
             f"{kind}_units": np.array([self.units.get(n, "") for n in names], dtype=object)
             for kind, names in cells.items()
         }
-        content = io.BytesIO()
-        savemat(
-            cast(Any, content),
-            {"A": m.A, "B": m.B, "C": m.C, "D": m.D, "Ts": m.period, **cells, **units},
-        )
+        content: Any = io.BytesIO()
+        savemat(content, {**self.matrices.by_name, "Ts": self.period, **cells, **units})
         files.write(Path(path), content.getvalue())
         return Path(path)
 
@@ -499,11 +477,6 @@ def w_plane(sampled: control.StateSpace) -> control.StateSpace:
     )
 
 
-def _is_unity(plane: Any, omega: float) -> bool:
-    """Return whether the gain is one at a crossover, rad/s, which may be inaccurate or missing."""
-    return bool(np.isfinite(omega)) and abs(abs(plane(1j * omega)) - 1.0) <= _UNITY
-
-
 def _index(name: str, names: Sequence[str], kind: str) -> int:
     """Return the index of a name, 0 if it is empty; raise if it is unknown."""
     if not name:
@@ -511,10 +484,6 @@ def _index(name: str, names: Sequence[str], kind: str) -> int:
     if name not in names:
         raise UserError(f"no {kind} named {name!r}{suggestion(name, names)}")
     return names.index(name)
-
-
-def _with_units(names: Sequence[str], units: Mapping[str, str]) -> list[dict[str, str]]:
-    return [{"name": name, "unit": units.get(name, "")} for name in names]
 
 
 def margin_words(margins: LoopMargins) -> str:
