@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from math import lcm
+from math import gcd, lcm
 
 import numpy as np
 
@@ -72,9 +72,8 @@ def hyper_period(periods: Mapping[str, float]) -> float:
     fastest = min(periods, key=lambda clock: periods[clock])
     shortest = periods[fastest]
     ratios = [_ratio(periods, clock, fastest) for clock in periods]
-    # least common multiple of fractions, in shortest periods
-    common = lcm(*(ratio.denominator for ratio in ratios))
-    span = Fraction(lcm(*(int(ratio * common) for ratio in ratios)), common)
+    # least common multiple of fractions in their lowest terms, in shortest periods
+    span = Fraction(lcm(*(r.numerator for r in ratios)), gcd(*(r.denominator for r in ratios)))
     if sum(span / ratio for ratio in ratios) > _MOST_SAMPLES:
         clocks = ", ".join(f"{clock} = {period:g} s" for clock, period in periods.items())
         raise UserError(

@@ -89,25 +89,26 @@ def trim(graph: Graph, near: OperatingPoint, request: TrimRequest) -> OperatingP
     start = replace(near, inputs=near.inputs | constants)
     equations = _equations(graph, start, request, targets)
     solution, residual = _solve(equations)
-    _check_residual(graph, equations, residual)
+    errors = np.append(np.abs(residual), 0.0)
+    worst = int(errors.argmax())
+    if not errors[worst] <= _SOLVED:
+        raise UserError(
+            f"{graph.name}: no equilibrium found; {equations.rows[worst]} cannot be met together"
+            " with the others (fix less, free an input, or let a state drift:"
+            f" {option('drift')})"
+        )
     undetermined = _undetermined(equations, solution)
     for name in undetermined:
         if name in request.free:
             raise UserError(
                 f"{graph.name}: {option('free', [name])}: the equilibrium does not determine {name}"
             )
-    return _operating_point(graph, start, equations, solution, request, undetermined)
-
-
-def _check_residual(graph: Graph, equations: _Equations, residual: Array) -> None:
-    """Raise UserError unless all equations are met."""
-    worst = int(np.abs(residual).argmax()) if residual.size else 0
-    if residual.size and not abs(residual[worst]) <= _SOLVED:
-        advice = "fix less, free an input, or let a state drift"
-        raise UserError(
-            f"{graph.name}: no equilibrium found; {equations.rows[worst]} cannot be met together"
-            f" with the others ({advice}: {option('drift')})"
-        )
+    names = [v.name for v in equations.unknowns]
+    values = (solution * equations.nominal).tolist()
+    point = start.updated(dict(zip(names, values, strict=True)))
+    rates = with_outputs(graph, point).rates
+    drift = {name: rates[name] for name in request.drift}
+    return replace(point, trimmed=True, drift=drift, undetermined=tuple(undetermined))
 
 
 def _check(graph: Graph, request: TrimRequest, targets: Mapping[str, float]) -> None:
@@ -251,24 +252,3 @@ def _undetermined(equations: _Equations, x: Array) -> list[str]:
     shares = np.abs(directions[rank:]).max(axis=0, initial=0.0)
     pairs = zip(equations.unknowns, shares, strict=True)
     return [unknown.name for unknown, share in pairs if share > _VISIBLE]
-
-
-def _operating_point(
-    graph: Graph,
-    start: OperatingPoint,
-    equations: _Equations,
-    solution: Array,
-    request: TrimRequest,
-    undetermined: Sequence[str],
-) -> OperatingPoint:
-    """Return the operating point of a solution, with the rates of the states that drift."""
-    names = [v.name for v in equations.unknowns]
-    unknowns = dict(zip(names, (solution * equations.nominal).tolist(), strict=True))
-    point = start.updated(unknowns)
-    rates = with_outputs(graph, point).rates
-    return replace(
-        point,
-        trimmed=True,
-        drift={name: rates[name] for name in request.drift},
-        undetermined=tuple(undetermined),
-    )
