@@ -31,7 +31,6 @@ from orchestration.reporting import option
 from orchestration.system import System
 
 Linearised = Callable[[Sequence[str], Sequence[str]], LinearModel]
-_ENDS = {"command": "input", "measured": "output"}  # end of the plant at which a signal is
 
 
 @takes(DesignKeywords)
@@ -72,23 +71,25 @@ def design(
     rules = registry.designs()
     rule = registry.load(find(options["controller"], rules, "no kind of controller"))
     linearised, runs = _plant(model, options)
-    linear = linearised(_given(options["command"]), _given(options["measured"]))
-    for key, names in (("command", linear.inputs), ("measured", linear.outputs)):
+    named = (options["command"], options["measured"])
+    linear = linearised(*([name] if name else [] for name in named))
+    for key, end, names in (
+        ("command", "input", linear.inputs),
+        ("measured", "output", linear.outputs),
+    ):
         if len(names) != 1:
             raise UserError(
-                f"{option(key)} names the {_ENDS[key]} at which the controller acts:"
-                f" {', '.join(names)}"
+                f"{option(key)} names the {end} at which the controller acts: {', '.join(names)}"
             )
     plant = _sampled(linear, options)
     request = _request(plant, linearised, options)
     designed = rule(request)
     given = values_of(as_declared(designed.component), options["controller_settings"])
     designed = replace(designed, arguments={**designed.arguments, **given})
-    command, measured = request.command.name, request.measured.name
-    inputs = {*plant.point.inputs} - {command}
+    inputs = {*plant.point.inputs} - {*plant.inputs}
     measures = [one for one in designed.signals.values() if one not in inputs]
-    if measures != [measured]:
-        plant = _sampled(linearised([command], measures), options)
+    if measures != [*plant.outputs]:
+        plant = _sampled(linearised(plant.inputs, measures), options)
     settings = values_of(runs, options["settings"]) if isinstance(runs, Model) else {}
     return ControllerDesign(designed, plant, request.limits, runs, settings)
 
@@ -113,10 +114,6 @@ def _request(
         None if crossover is None else rows_per_second(crossover),
         linearised,
     )
-
-
-def _given(name: str | None) -> list[str]:
-    return [name] if name else []
 
 
 def _plant(model: Any, options: DesignKeywords) -> tuple[Linearised, Model | System | str | None]:

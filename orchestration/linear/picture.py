@@ -33,61 +33,49 @@ def draw_linear_model(model: LinearModel) -> Figure:
     """Draw Bode diagram, step response, poles and zeros at all operating points."""
     path = f"{model.inputs[0]} to {model.outputs[0]}"
     content = f"loop transfer function, cut at {model.loop}" if model.loop else path
-    figure, (gain, phase, step, plane) = pictures.panels(
-        4, f"{model.name}: {content}", height=2.0, shared=False
-    )
+    figure, axes = pictures.panels(4, f"{model.name}: {content}", height=2.0, shared=False)
+    gain, phase, step, plane = axes
     models = (model, *model.beside)
     ends = np.concatenate([one.frequencies(2) for one in models])
     frequencies = np.geomspace(ends.min(), ends.max(), _POINTS)
     if len(model.variations) > FAMILY:
         _draw_bode_band(model, frequencies, gain, phase)
         time = _step_times(model)
-        steps = [_step_response(one, time)[1] for one in model.variations]
+        steps = [_step_response(one, time) for one in model.variations]
         _fill(step, time, steps, step="post" if model.period else None)
     for one, color in zip(models, pictures.colors(len(models)), strict=True):
-        _draw_model(one, frequencies, color, (gain, phase, step, plane))
+        _draw_bode(one, frequencies, gain, phase, color)
+        time = _step_times(one)
+        drawstyle = "steps-post" if one.period else "default"
+        step.plot(time, _step_response(one, time), color=color, drawstyle=drawstyle)
+        _draw_roots(one, plane, color)
     _label(model, gain, phase, step, plane)
     if len(models) > 1 or model.variations:
         gain.legend(fontsize=8)
     return figure
 
 
-def _draw_model(
-    model: LinearModel, frequencies: Array, color: Any, axes: tuple[Axes, Axes, Axes, Axes]
-) -> None:
-    """Draw all curves, poles and zeros of the model at one operating point."""
-    gain, phase, step, plane = axes
-    style: dict[str, Any] = {"color": color}
-    _draw_bode(model, frequencies, gain, phase, **style)
-    time, response = _step_response(model)
-    if model.period:
-        step.step(time, response, where="post", **style)
-    else:
-        step.plot(time, response, **style)
+def _draw_roots(model: LinearModel, plane: Axes, color: Any) -> None:
+    """Draw poles and zeros, but zeros that are infinite but for rounding."""
     poles = _finite_roots(model, model.poles())
     zeros = _finite_roots(model, model.zeros())
-    farthest = FAR * np.abs(poles).max() if poles.size else np.inf
-    near = zeros[np.abs(zeros) <= farthest]
-    plane.plot(poles.real, poles.imag, "x", **style)
-    plane.plot(near.real, near.imag, "o", markerfacecolor="none", **style)
+    farthest = np.abs(poles).max() if poles.size else np.inf
+    near = zeros[np.abs(zeros) <= FAR * farthest]
+    plane.plot(poles.real, poles.imag, "x", color=color)
+    plane.plot(near.real, near.imag, "o", markerfacecolor="none", color=color)
 
 
-def _draw_bode(
-    model: LinearModel, frequencies: Array, gain: Axes, phase: Axes, **style: Any
-) -> None:
+def _draw_bode(model: LinearModel, frequencies: Array, gain: Axes, phase: Axes, color: Any) -> None:
     """Draw the Bode diagram of a model, with the crossovers of a loop."""
-    decibel, degrees = _bode(model, frequencies)
-    gain.semilogx(frequencies, decibel, label=model.words, **style)
-    phase.semilogx(frequencies, degrees, **style)
-    if not model.loop:
-        return
-    gain.axhline(0.0, color=pictures.MEASURED, linewidth=0.8)
-    phase.axhline(-180.0, color=pictures.MEASURED, linewidth=0.8)
-    margins = model.margins()
-    for crossover in (margins.crossover, margins.phase_crossover):
-        if np.isfinite(crossover):
-            gain.plot(crossover, np.interp(crossover, frequencies, decibel), "o", **style)
-            phase.plot(crossover, np.interp(crossover, frequencies, degrees), "o", **style)
+    margins = model.margins() if model.loop else None
+    crossings = (margins.crossover, margins.phase_crossover) if margins else ()
+    lines = ((gain, 0.0), (phase, -180.0))
+    for (axis, limit), values in zip(lines, _bode(model, frequencies), strict=True):
+        axis.semilogx(frequencies, values, label=model.words, color=color)
+        if model.loop:
+            axis.axhline(limit, color=pictures.MEASURED, linewidth=0.8)
+        for crossing in filter(np.isfinite, crossings):
+            axis.plot(crossing, np.interp(crossing, frequencies, values), "o", color=color)
 
 
 def _draw_bode_band(model: LinearModel, frequencies: Array, gain: Axes, phase: Axes) -> None:
@@ -135,33 +123,25 @@ def _bode(model: LinearModel, frequencies: Array) -> tuple[Array, Array]:
 
 def _step_times(model: LinearModel) -> Array:
     """Return instants of a step response, s, shape (n,), until it settles."""
-    if model.loop and np.isfinite(model.margins().crossover):
-        last = _CYCLES / model.margins().crossover
-        return _instants(model, last)
     poles = np.atleast_1d(model.poles())
     with np.errstate(divide="ignore"):
         rates = np.log(np.abs(poles)) / model.period if model.period else poles.real
     decays = -rates[(rates < 0.0) & np.isfinite(rates)]
     last = _SLOWEST / decays.min() if decays.size else 1.0
-    return _instants(model, last)
+    if model.loop and np.isfinite(model.margins().crossover):
+        last = _CYCLES / model.margins().crossover
+    if not model.period:
+        return np.linspace(0.0, last, _POINTS)
+    count = np.clip(np.ceil(last / model.period), 10, 10 * _POINTS)
+    return np.asarray(model.period * np.arange(int(count) + 1))
 
 
-def _instants(model: LinearModel, last: float) -> Array:
-    """Return instants up to a last one, s; samples of a sampled model."""
-    if model.period:
-        count = min(int(np.ceil(last / model.period)), 10 * _POINTS)
-        return np.asarray(model.period * np.arange(max(count, 10) + 1))
-    return np.linspace(0.0, last, _POINTS)
-
-
-def _step_response(model: LinearModel, time: Array | None = None) -> tuple[Array, Array]:
-    """Return instants, s, and the step response, of the closed loop if the model is of a loop."""
+def _step_response(model: LinearModel, time: Array) -> Array:
+    """Return the step response at instants, of the closed loop if the model is of a loop."""
     import control
 
-    instants = _step_times(model) if time is None else time
     part = control.feedback(model.part(), 1) if model.loop else model.part()
-    response = control.step_response(part, instants)
-    return instants, np.asarray(response.outputs).ravel()
+    return np.asarray(control.step_response(part, time).outputs).ravel()
 
 
 def _finite_roots(model: LinearModel, roots: Sequence[complex] | Array) -> Array:
@@ -184,7 +164,7 @@ def draw_controller_design(design: ControllerDesign) -> Figure:
     figure, axes = pictures.mosaic(rows, title)
     frequencies = design.loop.frequencies(_POINTS)
     _draw_bode_band(design.loop, frequencies, axes["gain"], axes["phase"])
-    _draw_bode(design.loop, frequencies, axes["gain"], axes["phase"], color=pictures.MODEL)
+    _draw_bode(design.loop, frequencies, axes["gain"], axes["phase"], pictures.MODEL)
     pictures.label(axes["gain"], "gain of the loop", "dB")
     pictures.label(axes["phase"], "phase of the loop", "deg")
     _draw_sensitivities(design.loop, frequencies, axes["sensitivity"])
@@ -195,8 +175,8 @@ def draw_controller_design(design: ControllerDesign) -> Figure:
 def _draw_sensitivities(loop: LinearModel, frequencies: Array, axis: Axes) -> None:
     """Draw sensitivity and complementary sensitivity with their largest values."""
     curves = np.abs([one.sensitivities(frequencies) for one in (loop, *loop.variations)])
-    names = ("sensitivity", "complementary")
-    for k, (name, peak, style) in enumerate(zip(names, loop.peaks(), ("-", "--"), strict=True)):
+    names = {"sensitivity": "-", "complementary": "--"}
+    for k, ((name, style), peak) in enumerate(zip(names.items(), loop.peaks(), strict=True)):
         _fill(axis, frequencies, curves[1:, k])
         label = f"{name}, at most {peak:.3g}"
         axis.loglog(frequencies, curves[0, k], style, color=pictures.MODEL, label=label)
@@ -210,22 +190,19 @@ def _draw_steps(design: ControllerDesign, axes: dict[str, Axes]) -> None:
     plants = (design.plant, *design.plant.variations)
     stepped = [design.step(design.step_size, plant=one) for one in plants]
     loaded = [design.step(load=design.load_size, plant=one) for one in plants]
-    curves = {
-        "step": [one.measured for one in stepped],
-        "command": [one.command for one in stepped],
-        "load": [one.measured for one in loaded],
-    }
-    for name, (nominal, *varied) in curves.items():
-        _fill(axes[name], design.time, varied, step="post")
-        axes[name].step(design.time, nominal, where="post", color=pictures.MODEL)
-    wanted = curves["step"][0][0] + design.step_size
+    command, measured = design.plant.inputs[0], design.plant.outputs[0]
+    units = {name: design.plant.units.get(name, "1") for name in (command, measured)}
+    load = f"{design.load_size:.3g} {units[command]}".removesuffix(" 1")
+    for name, curves, signal, words in (
+        ("step", [one.measured for one in stepped], measured, "after a step of its reference"),
+        ("command", [one.command for one in stepped], command, "after that step"),
+        ("load", [one.measured for one in loaded], measured, f"after a load of {load}"),
+    ):
+        _fill(axes[name], design.time, curves[1:], step="post")
+        axes[name].step(design.time, curves[0], where="post", color=pictures.MODEL)
+        pictures.label(axes[name], f"{signal} {words}", units[signal])
+    wanted = stepped[0].measured[0] + design.step_size
     axes["step"].axhline(wanted, color=pictures.MEASURED, linewidth=0.8)
     for limit in filter(np.isfinite, design.limits):
         axes["command"].axhline(limit, color=pictures.FITTED, linewidth=0.8, linestyle="--")
-    command, measured = design.plant.inputs[0], design.plant.outputs[0]
-    units = [design.plant.units.get(name, "1") for name in (measured, command)]
-    load = f"{design.load_size:.3g} {units[1]}".removesuffix(" 1")
-    pictures.label(axes["step"], f"{measured} after a step of its reference", units[0])
-    pictures.label(axes["command"], f"{command} after that step", units[1])
-    pictures.label(axes["load"], f"{measured} after a load of {load}", units[0])
     axes["load"].set_xlabel("time [s]")
