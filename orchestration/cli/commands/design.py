@@ -5,10 +5,10 @@ from __future__ import annotations
 from orchestration.api.declaration import only
 from orchestration.api.options import DesignKeywords
 from orchestration.cli.command import command
-from orchestration.cli.commands.linearise import file_of, model_or_system
+from orchestration.cli.commands.linearise import model_or_system, show
 from orchestration.cli.commands.options import DesignCommand
 from orchestration.cli.commands.sweep import ranges_of
-from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
+from orchestration.cli.outputs import JSON, Outputs, standard_output_for
 
 
 @command(DesignCommand)
@@ -19,14 +19,15 @@ def design(options: DesignCommand) -> None:
     band of margins and responses.
     """
     from orchestration.api import design as work
+    from orchestration.cli.models import model_file
     from orchestration.reporting import pictures
-    from orchestration.reporting.console import out, progress, wrote
+    from orchestration.reporting.console import progress, wrote
 
     name = options["model"]
     plot = options["plot"]
     folder = options["out"]
     Outputs(
-        {"the model": file_of(name), "the fit": options["fitted"]},
+        {"the model": model_file(name), "the fit": options["fitted"]},
         {"--json": options["json"], "--plot": plot},
         {"--json": JSON, "--plot": pictures.FORMATS},
         {"--out": folder} if folder else {},
@@ -37,12 +38,7 @@ def design(options: DesignCommand) -> None:
         tell(f"designing a controller for {name}")
         found = work(model_or_system(name, options["laid_over"]), **chosen)
     with standard_output_for(options["json"]):
-        for part in found.overview():
-            out.print(part, highlight=False, markup=False)
-        write_json(options["json"], found.to_dict())
-        if plot is not None:
-            found.plot(plot)
-            wrote(plot)
+        show(found, options["json"], {plot: found.plot})
         if folder is not None:
             for path in found.write(folder):
                 wrote(path)

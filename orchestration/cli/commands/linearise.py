@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from orchestration.reporting import flag
 
 if TYPE_CHECKING:
     from orchestration.fmu import Model
-    from orchestration.linear import LinearModel
+    from orchestration.linear import ControllerDesign, LinearModel
 
 _MAT = (".mat",)
 
@@ -26,13 +26,14 @@ _MAT = (".mat",)
 def linearise(options: LineariseCommand) -> None:
     """Linearise a component, an FMU or a system about an operating point, or cut a loop of it."""
     from orchestration.api import linearise as work
+    from orchestration.cli.models import model_file
     from orchestration.reporting import pictures
     from orchestration.reporting.console import progress
 
     name = options["model"]
     Outputs(
         {
-            "the model": file_of(name),
+            "the model": model_file(name),
             "the record": options["input_file"],
             "the fit": options["fitted"],
         },
@@ -51,15 +52,24 @@ def linearise(options: LineariseCommand) -> None:
             chosen["time"] = stimulus.pop("time")
         linear = work(model, stimulus, **chosen)
     with standard_output_for(options["json"]):
-        _show(linear, options)
+        show(linear, options["json"], {options["mat"]: linear.to_mat, options["plot"]: linear.plot})
 
 
-def file_of(name: str) -> Path | None:
-    """Return the file that is read; None for a component or a system that ships."""
-    from orchestration.cli.models import model_file
-    from orchestration.system import NAMES
+def show(
+    result: LinearModel | ControllerDesign,
+    json: Path | None,
+    files: Mapping[Path | None, Callable[[Path], object]],
+) -> None:
+    """Print a result, and write it as JSON and into other files, by their paths, if any."""
+    from orchestration.reporting.console import out, wrote
 
-    return None if name in NAMES else model_file(name)
+    for part in result.overview():
+        out.print(part, highlight=False, markup=False)
+    write_json(json, result.to_dict())
+    for path, write in files.items():
+        if path is not None:
+            write(path)
+            wrote(path)
 
 
 def model_or_system(name: str, laid_over: Sequence[str]) -> Model | str:
@@ -70,11 +80,10 @@ def model_or_system(name: str, laid_over: Sequence[str]) -> Model | str:
     UserError
         If there is no such model or effect, or effects are for a system.
     """
+    from orchestration.experiment.system_model import is_system
     from orchestration.fmu.model import declared_model
-    from orchestration.system import NAMES
-    from orchestration.system.ssp import ENDINGS
 
-    if name in NAMES or Path(name).suffix.lower() in ENDINGS:
+    if is_system(name):
         if laid_over:
             raise UserError(f"--with is of one model; {name} is a system")
         return name
@@ -100,16 +109,3 @@ def _model_and_stimulus(
     )
     tell_repairs(record.repairs)
     return model, {"time": record.time, **record.signals}
-
-
-def _show(linear: LinearModel, options: LineariseCommand) -> None:
-    """Print the result, and write the files of the options."""
-    from orchestration.reporting.console import out, wrote
-
-    for part in linear.overview():
-        out.print(part, highlight=False, markup=False)
-    write_json(options["json"], linear.to_dict())
-    for path, write in ((options["mat"], linear.to_mat), (options["plot"], linear.plot)):
-        if path is not None:
-            write(path)
-            wrote(path)
