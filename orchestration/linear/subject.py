@@ -150,28 +150,29 @@ class LinearSubject(ABC):
             If there is no such signal, or nothing is connected to it.
         """
         input = f"cut({cut})"
-        cuts = self._connections(cut)
-        if cuts:
-            blocks = self.blocks(point, cuts, step)
-            factors = {str(c.target): c.factor for c in cuts}
-            output = str(cuts[0].source)
-        else:
-            blocks = self.blocks(point, (), step)
+        cuts = [c for c in self.connections if cut in (str(c.source), str(c.target))]
+        blocks = self.blocks(point, cuts, step)
+        factors = {str(c.target): c.factor for c in cuts} or {input: 1.0}
+        output = str(cuts[0].source) if cuts else cut
+        if not cuts:
             self._check_state(blocks, cut)
             blocks = blocks.cut_at(cut)
-            factors = {input: 1.0}
-            output = cut
         path = blocks.between(list(factors), [output])
         matrices = assemble(path, [output], step)
         # one input feeds all inputs behind the cut, each by its factor
         column = np.array(list(factors.values()))[:, None]
         loop = replace(matrices, B=matrices.B @ column, C=-matrices.C, D=-matrices.D @ column)
-        acts_between = _acts_between_samples(path, len(factors), matrices.period, step)
-        notes = tuple(_loop_notes(cut, matrices, acts_between))
         model = self._model(point, path, loop, (input,), (output,))
-        units = self.units | {input: self.units.get(cut, self.units.get(output, ""))}
-        there = _with_cut(model.point, cut, cuts, output)
-        return replace(model, point=there, units=units, loop=cut, notes=(*model.notes, *notes))
+        behind = model.point.values[output]
+        if cut != output:
+            behind = cuts[0].factor * behind + cuts[0].offset
+        return replace(
+            model,
+            point=replace(model.point, inputs=model.point.inputs | {input: behind}),
+            units=self.units | {input: self.units.get(cut, self.units.get(output, ""))},
+            loop=cut,
+            notes=(*model.notes, *_loop_notes(cut, path, loop, len(factors), step)),
+        )
 
     def _model(
         self,
@@ -190,10 +191,6 @@ class LinearSubject(ABC):
         return LinearModel(
             self.name, matrices, inputs, outputs, self.units, there, self.method, notes=notes
         )
-
-    def _connections(self, cut: str) -> list[Connection]:
-        """Return the connections to an input or from an output."""
-        return [c for c in self.connections if cut in (str(c.source), str(c.target))]
 
     def _check_state(self, blocks: LinearBlocks, cut: str) -> None:
         """Raise if there is no state of a name, or it is one of a realisation, without a unit."""
@@ -260,16 +257,6 @@ class Equations(LinearSubject):
         return CompiledModel(self.graph)
 
 
-def _with_cut(
-    point: OperatingPoint, cut: str, cuts: Sequence[Connection], output: str
-) -> OperatingPoint:
-    """Return an operating point with the value behind a cut."""
-    behind = point.values[output]
-    if cuts and cut != output:
-        behind = cuts[0].factor * behind + cuts[0].offset
-    return replace(point, inputs=point.inputs | {f"cut({cut})": behind})
-
-
 def _notes(point: OperatingPoint) -> tuple[str, ...]:
     """Return notes on undetermined and drifting states of an equilibrium."""
     lines = [
@@ -285,25 +272,20 @@ def real_names(variables: Sequence[Declaration]) -> list[str]:
     return [v.name for v in variables if v.type == "real"]
 
 
-def _acts_between_samples(path: LinearBlocks, count: int, period: float, step: float) -> bool:
-    """Return whether the last inputs are read more often than once in the period of a model, s.
-
-    What reads them all the time does so once in a communication step, s, if there is one.
-    """
+def _loop_notes(
+    cut: str, path: LinearBlocks, loop: Matrices, count: int, step: float
+) -> Iterator[str]:
+    """Yield remarks on a loop that is cut at a signal, and whose path has that many inputs."""
+    # what reads the inputs all the time does so once in a communication step, if there is one
     laws = [(step, path.rates), *((u.period, u.matrix) for u in path.updates)]
-    faster = [matrix for one, matrix in laws if one < period * (1.0 - _SAME)]
-    return any(bool(matrix[:, -count:].any()) for matrix in faster)
-
-
-def _loop_notes(cut: str, matrices: Matrices, acts_between_samples: bool) -> Iterator[str]:
-    """Yield remarks on a loop that is cut at a signal."""
-    if matrices.period and acts_between_samples:
+    faster = [matrix for period, matrix in laws if period < loop.period * (1.0 - _SAME)]
+    if any(matrix[:, -count:].any() for matrix in faster):
         yield (
             f"{cut} also acts between samples, but behind the cut it is constant for"
-            f" {matrices.period:g} s, which is another loop than the closed one; cut at a"
+            f" {loop.period:g} s, which is another loop than the closed one; cut at a"
             " signal that is only sampled"
         )
-    if not matrices.states and not matrices.D.any():
+    if not loop.states and not loop.D.any():
         yield f"nothing comes back to the cut: no loop goes through {cut} here"
 
 
@@ -330,20 +312,11 @@ def subject_of(model: type[Component] | System, name: str = "") -> Equations:
             if member.cls is not None:
                 _check_laws(member.cls, f"system {model.name}: {member.name}")
         outputs = {alias: str(port) for alias, port in model.outputs.items()}
-        return _equations(name or model.name, fuse(model), outputs, model)
-    _check_laws(model, name or model.name)
-    outputs = {n: n for n in real_names(model.layout.measurable)}
-    return _equations(name or model.name, trace(model), outputs, cls=model)
-
-
-def _equations(
-    name: str,
-    graph: Graph,
-    outputs: dict[str, str],
-    system: System | None = None,
-    cls: type[Component] | None = None,
-) -> Equations:
-    """Return the equations of a graph."""
+        system, graph = model, fuse(model)
+    else:
+        _check_laws(model, name or model.name)
+        outputs = {n: n for n in real_names(model.layout.measurable)}
+        system, graph = None, trace(model)
     layout = graph.layout
     units = {v.name: v.unit for v in layout.variables} | dict(layout.derivatives)
     units |= {f"next({v.name})": v.unit for v in layout.discretes}
@@ -351,7 +324,7 @@ def _equations(
         declared = member.cls.layout.inputs if member.cls else ()
         units |= {f"{member.name}.{v.name}": v.unit for v in declared}
     return Equations(
-        name,
+        name or model.name,
         outputs,
         system,
         inputs=real_names(layout.inputs),
@@ -359,7 +332,7 @@ def _equations(
         nominal={v.name: v.nominal for v in layout.states},
         method="Jacobians of the laws",
         graph=graph,
-        cls=cls,
+        cls=None if isinstance(model, System) else model,
     )
 
 
