@@ -54,9 +54,8 @@ def closed_system(design: ControllerDesign) -> System:
             inputs[signal] = (*inputs[signal], port)
         else:
             connections.append(Connection(_source(plant, signal), port))
-    at_rest = design.plant.point.inputs
-    free = {n: ports for n, ports in inputs.items() if not at_rest.get(n)}
-    fixed = {str(port): at_rest[n] for n in inputs if n not in free for port in inputs[n]}
+    at_rest = {n: value for n, value in design.plant.point.inputs.items() if value}
+    free = {n: ports for n, ports in inputs.items() if n not in at_rest}
     # no longer than the plant's own, and a whole number of them in a sample
     steps = max(np.ceil(design.plant.period / plant.step), 1.0)
     joined = System(
@@ -69,7 +68,8 @@ def closed_system(design: ControllerDesign) -> System:
         step=design.plant.period / steps,
         stop=float(design.time[-1]),
     )
-    return joined.given(fixed)
+    constant = inputs.keys() & at_rest.keys()
+    return joined.given({str(port): at_rest[n] for n in constant for port in inputs[n]})
 
 
 def _source(plant: System, signal: str) -> Port:
@@ -100,12 +100,13 @@ def _at_point(member: Member, prefix: str, point: OperatingPoint) -> Member:
     """Return a member with the parameters and states of an operating point, if it has a class."""
     if member.cls is None:
         return member
-    layout = member.cls.layout
-    state_of = {parameter: state for state, parameter in layout.start_of.items()}
     known = point.parameters | point.states | point.discretes
-    values = {p.name: known[prefix + state_of.get(p.name, p.name)] for p in layout.parameters}
-    changed = {p.name: values[p.name] for p in layout.parameters if values[p.name] != p.start}
-    return replace(member, parameters={**member.parameters, **changed})
+    changed = dict(member.parameters)
+    for parameter in member.cls.layout.parameters:
+        value = known[prefix + (parameter.starts or parameter.name)]
+        if value != parameter.start:
+            changed[parameter.name] = value
+    return replace(member, parameters=changed)
 
 
 def write_files(design: ControllerDesign, folder: Path) -> list[Path]:
