@@ -348,7 +348,10 @@ class ControllerDesign(Displayable):
         if not _is_stable(self.loop):
             yield "closed, this loop is unstable"
         if self.loop.variations:
-            yield self._band_words()
+            peak = max(one.peaks()[0] for one in self.loop.variations)
+            unstable = sum(not _is_stable(one) for one in self.loop.variations)
+            remark = f"; {unstable} of these loops are unstable" if unstable else ""
+            yield f"{self.loop.band_words}, sensitivity at most {peak:.3g}{remark}"
         if np.isfinite(self.limits).any():
             low, high = self.limits
             unit = self.plant.units.get(self.plant.inputs[0], "")
@@ -360,28 +363,18 @@ class ControllerDesign(Displayable):
         yield table
         yield from self.plant.notes
 
-    def _band_words(self) -> str:
-        """Return margins over the band in words, and how many of its loops are unstable."""
-        phases = [one.margins().phase for one in self.loop.variations]
-        unstable = sum(not _is_stable(one) for one in self.loop.variations)
-        peak = max(one.peaks()[0] for one in self.loop.variations)
-        words = (
-            f"over {len(phases)} values of parameters: phase margin {min(phases):.1f} to"
-            f" {max(phases):.1f}°, sensitivity at most {peak:.3g}"
-        )
-        return f"{words}; {unstable} of these loops are unstable" if unstable else words
-
     def __repr__(self) -> str:
         return one_line(f"ControllerDesign of {self.plant.name}: {margin_words(self.margins())}")
 
     def to_dict(self) -> dict[str, Any]:
         """Return a dictionary for JSON."""
         sensitivity, complementary = self.peaks()
+        loop = replace(self.loop, variations=())
         return {
             "controller": self.controller.name,
             "source": self.designed.source,
             "parameters": self.parameters,
-            "stable": _is_stable(self.loop),
+            "stable": _is_stable(loop),
             "limits": [one if np.isfinite(one) else None for one in self.limits],
             "peaks": {"sensitivity": sensitivity, "complementary": complementary},
             "band": [
@@ -392,5 +385,5 @@ class ControllerDesign(Displayable):
                 }
                 for one in self.loop.variations
             ],
-            "loop": replace(self.loop, variations=()).to_dict(),
+            "loop": loop.to_dict(),
         }

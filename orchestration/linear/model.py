@@ -253,6 +253,15 @@ class LinearModel(Displayable):
 
         return np.asarray(control.feedback(self.part(), 1).poles())
 
+    @property
+    def band_words(self) -> str:
+        """Phase margins of the variations of a loop in words."""
+        phases = [one.margins().phase for one in self.variations]
+        return (
+            f"over {len(phases)} values of parameters: phase margin {min(phases):.1f} to"
+            f" {max(phases):.1f}°"
+        )
+
     def at_rest(self, name: str) -> float:
         """Return the value of a signal at the operating point; 0 of a model in deviations."""
         return self.point.values.get(name, 0.0)
@@ -319,11 +328,7 @@ class LinearModel(Displayable):
         for one in self.beside if self.loop else ():
             yield f"also {one.words}: {margin_words(one.margins())}"
         if self.loop and len(self.variations) > FAMILY:
-            phases = [one.margins().phase for one in self.variations]
-            yield (
-                f"over {len(phases)} values of parameters: phase margin {min(phases):.1f} to"
-                f" {max(phases):.1f}°"
-            )
+            yield self.band_words
         points = [self.point, *(one.point for one in self.beside)]
         heads = [one.words for one in (self, *self.beside)] if self.beside else ["operating point"]
         table = plain_table(None, "signal", "is", *heads, "unit", right=heads)
