@@ -9,7 +9,6 @@ and inertia.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from math import pi
 from typing import Any
 
@@ -17,34 +16,13 @@ import numpy as np
 
 from fmus.kit.arrays import Array
 from fmus.kit.extras import optional
+from orchestration.linear import LoopMargins, linear_model_of
 
 with optional():
     import control
 
 SAMPLE_PERIOD = 1.0 / 30.0
 A1_ACTUATOR = {"k1": 3860.0, "k2": 300.0, "b2": 2300.0}
-
-
-@dataclass(frozen=True)
-class Margins:
-    """Stability margins of a loop.
-
-    Attributes
-    ----------
-    phase : float
-        Phase margin in degrees.
-    crossover : float
-        Frequency of gain one, in Hz; the phase margin is read there.
-    gain : float
-        Factor by which the gain can grow; infinity if without limit.
-    phase_crossover : float
-        Frequency of phase -180 degrees, in Hz; not a number if there is none.
-    """
-
-    phase: float
-    crossover: float
-    gain: float
-    phase_crossover: float
 
 
 def plant(
@@ -186,15 +164,9 @@ def loop(
     return math.prod(factors[1:], start=factors[0])
 
 
-def margins(system: Any) -> Margins:
+def margins(system: Any) -> LoopMargins:
     """Return gain and phase margin of a loop transfer function, with their frequencies in Hz."""
-    gain, phase, phase_crossover, crossover = control.margin(system)
-    return Margins(
-        float(phase),
-        float(crossover) / (2.0 * pi),
-        float(gain),
-        float(phase_crossover) / (2.0 * pi),
-    )
+    return linear_model_of(system).margins()
 
 
 def bode(system: Any, frequencies: Array) -> tuple[Array, Array]:
