@@ -11,7 +11,7 @@ import numpy as np
 
 from fmus.kit import Component
 from fmus.kit.arrays import Array, Signals
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit.errors import UserError, find
 from fmus.kit.extras import require
 from orchestration.api.declaration import takes
 from orchestration.api.forms import seconds
@@ -222,25 +222,18 @@ def _split_inputs(
 
 def _trim_request(subject: Equations, options: LineariseKeywords) -> TrimRequest | None:
     """Return the conditions of an equilibrium; None if the operating point need not be one."""
-    fixed = options["fix"] or {}
     if not options["trim"]:
         for name in ("fix", "free", "drift"):
             if options[name]:
                 raise UserError(f"{option(name)} is of an equilibrium: add {option('trim', True)}")
         return None
-    layout = subject.graph.layout
-    signals = {v.name: declared_signal(v) for v in layout.variables}
-    aliases = {alias: name for alias, name in subject.outputs.items() if alias not in signals}
+    signals = {v.name: declared_signal(v) for v in subject.graph.layout.variables}
+    known = {alias: signals[name] for alias, name in subject.outputs.items()} | signals
     values = {}
-    for name, value in fixed.items():
-        signal = aliases.get(name, name)
-        if signal not in signals:
-            raise UserError(
-                f"{subject.name}: {option('fix', {name: value})}: no signal named {name!r}"
-                f"{suggestion(name, [*signals, *aliases])}"
-            )
-        amount = read_setting(str(value), signals[signal], option("fix", {name: value}))
-        values[signal] = float(amount)
+    for name, value in (options["fix"] or {}).items():
+        given = option("fix", {name: value})
+        signal = find(name, known, f"{subject.name}: {given}: no signal")
+        values[signal.name] = float(read_setting(str(value), signal, given))
     return TrimRequest(values, tuple(options["free"]), tuple(options["drift"]))
 
 

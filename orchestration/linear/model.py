@@ -13,7 +13,7 @@ import numpy as np
 
 from fmus.kit import files, quoting
 from fmus.kit.arrays import Array
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit.errors import UserError, find
 from fmus.kit.extras import optional
 from fmus.kit.interrupt import uninterrupted
 from orchestration.linear.discretisation import Matrices
@@ -484,11 +484,8 @@ def w_plane(sampled: control.StateSpace) -> control.StateSpace:
 
 def _index(name: str, names: Sequence[str], kind: str) -> int:
     """Return the index of a name, 0 if it is empty; raise if it is unknown."""
-    if not name:
-        return 0
-    if name not in names:
-        raise UserError(f"no {kind} named {name!r}{suggestion(name, names)}")
-    return names.index(name)
+    places = {known: place for place, known in enumerate(names)}
+    return find(name, places, f"no {kind}") if name else 0
 
 
 def margin_words(margins: LoopMargins) -> str:
