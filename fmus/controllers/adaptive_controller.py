@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..kit import Component, Discrete, Input, Output, Parameter, clip, exp, where
-from .signals import largest_current, sampled_length
+from ..kit import Discrete, Input, Parameter, clip, exp, where
+from .signals import CurrentController, largest_current, sampled_length
 
 _RULE = "Astrom, Wittenmark: Adaptive Control, 2nd edition, section 5.3"
 _CIRCUIT = "the nominal actuator at 50 Hz"
 
 
-class AdaptiveController(Component):
+class AdaptiveController(CurrentController):
     """Model reference adaptive control of the displacement: one gain, by the normalised MIT rule
     (thesis section 1.5.2).
     """
@@ -24,9 +24,6 @@ class AdaptiveController(Component):
     name = "adaptive_controller"
     experiment = (100.0, 0.02)
 
-    sample_period = Parameter(
-        0.02, "s", min=1e-4, max=10.0, nominal=0.01, doc="sample period of the controller (h)"
-    )
     model_time = Parameter(
         1.0,
         "s",
@@ -75,7 +72,6 @@ class AdaptiveController(Component):
     gain_max = Parameter(5.0, "1", min=1.0, max=1e6, tunable=True, doc="largest gain")
     current_limit = largest_current()
 
-    reference = Input("m", nominal=1e-4, display="mm", doc="wanted displacement")
     displacement = Input("m", nominal=1e-4, display="mm", doc="measured displacement, 0 at rest")
 
     gain = Discrete(
@@ -141,8 +137,3 @@ class AdaptiveController(Component):
     def issued_current(self) -> Any:
         """Command of the controller to the actuator."""
         return self.command_within_limits
-
-    @Output("A")
-    def command(self) -> Any:
-        """Current for the actuator, held between sample instants."""
-        return self.issued_current()

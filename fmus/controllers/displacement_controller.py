@@ -10,15 +10,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..kit import Component, Discrete, Input, Output, Parameter, maximum, minimum, where
-from .signals import largest_current, sampled_length
+from ..kit import Discrete, Input, Parameter, maximum, minimum, where
+from .signals import CurrentController, largest_current, sampled_length
 from .tracking import back_calculated, tracking_share
 
 _CIRCUIT = "thesis table 3-1, mean of three 12-layer data sets"
 _SPREAD = "circuits of table 3-1 within 30 %"
 
 
-class DisplacementController(Component):
+class DisplacementController(CurrentController):
     """PI controller of the displacement by a current, with limits of charge and voltage (thesis
     sections 1.4.2, 1.5).
     """
@@ -26,9 +26,6 @@ class DisplacementController(Component):
     name = "displacement_controller"
     experiment = (20.0, 0.02)
 
-    sample_period = Parameter(
-        0.02, "s", min=1e-4, max=10.0, nominal=0.01, doc="sample period of the controller (h)"
-    )
     proportional_gain = Parameter(
         3.5e4,
         "A/m",
@@ -125,8 +122,6 @@ class DisplacementController(Component):
         doc="largest rise of the voltage between samples per charge",
     )
 
-    reference = Input("m", nominal=1e-4, display="mm", doc="wanted displacement")
-    displacement = Input("m", nominal=1e-4, display="mm", doc="measured displacement")
     voltage = Input("V", doc="voltage across the actuator")
     current = Input("A", doc="current that flows into the actuator")
     hold = Input(
@@ -248,11 +243,3 @@ class DisplacementController(Component):
     def issued_current(self) -> Any:
         """Command of the controller to the actuator: feedback plus ``command_beside``."""
         return self.command_within_limits + self.sampled_beside
-
-    # --- outputs
-    # ----------------------------------------------------------------------------------------------
-
-    @Output("A")
-    def command(self) -> Any:
-        """Current for the actuator, held between sample instants."""
-        return self.issued_current()

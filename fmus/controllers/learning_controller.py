@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..kit import Array, Component, Discrete, Input, Output, Parameter, clip, where
+from ..kit import Array, Discrete, Input, Output, Parameter, clip, where
 from ..kit.errors import UserError
-from .signals import largest_current, sampled_length
+from .signals import CurrentController, largest_current, sampled_length
 
 _TAPS = 1  # of the filter, to either side
 _LONGEST_LEAD = 8  # samples
@@ -31,7 +31,7 @@ def _register(unit: str, law: str, doc: str) -> Any:
     return Array(Discrete(unit, update=law, period="sample_period", doc=doc), _places)
 
 
-class LearningController(Component):
+class LearningController(CurrentController):
     """Iterative learning of the current for a periodic displacement, with a zero-phase filter and a
     lead.
     """
@@ -97,7 +97,6 @@ class LearningController(Component):
     current_limit = largest_current("largest current in either direction, learnt and commanded")
 
     reference = Input("m", nominal=1e-4, display="mm", doc="wanted displacement, periodic")
-    displacement = Input("m", nominal=1e-4, display="mm", doc="measured displacement")
     feedback_command = Input("A", doc="command of a feedback controller, which is added")
     learning = Input(
         "1", start=True, type="boolean", doc="whether errors are learnt from; if not, it repeats"

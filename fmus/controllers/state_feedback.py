@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..kit import Component, Discrete, Input, Output, Parameter, maximum, minimum
-from .signals import largest_current, sampled_length
+from ..kit import Discrete, Input, Parameter, maximum, minimum
+from .signals import CurrentController, largest_current, sampled_length
 from .tracking import tracking_share
 
 _DESIGN = "design.gains of the actuator"
@@ -69,7 +69,7 @@ def _designed(name: str, unit: str, doc: str, least: float = -1e12, **about: Any
     )
 
 
-class StateFeedback(Component):
+class StateFeedback(CurrentController):
     """State feedback of estimated charge and creep, with limits of current and charge (thesis
     section 1.5.2).
     """
@@ -157,8 +157,6 @@ class StateFeedback(Component):
         doc="largest estimated charge in either direction",
     )
 
-    reference = Input("m", nominal=1e-4, display="mm", doc="wanted displacement")
-    displacement = Input("m", nominal=1e-4, display="mm", doc="measured displacement")
     voltage = Input("V", doc="voltage across the actuator")
     current = Input("A", doc="current that flowed into the actuator since the latest sample")
     force = Input("N", doc="load, tension positive")
@@ -273,11 +271,3 @@ class StateFeedback(Component):
     def issued_current(self) -> Any:
         """Command of the controller to the actuator."""
         return self.command_within_limits
-
-    # --- outputs
-    # ----------------------------------------------------------------------------------------------
-
-    @Output("A")
-    def command(self) -> Any:
-        """Current for the actuator, held between sample instants."""
-        return self.issued_current()

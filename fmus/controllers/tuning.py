@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmus.kit import Component, UserError
-from fmus.kit.declare import Declaration
 from fmus.kit.effects import stack
 from fmus.kit.registry import DesignedController, DesignRequest
 from fmus.kit.units import quotient
@@ -80,9 +79,9 @@ def in_units(
         Values of parameters and start values, SI.
     """
     redeclared = {
-        key: replace(variable, unit=units.get(variable.unit, variable.unit), display="")
-        for key, variable in controller.declared.items()
-        if isinstance(variable, Declaration)
+        variable.name: replace(variable, unit=units.get(variable.unit, variable.unit), display="")
+        for variable in controller.layout.variables
+        if variable.name not in controller.layout.start_parameters
     }
     title = (controller.__doc__ or "").partition(" of ")[0]
     about = {
