@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from ..kit.registry import Example, MemberDeclaration, SystemDeclaration
 
+# galvanostatic; at 15 V, its compliance, the protection does not act
+_GALVANOSTAT = MemberDeclaration("galvanostat", {"voltage_command": 0.0, "voltage_limit": 15.0})
 # The currents of feedforward and learning are added and pass through the feedback controller, whose
 # limits apply to the sum. Each has its own switch: `feedforward.active`, `learning.learning` and
 # `feedback.hold`. Length and load are two inputs each: now, and one sample of the feedforward
@@ -24,10 +26,7 @@ WORK_LOOP = SystemDeclaration(
             {"learning": 1.0, "learning_gain": 2325.0, "lead": 2.0, "smoothing": 0.25},
         ),
         "feedback": MemberDeclaration("displacement_controller", {"hold": 0.0}),
-        # galvanostatic; at 15 V, its compliance, the protection does not act
-        "galvanostat": MemberDeclaration(
-            "galvanostat", {"voltage_command": 0.0, "voltage_limit": 15.0}
-        ),
+        "galvanostat": _GALVANOSTAT,
         # by default the effects are neutral: strain neither lags nor saturates, and the load does
         # not act on the voltage
         "actuator": MemberDeclaration(
@@ -64,8 +63,6 @@ WORK_LOOP = SystemDeclaration(
     step=0.01,  # the period at which the galvanostat looks at the voltage
     stop=50.0,
 )
-# galvanostatic; at 15 V, its compliance, the protection does not act
-_GALVANOSTAT = MemberDeclaration("galvanostat", {"voltage_command": 0.0, "voltage_limit": 15.0})
 _TO_FILMS = (
     "controller.command -> galvanostat.current_command",
     "galvanostat.current -> actuator.current",
