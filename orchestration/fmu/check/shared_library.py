@@ -8,8 +8,9 @@ PE specification and of ``mach-o/loader.h``.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import repeat, takewhile
 from typing import NamedTuple
 
 
@@ -81,17 +82,15 @@ def read_library(contents: bytes) -> Library:
 
 def _read_text(contents: bytes, offset: int) -> str:
     """Return the zero-terminated text at an offset; ValueError if there is none."""
-    if not 0 <= offset < len(contents):
-        raise ValueError(offset)
     return contents[offset : contents.index(b"\0", offset)].decode("utf-8", "replace")
 
 
-def _read_rows(contents: bytes, layout: str, offset: int, size: int) -> Iterator[tuple[int, ...]]:
-    """Yield the rows of a table of `size` bytes; struct.error if it exceeds the file."""
-    if offset < 0 or size < 0 or offset + size > len(contents):
+def _rows(contents: bytes, layout: str, offset: int, count: int) -> Iterator[tuple[int, ...]]:
+    """Return the rows of a table; struct.error if it exceeds the file."""
+    end = offset + count * struct.calcsize(layout)
+    if end > len(contents):
         raise struct.error
-    width = struct.calcsize(layout)
-    yield from struct.iter_unpack(layout, contents[offset : offset + size - size % width])
+    return struct.iter_unpack(layout, contents[offset:end])
 
 
 class _Section(NamedTuple):
@@ -112,6 +111,14 @@ def _file_offset(sections: Sequence[_Section], address: int) -> int:
 
 # --- ELF
 
+# by word size (EI_CLASS): layouts of the header (type, machine; place, row size and number of
+# segments), of a segment (role, offset, address, size), of an entry for dynamic loading (tag, value)
+# and of a symbol (name, info, section)
+_ELF_LAYOUTS = {
+    1: ("16xHH8xI10xHH", "III4xI12x", "II", "I8xBxH"),
+    2: ("16xHH12xQ14xHH", "I4xQQ8xQ16x", "QQ", "IBxH16x"),
+}
+_ELF_ORDERS = {1: "<", 2: ">"}  # by EI_DATA
 _ELF_MACHINES = {0x3: "x86", 0x3E: "x86_64", 0xB7: "arm64"}
 _SHARED_OBJECT = 3  # type of file
 _LOADABLE = 1  # types of segments
@@ -124,6 +131,7 @@ _STRINGS = 5
 _SYMBOLS = 6
 _GNU_HASH = 0x6FFFFEF5
 _VERSIONS = 0x6FFFFFF0
+_TABLES = (_SYSV_HASH, _STRINGS, _SYMBOLS, _GNU_HASH, _VERSIONS)
 # bindings of symbols
 _GLOBAL = 1
 _WEAK = 2
@@ -131,131 +139,68 @@ _VERSION_INDEX = 0x7FFF  # the highest bit of a version marks a hidden symbol
 _NO_VERSION = 1  # largest version index that means no version: local or global
 
 
-class _ElfSymbol(NamedTuple):
-    name_offset: int
-    binding: int
-    section: int
-
-
-class _ElfFile:
-    """An ELF file of either word size and byte order."""
-
-    def __init__(self, contents: bytes):
-        self.contents = contents
-        self.is_64_bit = contents[4] == 2
-        self._order = {1: "<", 2: ">"}[contents[5]]
-        self._word = "Q" if self.is_64_bit else "I"
-
-    def unpack(self, layout: str, offset: int) -> tuple[int, ...]:
-        """Unpack numbers at an offset."""
-        return struct.unpack_from(self._order + layout, self.contents, offset)
-
-    def rows(self, layout: str, offset: int, size: int) -> Iterator[tuple[int, ...]]:
-        """Yield the rows of a table of `size` bytes in the byte order of the file."""
-        return _read_rows(self.contents, self._order + layout, offset, size)
-
-    def segments(self) -> tuple[list[_Section], list[tuple[int, ...]]]:
-        """Return the loaded segments, and the tags and values of the table for dynamic loading."""
-        table_offset = self.unpack(self._word, 32 if self.is_64_bit else 28)[0]  # e_phoff
-        width, count = self.unpack("HH", 54 if self.is_64_bit else 42)  # e_phentsize, e_phnum
-        loaded = []
-        dynamic: list[tuple[int, ...]] = []
-        for k in range(count):
-            place = table_offset + k * width
-            if self.is_64_bit:
-                role, _, offset, address, _, size = self.unpack("IIQQQQ", place)
-            else:
-                role, offset, address, _, size = self.unpack("IIIII", place)
-            if role == _LOADABLE:
-                loaded.append(_Section(address, size, offset))
-            elif role == _DYNAMIC:
-                dynamic = list(self.rows(self._word * 2, offset, size))
-        return loaded, dynamic
-
-    def symbol_count(self, hash_offsets: Mapping[int, int]) -> int:
-        """Return the number of dynamic symbols, from one of the hash tables."""
-        if _SYSV_HASH in hash_offsets:
-            return self.unpack("II", hash_offsets[_SYSV_HASH])[1]  # one chain for each symbol
-        offset = hash_offsets[_GNU_HASH]
-        # without a count: the end of the last chain is the last symbol
-        bucket_count, first, bloom_size, _ = self.unpack("IIII", offset)
-        buckets = offset + 16 + bloom_size * (8 if self.is_64_bit else 4)
-        last = max((row[0] for row in self.rows("I", buckets, 4 * bucket_count)), default=0)
-        if last < first:
-            return first
-        chains = buckets + 4 * bucket_count
-        while not self.unpack("I", chains + 4 * (last - first))[0] & 1:  # set at the end of a chain
-            last += 1
-        return last + 1
-
-    def symbols(self, offset: int, count: int) -> Iterator[_ElfSymbol]:
-        """Yield the first `count` rows of the table of dynamic symbols."""
-        layout = "IBBHQQ" if self.is_64_bit else "IIIBBH"
-        size = count * struct.calcsize(self._order + layout)
-        for row in self.rows(layout, offset, size):
-            if self.is_64_bit:
-                name_offset, info, _, section = row[:4]
-            else:
-                name_offset, _, _, info, _, section = row
-            yield _ElfSymbol(name_offset, info >> 4, section)
-
-
 def _read_elf(contents: bytes) -> Library:
-    """Read an ELF library."""
-    file = _ElfFile(contents)
-    kind, machine = file.unpack("HH", 16)  # e_type, e_machine
+    """Read an ELF library of either word size and byte order."""
+    order = _ELF_ORDERS[contents[5]]
+    header, segment, entry, symbol = (order + layout for layout in _ELF_LAYOUTS[contents[4]])
+    kind, machine, segments, row_size, count = struct.unpack_from(header, contents)
     if kind != _SHARED_OBJECT:
         raise LibraryError("an ELF file, but not a shared library")
-    loaded, dynamic = file.segments()
-    if not dynamic:
+    if row_size != struct.calcsize(segment):  # which loaders refuse
+        raise ValueError(row_size)
+    loaded = []
+    dynamic: Iterable[tuple[int, ...]] = ()
+    for role, offset, address, size in _rows(contents, segment, segments, count):
+        if role == _LOADABLE:
+            loaded.append(_Section(address, size, offset))
+        elif role == _DYNAMIC:
+            dynamic = _rows(contents, entry, offset, size // struct.calcsize(entry))
+    entries = [*takewhile(lambda row: row[0] != _END, dynamic)]
+    if not entries:
         raise LibraryError("an ELF file without a table for dynamic loading")
-    needed, tables = _dynamic_entries(dynamic)
-    strings = _file_offset(loaded, tables[_STRINGS])
-    symbols = _file_offset(loaded, tables[_SYMBOLS])
-    hashes = {
-        tag: _file_offset(loaded, tables[tag]) for tag in (_SYSV_HASH, _GNU_HASH) if tag in tables
-    }
+    tables = {tag: _file_offset(loaded, value) for tag, value in entries if tag in _TABLES}
+    count = _symbol_count(contents, order, tables, struct.calcsize(entry) // 2)
+    versions: Iterable[tuple[int, ...]] = repeat((0,), count)
+    if _VERSIONS in tables:
+        versions = _rows(contents, f"{order}H", tables[_VERSIONS], count)
+    symbols = _rows(contents, symbol, tables[_SYMBOLS], count)
     exports = set()
     unsupplied = []
-    for k, symbol in enumerate(file.symbols(symbols, file.symbol_count(hashes))):
-        if not symbol.name_offset or symbol.binding not in (_GLOBAL, _WEAK):
+    for (offset, info, section), (version,) in zip(symbols, versions, strict=True):
+        binding = info >> 4
+        if not offset or binding not in (_GLOBAL, _WEAK):
             continue
-        name = _read_text(contents, strings + symbol.name_offset)
-        if symbol.section:
+        name = _read_text(contents, tables[_STRINGS] + offset)
+        if section:
             exports.add(name)
-        elif symbol.binding == _GLOBAL and not _has_version(file, loaded, tables, k):
+        elif binding == _GLOBAL and version & _VERSION_INDEX <= _NO_VERSION:
             unsupplied.append(name)
+    needed = [value for tag, value in entries if tag == _NEEDED]
     return Library(
         format="ELF",
         machines=(_ELF_MACHINES.get(machine, hex(machine)),),
-        needs=tuple(_read_text(contents, strings + offset) for offset in needed),
+        needs=tuple(_read_text(contents, tables[_STRINGS] + offset) for offset in needed),
         exports=frozenset(exports),
         unsupplied=tuple(sorted(unsupplied)),
     )
 
 
-def _has_version(
-    file: _ElfFile, loaded: Sequence[_Section], tables: Mapping[int, int], number: int
-) -> bool:
-    """Return whether a dynamic symbol, given by its number, has a version."""
-    if _VERSIONS not in tables:
-        return False
-    version = file.unpack("H", _file_offset(loaded, tables[_VERSIONS]) + 2 * number)[0]
-    return version & _VERSION_INDEX > _NO_VERSION
-
-
-def _dynamic_entries(dynamic: Sequence[tuple[int, ...]]) -> tuple[list[int], dict[int, int]]:
-    """Return the name offsets of required libraries, and the other entries by tag."""
-    needed = []
-    tables = {}
-    for tag, value in dynamic:
-        if tag == _END:
-            break
-        if tag == _NEEDED:
-            needed.append(value)
-        else:
-            tables[tag] = value
-    return needed, tables
+def _symbol_count(contents: bytes, order: str, tables: Mapping[int, int], word: int) -> int:
+    """Return the number of dynamic symbols, from one of the hash tables; `word` is in bytes."""
+    if _SYSV_HASH in tables:  # one chain for each symbol
+        return int(struct.unpack_from(f"{order}4xI", contents, tables[_SYSV_HASH])[0])
+    # without a count: the end of the last chain is the last symbol
+    offset = tables[_GNU_HASH]
+    bucket_count, first, bloom_size = struct.unpack_from(f"{order}III", contents, offset)
+    buckets = offset + 16 + bloom_size * word
+    (last,) = max(_rows(contents, f"{order}I", buckets, bucket_count), default=(0,))
+    if last < first:
+        return int(first)
+    chain = buckets + 4 * (bucket_count + last - first)
+    while not struct.unpack_from(f"{order}I", contents, chain)[0] & 1:  # set at the end of a chain
+        chain += 4
+        last += 1
+    return last + 1
 
 
 # --- PE
@@ -270,46 +215,45 @@ def _read_pe(contents: bytes) -> Library:
     start = struct.unpack_from("<I", contents, 60)[0]  # e_lfanew, where the PE signature is
     if contents[start : start + 4] != b"PE\0\0":
         raise LibraryError("an MS-DOS program, no Windows library")
-    header = struct.unpack_from("<HHIIIHH", contents, start + 4)
-    machine, section_count, _, _, _, optional_size, flags = header
+    header = struct.unpack_from("<HH12xHH", contents, start + 4)
+    machine, section_count, optional_size, flags = header
     if not flags & _DLL:
         raise LibraryError("a Windows program, but no DLL")
     optional = start + 24  # header, after the signature and the COFF header
     is_64_bit = struct.unpack_from("<H", contents, optional)[0] == _PE32_PLUS
-    # the directory of exports is the first one, that of imports follows after 8 bytes
     directories = optional + (112 if is_64_bit else 96)
-    section_rows = _read_rows(contents, "<8xIIII16x", optional + optional_size, 40 * section_count)
+    exports, imports = struct.unpack_from("<I4xI", contents, directories)
+    table = optional + optional_size
     sections = [
-        _Section(address, max(size, raw), offset) for size, address, raw, offset in section_rows
+        _Section(address, max(size, raw), offset)
+        for size, address, raw, offset in _rows(contents, "<8xIIII16x", table, section_count)
     ]
     return Library(
         format="PE",
         machines=(_PE_MACHINES.get(machine, hex(machine)),),
-        exports=frozenset(_pe_exports(contents, sections, directories)),
-        needs=tuple(_pe_imports(contents, sections, directories + 8)),
+        exports=frozenset(_pe_exports(contents, sections, exports)),
+        needs=tuple(_pe_imports(contents, sections, imports)),
     )
 
 
-def _pe_exports(contents: bytes, sections: Sequence[_Section], entry: int) -> Iterator[str]:
-    """Yield the names in the export table to which a directory entry points."""
-    address = struct.unpack_from("<I", contents, entry)[0]
+def _pe_exports(contents: bytes, sections: Sequence[_Section], address: int) -> Iterator[str]:
+    """Yield the names in the export table at an address, which is 0 without one."""
     if not address:
         return
     table = _file_offset(sections, address)
-    count, _, names = struct.unpack_from("<III", contents, table + 24)  # NumberOfNames, ...
+    count, names = struct.unpack_from("<I4xI", contents, table + 24)  # NumberOfNames, ...
     if not count:
         return
-    for (name,) in _read_rows(contents, "<I", _file_offset(sections, names), 4 * count):
+    for (name,) in _rows(contents, "<I", _file_offset(sections, names), count):
         yield _read_text(contents, _file_offset(sections, name))
 
 
-def _pe_imports(contents: bytes, sections: Sequence[_Section], entry: int) -> Iterator[str]:
-    """Yield the names of libraries in the import table to which a directory entry points."""
-    address = struct.unpack_from("<I", contents, entry)[0]
+def _pe_imports(contents: bytes, sections: Sequence[_Section], address: int) -> Iterator[str]:
+    """Yield the names of libraries in the import table at an address, which is 0 without one."""
     if not address:
         return
     row = _file_offset(sections, address)
-    while name := struct.unpack_from("<IIIII", contents, row)[3]:
+    while name := struct.unpack_from("<12xI4x", contents, row)[0]:
         yield _read_text(contents, _file_offset(sections, name))
         row += 20
 
@@ -330,7 +274,7 @@ def _read_universal(contents: bytes) -> Library:
     """Read a Mach-O library with a part for each of several processors."""
     count = struct.unpack_from(">I", contents, 4)[0]
     parts = []
-    for _, _, offset, size, _ in _read_rows(contents, ">IIIII", 8, 20 * count):
+    for offset, size in _rows(contents, ">8xII4x", 8, count):
         part = contents[offset : offset + size]
         if len(part) != size or part[:4] not in (_MACH_64, _MACH_32):
             raise LibraryError("damaged: a part of the universal library is not in it")
@@ -345,7 +289,7 @@ def _read_universal(contents: bytes) -> Library:
 def _read_mach(contents: bytes) -> Library:
     """Read a Mach-O library for one processor."""
     is_64_bit = contents.startswith(_MACH_64)
-    machine, _, kind, count = struct.unpack_from("<IIII", contents, 4)
+    machine, kind, count = struct.unpack_from("<I4xII", contents, 4)
     if kind not in (_DYNAMIC_LIBRARY, _BUNDLE):
         raise LibraryError("a Mach-O file, but not a shared library")
     command_offset = 32 if is_64_bit else 28
@@ -368,9 +312,9 @@ def _read_mach(contents: bytes) -> Library:
 
 def _mach_exports(contents: bytes, offset: int, is_64_bit: bool) -> Iterator[str]:
     """Yield the exported names in the symbol table of a load command at an offset."""
-    symbols, count, strings, _ = struct.unpack_from("<IIII", contents, offset)
-    layout = "<IBBHQ" if is_64_bit else "<IBBHI"
-    for name, flags, *_ in _read_rows(contents, layout, symbols, count * struct.calcsize(layout)):
+    symbols, count, strings = struct.unpack_from("<III", contents, offset)
+    layout = "<IB11x" if is_64_bit else "<IB7x"
+    for name, flags in _rows(contents, layout, symbols, count):
         # defined in a section, external, neither private nor for debuggers
         if flags & 0x0E == 0x0E and flags & 0x01 and not flags & 0xF0:
             yield _read_text(contents, strings + name).removeprefix("_")
