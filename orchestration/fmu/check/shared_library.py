@@ -111,9 +111,9 @@ def _file_offset(sections: Sequence[_Section], address: int) -> int:
 
 # --- ELF
 
-# by word size (EI_CLASS): layouts of the header (type, machine; place, row size and number of
-# segments), of a segment (role, offset, address, size), of an entry for dynamic loading (tag, value)
-# and of a symbol (name, info, section)
+# by word size (EI_CLASS): layouts of the header (type and machine; place, row size and number of
+# segments), of a segment (role, offset, address, size), of an entry for dynamic loading (tag,
+# value), and of a symbol (name, info, section)
 _ELF_LAYOUTS = {
     1: ("16xHH8xI10xHH", "III4xI12x", "II", "I8xBxH"),
     2: ("16xHH12xQ14xHH", "I4xQQ8xQ16x", "QQ", "IBxH16x"),
@@ -139,50 +139,74 @@ _VERSION_INDEX = 0x7FFF  # the highest bit of a version marks a hidden symbol
 _NO_VERSION = 1  # largest version index that means no version: local or global
 
 
+class _ElfSymbol(NamedTuple):
+    """A global or weak symbol for dynamic loading."""
+
+    name: str
+    is_defined: bool
+    is_weak: bool
+    version: int
+
+
 def _read_elf(contents: bytes) -> Library:
     """Read an ELF library of either word size and byte order."""
     order = _ELF_ORDERS[contents[5]]
     header, segment, entry, symbol = (order + layout for layout in _ELF_LAYOUTS[contents[4]])
-    kind, machine, segments, row_size, count = struct.unpack_from(header, contents)
+    kind, machine, place, row_size, count = struct.unpack_from(header, contents)
     if kind != _SHARED_OBJECT:
         raise LibraryError("an ELF file, but not a shared library")
     if row_size != struct.calcsize(segment):  # which loaders refuse
         raise ValueError(row_size)
-    loaded = []
-    dynamic: Iterable[tuple[int, ...]] = ()
-    for role, offset, address, size in _rows(contents, segment, segments, count):
-        if role == _LOADABLE:
-            loaded.append(_Section(address, size, offset))
-        elif role == _DYNAMIC:
-            dynamic = _rows(contents, entry, offset, size // struct.calcsize(entry))
-    entries = [*takewhile(lambda row: row[0] != _END, dynamic)]
+    segments = [*_rows(contents, segment, place, count)]
+    loaded = [_Section(row[2], row[3], row[1]) for row in segments if row[0] == _LOADABLE]
+    entries = _dynamic_entries(contents, segments, entry)
     if not entries:
         raise LibraryError("an ELF file without a table for dynamic loading")
     tables = {tag: _file_offset(loaded, value) for tag, value in entries if tag in _TABLES}
     count = _symbol_count(contents, order, tables, struct.calcsize(entry) // 2)
+    rows = _rows(contents, symbol, tables[_SYMBOLS], count)
     versions: Iterable[tuple[int, ...]] = repeat((0,), count)
     if _VERSIONS in tables:
         versions = _rows(contents, f"{order}H", tables[_VERSIONS], count)
-    symbols = _rows(contents, symbol, tables[_SYMBOLS], count)
-    exports = set()
-    unsupplied = []
-    for (offset, info, section), (version,) in zip(symbols, versions, strict=True):
-        binding = info >> 4
-        if not offset or binding not in (_GLOBAL, _WEAK):
-            continue
-        name = _read_text(contents, tables[_STRINGS] + offset)
-        if section:
-            exports.add(name)
-        elif binding == _GLOBAL and version & _VERSION_INDEX <= _NO_VERSION:
-            unsupplied.append(name)
+    symbols = [*_elf_symbols(contents, rows, versions, tables[_STRINGS])]
+    unsupplied = [
+        one.name
+        for one in symbols
+        if not (one.is_defined or one.is_weak) and one.version <= _NO_VERSION
+    ]
     needed = [value for tag, value in entries if tag == _NEEDED]
     return Library(
         format="ELF",
         machines=(_ELF_MACHINES.get(machine, hex(machine)),),
         needs=tuple(_read_text(contents, tables[_STRINGS] + offset) for offset in needed),
-        exports=frozenset(exports),
+        exports=frozenset(one.name for one in symbols if one.is_defined),
         unsupplied=tuple(sorted(unsupplied)),
     )
+
+
+def _dynamic_entries(
+    contents: bytes, segments: Sequence[tuple[int, ...]], layout: str
+) -> list[tuple[int, ...]]:
+    """Return the tags and values of the table for dynamic loading; empty without one."""
+    for role, offset, _, size in segments:
+        if role == _DYNAMIC:
+            rows = _rows(contents, layout, offset, size // struct.calcsize(layout))
+            return [*takewhile(lambda row: row[0] != _END, rows)]
+    return []
+
+
+def _elf_symbols(
+    contents: bytes,
+    rows: Iterable[tuple[int, ...]],
+    versions: Iterable[tuple[int, ...]],
+    strings: int,
+) -> Iterator[_ElfSymbol]:
+    """Yield the global and weak symbols of a table, whose names are in that of strings."""
+    for (offset, info, section), (version,) in zip(rows, versions, strict=True):
+        binding = info >> 4
+        if offset and binding in (_GLOBAL, _WEAK):
+            name = _read_text(contents, strings + offset)
+            yield _ElfSymbol(name, section != 0, binding == _WEAK, version & _VERSION_INDEX)
 
 
 def _symbol_count(contents: bytes, order: str, tables: Mapping[int, int], word: int) -> int:
