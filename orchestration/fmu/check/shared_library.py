@@ -111,12 +111,21 @@ def _file_offset(sections: Sequence[_Section], address: int) -> int:
 
 # --- ELF
 
-# by word size (EI_CLASS): layouts of the header (type and machine; place, row size and number of
-# segments), of a segment (role, offset, address, size), of an entry for dynamic loading (tag,
-# value), and of a symbol (name, info, section)
-_ELF_LAYOUTS = {
-    1: ("16xHH8xI10xHH", "III4xI12x", "II", "I8xBxH"),
-    2: ("16xHH12xQ14xHH", "I4xQQ8xQ16x", "QQ", "IBxH16x"),
+
+class _ElfLayouts(NamedTuple):
+    """Layouts of what is read of an ELF file; the rest is skipped."""
+
+    header: str  # type and machine; place, row size and number of segments
+    segment: str  # role, offset, address, size
+    entry: str  # for dynamic loading: tag, value
+    symbol: str  # name, info, section
+    number: str = "I"
+    version: str = "H"
+
+
+_ELF_LAYOUTS = {  # by EI_CLASS
+    1: _ElfLayouts("16xHH8xI10xHH", "III4xI12x", "II", "I8xBxH"),
+    2: _ElfLayouts("16xHH12xQ14xHH", "I4xQQ8xQ16x", "QQ", "IBxH16x"),
 }
 _ELF_ORDERS = {1: "<", 2: ">"}  # by EI_DATA
 _ELF_MACHINES = {0x3: "x86", 0x3E: "x86_64", 0xB7: "arm64"}
@@ -144,43 +153,32 @@ class _ElfSymbol(NamedTuple):
 
     name: str
     is_defined: bool
-    is_weak: bool
-    version: int
+    is_unsupplied: bool  # a strong one without a version
 
 
 def _read_elf(contents: bytes) -> Library:
     """Read an ELF library of either word size and byte order."""
     order = _ELF_ORDERS[contents[5]]
-    header, segment, entry, symbol = (order + layout for layout in _ELF_LAYOUTS[contents[4]])
-    kind, machine, place, row_size, count = struct.unpack_from(header, contents)
+    layouts = _ElfLayouts(*(order + layout for layout in _ELF_LAYOUTS[contents[4]]))
+    kind, machine, place, size, count = struct.unpack_from(layouts.header, contents)
     if kind != _SHARED_OBJECT:
         raise LibraryError("an ELF file, but not a shared library")
-    if row_size != struct.calcsize(segment):  # which loaders refuse
-        raise ValueError(row_size)
-    segments = [*_rows(contents, segment, place, count)]
+    if size != struct.calcsize(layouts.segment):  # which loaders refuse
+        raise ValueError(size)
+    segments = [*_rows(contents, layouts.segment, place, count)]
     loaded = [_Section(row[2], row[3], row[1]) for row in segments if row[0] == _LOADABLE]
-    entries = _dynamic_entries(contents, segments, entry)
+    entries = _dynamic_entries(contents, segments, layouts.entry)
     if not entries:
         raise LibraryError("an ELF file without a table for dynamic loading")
     tables = {tag: _file_offset(loaded, value) for tag, value in entries if tag in _TABLES}
-    count = _symbol_count(contents, order, tables, struct.calcsize(entry) // 2)
-    rows = _rows(contents, symbol, tables[_SYMBOLS], count)
-    versions: Iterable[tuple[int, ...]] = repeat((0,), count)
-    if _VERSIONS in tables:
-        versions = _rows(contents, f"{order}H", tables[_VERSIONS], count)
-    symbols = [*_elf_symbols(contents, rows, versions, tables[_STRINGS])]
-    unsupplied = [
-        one.name
-        for one in symbols
-        if not (one.is_defined or one.is_weak) and one.version <= _NO_VERSION
-    ]
     needed = [value for tag, value in entries if tag == _NEEDED]
+    symbols = [*_elf_symbols(contents, layouts, tables)]
     return Library(
         format="ELF",
         machines=(_ELF_MACHINES.get(machine, hex(machine)),),
         needs=tuple(_read_text(contents, tables[_STRINGS] + offset) for offset in needed),
         exports=frozenset(one.name for one in symbols if one.is_defined),
-        unsupplied=tuple(sorted(unsupplied)),
+        unsupplied=tuple(sorted(one.name for one in symbols if one.is_unsupplied)),
     )
 
 
@@ -196,33 +194,40 @@ def _dynamic_entries(
 
 
 def _elf_symbols(
-    contents: bytes,
-    rows: Iterable[tuple[int, ...]],
-    versions: Iterable[tuple[int, ...]],
-    strings: int,
+    contents: bytes, layouts: _ElfLayouts, tables: Mapping[int, int]
 ) -> Iterator[_ElfSymbol]:
-    """Yield the global and weak symbols of a table, whose names are in that of strings."""
-    for (offset, info, section), (version,) in zip(rows, versions, strict=True):
+    """Yield the global and weak symbols for dynamic loading."""
+    count = _symbol_count(contents, layouts, tables)
+    versions: Iterable[tuple[int, ...]] = repeat((0,), count)
+    if _VERSIONS in tables:
+        versions = _rows(contents, layouts.version, tables[_VERSIONS], count)
+    symbols = _rows(contents, layouts.symbol, tables[_SYMBOLS], count)
+    for (offset, info, section), (version,) in zip(symbols, versions, strict=True):
         binding = info >> 4
         if offset and binding in (_GLOBAL, _WEAK):
-            name = _read_text(contents, strings + offset)
-            yield _ElfSymbol(name, section != 0, binding == _WEAK, version & _VERSION_INDEX)
+            has_version = version & _VERSION_INDEX > _NO_VERSION
+            is_unsupplied = not section and binding == _GLOBAL and not has_version
+            name = _read_text(contents, tables[_STRINGS] + offset)
+            yield _ElfSymbol(name, section != 0, is_unsupplied)
 
 
-def _symbol_count(contents: bytes, order: str, tables: Mapping[int, int], word: int) -> int:
-    """Return the number of dynamic symbols, from one of the hash tables; `word` is in bytes."""
-    if _SYSV_HASH in tables:  # one chain for each symbol
-        return int(struct.unpack_from(f"{order}4xI", contents, tables[_SYSV_HASH])[0])
+def _symbol_count(contents: bytes, layouts: _ElfLayouts, tables: Mapping[int, int]) -> int:
+    """Return the number of dynamic symbols, from one of the hash tables."""
+
+    def number(offset: int) -> int:
+        return int(struct.unpack_from(layouts.number, contents, offset)[0])
+
+    if _SYSV_HASH in tables:
+        return number(tables[_SYSV_HASH] + 4)  # one chain for each symbol
     # without a count: the end of the last chain is the last symbol
     offset = tables[_GNU_HASH]
-    bucket_count, first, bloom_size = struct.unpack_from(f"{order}III", contents, offset)
-    buckets = offset + 16 + bloom_size * word
-    (last,) = max(_rows(contents, f"{order}I", buckets, bucket_count), default=(0,))
+    bucket_count, first, bloom_size = (number(offset + 4 * k) for k in range(3))
+    buckets = offset + 16 + bloom_size * struct.calcsize(layouts.entry) // 2
+    (last,) = max(_rows(contents, layouts.number, buckets, bucket_count), default=(0,))
     if last < first:
-        return int(first)
-    chain = buckets + 4 * (bucket_count + last - first)
-    while not struct.unpack_from(f"{order}I", contents, chain)[0] & 1:  # set at the end of a chain
-        chain += 4
+        return first
+    chains = buckets + 4 * bucket_count
+    while not number(chains + 4 * (last - first)) & 1:  # set at the end of a chain
         last += 1
     return last + 1
 
