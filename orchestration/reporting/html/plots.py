@@ -77,19 +77,11 @@ class Panel:
     height : int
         Height in pixels.
     traces : list of Trace
-    band : pair of float, optional
-        A range to be shaded.
-    span : pair of float, optional
-        Range of the axis; default that of the traces.
-    logarithmic : bool
     """
 
     title: str
     height: int
     traces: list[Trace]
-    band: tuple[float, float] | None = None
-    span: tuple[float, float] | None = None
-    logarithmic: bool = False
 
 
 @dataclass(frozen=True)
@@ -120,20 +112,14 @@ class _Axis:
     @classmethod
     def over(cls, values: Sequence[Array], logarithmic: bool, margin: float = 0.0) -> _Axis:
         """Return an axis that includes all finite values, with a margin relative to their range."""
-        ends = []
-        for array in values:
-            shown = array[np.isfinite(array) & ((array > 0.0) | (not logarithmic))]
-            if len(shown):
-                ends += [shown.min(), shown.max()]
-        if not ends:
-            ends = [0.1, 1.0]
-        low, high = np.clip([min(ends), max(ends)], -_FARTHEST, _FARTHEST).tolist()
+        every = np.concatenate([np.empty(0), *values])
+        shown = every[np.isfinite(every) & ((every > 0.0) | (not logarithmic))]
+        ends = [shown.min(), shown.max()] if shown.size else [0.1, 1.0]
+        low, high = np.clip(ends, -_FARTHEST, _FARTHEST).tolist()
         if logarithmic:
-            room = (high / low) ** margin if high > low else 2.0
+            room = 1.0 if high > low else 2.0
             return cls(low / room, high * room, True)
-        room = margin * (high - low)
-        if low == high:
-            room = 0.5 * abs(high) or 0.5
+        room = margin * (high - low) if high > low else 0.5 * abs(high) or 0.5
         return cls(low - room, high + room)
 
     def share(self, values: Array) -> Array:
@@ -142,6 +128,10 @@ class _Axis:
             return np.asarray((values - self.low) / (self.high - self.low))
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(np.log(values / self.low) / np.log(self.high / self.low))
+
+    def place(self, value: float) -> float:
+        """Return the position of one value."""
+        return float(self.share(np.array(value)))
 
     def ticks(self) -> list[float]:
         """Return a few round values within the range."""
@@ -229,12 +219,20 @@ def stacked(
     traces = [trace for panel in panels for trace in panel.traces]
     axis = _Axis.over([trace.x for trace in traces], logarithmic)
     most = min(MOST, max(_MOST_OF_ALL // max(len(traces), 1), 100))
-    lines = [float(axis.share(np.array(place))) for place, _ in marks]
+    texts = [(axis.place(place), text) for place, text in marks]
     validation_start = None
     if boundary:
-        validation_start = float(axis.share(np.array(boundary.place)))
-        lines.append(validation_start)
-    parts = [_legend(traces), _strip(axis, boundary, marks)]
+        validation_start = axis.place(boundary.place)
+        texts.append((validation_start, f"{boundary.before} ◂"))
+    lines = [place for place, _ in texts]
+    strip = "".join(
+        f'<span style="right:{_percent(1.0 - place)}">{escaped(text)}</span>'
+        for place, text in texts
+    )
+    if boundary:
+        text = escaped(f"▸ {boundary.after}")
+        strip += f'<span style="left:{_percent(lines[-1])}">{text}</span>'
+    parts = [_legend(traces), f'<div class="strip">{strip}</div>' if strip else ""]
     parts += [_draw_panel(panel, axis, most, lines, validation_start) for panel in panels]
     labels = "".join(
         f'<span style="left:{_percent(share)}">{_number(tick)}</span>'
@@ -255,21 +253,6 @@ def _legend(traces: Sequence[Trace]) -> str:
     return f"<ul>{entries}</ul>" if entries else ""
 
 
-def _strip(axis: _Axis, boundary: Boundary | None, marks: Sequence[tuple[float, str]]) -> str:
-    """Return the texts above the panels, each ending at its mark or next to the boundary."""
-    texts_on_left = [*marks]
-    words = ""
-    if boundary:
-        texts_on_left.append((boundary.place, f"{boundary.before} ◂"))
-    for place, text in texts_on_left:
-        right = _percent(1.0 - float(axis.share(np.array(place))))
-        words += f'<span style="right:{right}">{escaped(text)}</span>'
-    if boundary:
-        left = _percent(float(axis.share(np.array(boundary.place))))
-        words += f'<span style="left:{left}">{escaped(f"▸ {boundary.after}")}</span>'
-    return f'<div class="strip">{words}</div>' if words else ""
-
-
 def _draw_panel(
     panel: Panel, axis: _Axis, most: int, lines: Sequence[float], validation_start: float | None
 ) -> str:
@@ -287,13 +270,15 @@ def _draw_panel(
     validation_start : float or None
         Position from which on the panel is shaded.
     """
-    upright = _upright_axis(panel)
+    included = [trace for trace in panel.traces if trace.makes_room] or panel.traces
+    edges = [edge for trace in included for edge in (trace.y, trace.low) if edge is not None]
+    upright = _Axis.over(edges, False, _MARGIN)
     drawn = ""
     if validation_start is not None:
-        drawn = _box(validation_start, 1.0, 0.0, 1.0, "#fbf5e6")
-    if panel.band is not None:
-        low, high = upright.share(np.array(panel.band))
-        drawn += _box(0.0, 1.0, float(low), float(high), "#e1e5e8")
+        left = _along(validation_start)
+        drawn = (
+            f'<rect x="{left}" width="{_WIDTH - left}" y="0" height="{_HEIGHT}" fill="#fbf5e6"/>'
+        )
     ticks = _shares(upright)
     drawn += "".join(f'<path class="grid" d="M0 {_down(y)}h{_WIDTH}"/>' for _, y in ticks)
     drawn += "".join(f'<path class="grid" d="M{_along(x)} 0v{_HEIGHT}"/>' for _, x in _shares(axis))
@@ -308,15 +293,6 @@ def _draw_panel(
         f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" preserveAspectRatio="none" role="img"'
         f' aria-label="{title}">{drawn}</svg>{values}</div>'
     )
-
-
-def _upright_axis(panel: Panel) -> _Axis:
-    """Return the vertical axis of a panel: its given range, or one that includes its traces."""
-    if panel.span is not None:
-        return _Axis(*panel.span, panel.logarithmic)
-    included = [trace for trace in panel.traces if trace.makes_room] or panel.traces
-    values = [edge for trace in included for edge in (trace.y, trace.low) if edge is not None]
-    return _Axis.over(values, panel.logarithmic, _MARGIN)
 
 
 def _draw_trace(trace: Trace, axis: _Axis, upright: _Axis, most: int) -> str:
@@ -358,14 +334,6 @@ def _path(points: Array) -> str:
     return f"{start}l{steps}" if steps else start
 
 
-def _box(left: float, right: float, low: float, high: float, colour: str) -> str:
-    """Return a filled rectangle, with its edges as shares of the panel's width and height."""
-    return (
-        f'<rect x="{_along(left)}" width="{_along(right) - _along(left)}" y="{_down(high)}"'
-        f' height="{_down(low) - _down(high)}" fill="{colour}"/>'
-    )
-
-
 def _along(share: float) -> int:
     """Return the horizontal coordinate of a position on the axis."""
     return round(_WIDTH * min(max(share, 0.0), 1.0))
@@ -378,7 +346,7 @@ def _down(share: float) -> int:
 
 def _shares(axis: _Axis) -> list[tuple[float, float]]:
     """Return the ticks of an axis, each with its position from 0 to 1."""
-    return [(tick, float(axis.share(np.array(tick)))) for tick in axis.ticks()]
+    return [(tick, axis.place(tick)) for tick in axis.ticks()]
 
 
 def _percent(share: float) -> str:

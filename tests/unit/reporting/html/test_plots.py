@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,10 +25,15 @@ WIDE, HIGH = 2000, 1000  # of the coordinates of a panel
 RED = "#ff0000"
 
 
+def unit_panel(trace):
+    """A panel from 0 to 1: a line that leaves its margins, beside one that makes no room."""
+    frame = Trace("frame", trace.x[[0, -1]], np.array([0.05, 1.05]) / 1.1, "#0000ff")
+    return Panel("a", 100, [replace(trace, makes_room=False), frame])
+
+
 def drawn(trace, **about):
-    """The points of a line, alone in a panel from 0 to 1."""
-    panel = Panel("a", 100, [trace], span=(0.0, 1.0))
-    text = f"{stacked([panel], 's', **about)}</figure>"
+    """The points of a line in a panel from 0 to 1."""
+    text = f"{stacked([unit_panel(trace)], 's', **about)}</figure>"
     return charts_of(text)[0][0].lines[RED]
 
 
@@ -79,7 +85,7 @@ def test_a_value_is_held_until_the_next_where_it_is_stepped():
 
 def test_nothing_is_drawn_in_a_gap():
     x, y = np.arange(5.0), np.array([0.0, 0.0, np.nan, 1.0, 1.0])
-    text = stacked([Panel("a", 100, [Trace("line", x, y, RED)], span=(0.0, 1.0))], "s")
+    text = stacked([unit_panel(Trace("line", x, y, RED))], "s")
     (path,) = re.findall(rf'd="(M[^"]*)" stroke="{RED}"', text)
     assert path.count("M") == 2
     assert points_of(path) == [(0, HIGH), (500, HIGH), (1500, 0), (2000, 0)]
@@ -126,7 +132,7 @@ def test_the_words_beside_a_boundary_and_marks_are_told():
 def test_any_values_are_drawn(values):
     line = Trace("line", np.array([0.0, 1.0]), np.array(values), RED)
     for logarithmic in (False, True):
-        text = stacked([Panel("a", 99, [line], logarithmic=logarithmic)], "s")
+        text = stacked([Panel("a", 99, [line])], "s", logarithmic)
         assert "nan" not in text
         assert "inf" not in text
 
