@@ -112,7 +112,7 @@ class _Axis:
     @classmethod
     def over(cls, values: Sequence[Array], logarithmic: bool, margin: float = 0.0) -> _Axis:
         """Return an axis that includes all finite values, with a margin relative to their range."""
-        every = np.concatenate([np.empty(0), *values])
+        every = np.concatenate([np.empty(0), *map(np.ravel, values)])
         shown = every[np.isfinite(every) & ((every > 0.0) | (not logarithmic))]
         ends = [shown.min(), shown.max()] if shown.size else [0.1, 1.0]
         low, high = np.clip(ends, -_FARTHEST, _FARTHEST).tolist()

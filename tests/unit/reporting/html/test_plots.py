@@ -130,7 +130,7 @@ def test_the_words_beside_a_boundary_and_marks_are_told():
 
 @pytest.mark.parametrize("values", [[0.0, 0.0], [np.nan, np.nan], [1e308, -1e308], [5.0, 5.0]])
 def test_any_values_are_drawn(values):
-    line = Trace("line", np.array([0.0, 1.0]), np.array(values), RED)
+    line = Trace("line", np.array([1.0, 2.0]), np.array(values), RED)
     for logarithmic in (False, True):
         text = stacked([Panel("a", 99, [line])], "s", logarithmic)
         assert "nan" not in text
