@@ -35,7 +35,7 @@ from orchestration.cli.commands.options import (
 from orchestration.cli.ending import end_interrupted
 from orchestration.cli.models import build_model, model_file, note_neutral
 from orchestration.cli.options import IsolateOption, JsonOption, platform_list
-from orchestration.cli.outputs import JSON, PAGE, Outputs, same_file, write_json
+from orchestration.cli.outputs import Outputs, named, same_file, write_json
 from orchestration.fmu import Model
 from orchestration.fmu.model import declared_model
 from orchestration.records import Record, files_of
@@ -43,13 +43,7 @@ from orchestration.reporting import flag, saving, write_page
 from orchestration.reporting.console import note, out, progress, tell_repairs, wrote
 from orchestration.system.ssp import ENDINGS
 
-_ENDINGS = {
-    "--json": JSON,
-    "--report": PAGE,
-    "--experiment": (".toml",),
-    "--effect-out": (".py",),
-    "--ssp": (".ssp",),
-}
+_FILES = ("json", "report", "experiment", "effect_out", "ssp")
 _SYSTEM_OPTIONS = options_of(
     MappingOption, SettingsOption, JsonOption, ReportOption, SystemOption, IsolateOption
 )
@@ -77,15 +71,8 @@ def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
         If a record or the model cannot be used, an effect is unknown, or something could not be
         written.
     """
-    chosen = only(DiagnoseKeywords, options)
     _check_explained(options)
-    judged = open_judged(options, partial(refuse_without_laws, options=chosen))
-    chosen["holdout"] = judged.holdouts or None
-    with progress() as tell:
-        chosen["progress"] = tell
-        result = diagnose(judged.records, judged.model, **chosen)
-    result = result.as_typed(command, _written(options))
-    _show(result, options["json"])
+    result = _made(diagnose, options, only(DiagnoseKeywords, options), command)
     if options["explain"]:
         out.print()
         out.print(*result.explain(*options["explain"]).overview(), sep="\n")
@@ -131,8 +118,7 @@ def run_each(options: DiagnoseCommand, workers: int, command: str) -> list[str]:
         raise UserError(f"{flag(unfit[0])} is of one diagnosis; --workers makes several")
     files = [file for path in options["records"] for file in files_of(path)]
     read: dict[str, Path | None] = {f"the record {file}": file for file in files}
-    written = {"--json": options["json"], "--report": options["report"]}
-    Outputs(read, written, _ENDINGS).check()
+    Outputs(read, named(options, "json", "report")).check()
     name = options["model"] or registry.default_model()
     declared = declared_model(name, options["laid_over"])
     note_neutral(declared, options["settings"] or {})
@@ -150,6 +136,22 @@ def run_each(options: DiagnoseCommand, workers: int, command: str) -> list[str]:
     if found.failures:
         raise SystemExit(2)
     return [one.verdict for one in found.values()]
+
+
+def _made(
+    work: Callable[..., DiagnosisResult],
+    options: DiagnoseCommand | LawsCommand,
+    chosen: dict[str, Any],
+    command: str,
+) -> DiagnosisResult:
+    """Return the result of a function of the API by its keywords; print it, and write its JSON."""
+    judged = open_judged(options, partial(refuse_without_laws, options=chosen))
+    with progress() as tell:
+        how = chosen | {"holdout": judged.holdouts or None, "progress": tell}
+        result = work(judged.records, judged.model, **how)
+    result = result.as_typed(command, _written(options))
+    _show(result, options["json"])
+    return result
 
 
 def _check_explained(options: DiagnoseCommand) -> None:
@@ -173,14 +175,7 @@ def run_laws(options: LawsCommand, command: str) -> DiagnosisResult:
         If a record or the model cannot be used, an effect is unknown, or something could not be
         written.
     """
-    chosen = only(LawsKeywords, options)
-    judged = open_judged(options, partial(refuse_without_laws, options=chosen))
-    chosen["holdout"] = judged.holdouts or None
-    with progress() as tell:
-        chosen["progress"] = tell
-        result = laws(judged.records, judged.model, **chosen)
-    result = result.as_typed(command, _written(options))
-    _show(result, options["json"])
+    result = _made(laws, options, only(LawsKeywords, options), command)
 
     def is_found(path: Path) -> bool:
         if not result.causes:
@@ -227,16 +222,14 @@ def run_system(options: DiagnoseCommand, system: str, command: str) -> SystemRes
     record, *others = options["records"]
     if others:
         raise UserError("a second record is about one model; --system takes one")
-    written = {"--json": options["json"], "--report": options["report"]}
     file = {"the system": Path(system)} if Path(system).suffix.lower() in ENDINGS else {}
-    Outputs({"the record": record, **file}, written, _ENDINGS).check()
+    Outputs({"the record": record, **file}, named(options, "json", "report")).check()
     chosen = only(DiagnoseKeywords, options)
     with progress() as tell:
         chosen["progress"] = tell
         result = diagnose(record, system=system, **chosen).as_typed(command, {})
     tell_repairs(result.record.repairs)
-    out.print(*result.overview(), sep="\n")
-    write_json(options["json"], result.to_dict())
+    _show(result, options["json"])
     write_all([(_report(result), options["report"])])
     return result
 
@@ -310,12 +303,11 @@ def check_files(options: DiagnoseCommand | LawsCommand, sources: Sequence[Path] 
     for source in sources:
         kind = "FMU" if source.suffix == ".fmu" else "file"
         read[f"the {kind} of --model"] = source
-    # an option has the name of its flag
-    written = {flag: given.get(flag[2:].replace("-", "_")) for flag in _ENDINGS}
+    written = {flag(name): given.get(name) for name in _FILES}
     if given["fmu"] is not None:
         for kind, path in fmu_paths(given["fmu"], ()).items():
             written[f"--fmu ({kind})"] = path
-    Outputs(read, written, _ENDINGS).check()
+    Outputs(read, written).check()
     for name, paths, reason in (
         ("--compare", later, "nothing in it can have changed"),
         ("--holdout", unseen, "nothing would be held out"),
@@ -337,7 +329,7 @@ def _written(options: DiagnoseCommand | LawsCommand) -> dict[str, str]:
     return {name: str(given[name]) for name in names if given.get(name) is not None}
 
 
-def _show(result: DiagnosisResult, path: Path | None) -> None:
+def _show(result: DiagnosisResult | SystemResult, path: Path | None) -> None:
     """Print a result, and write it as JSON if wanted."""
     out.print(*result.overview(), sep="\n")
     write_json(path, result.to_dict())

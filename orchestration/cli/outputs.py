@@ -11,15 +11,27 @@ from typing import Any, NamedTuple
 
 from fmus.kit import UserError, quoting
 from fmus.kit.extras import require
+from orchestration.reporting import flag
 
 STANDARD_OUTPUT = Path("-")
 JSON = (".json",)
 PAGE = (".html", ".htm")
 XML = (".xml",)
+PICTURE = (".png", ".svg", ".pdf")  # as in reporting.pictures, which takes time to load
+# formats of the options that have the same in all commands
+_FORMATS = {
+    "--json": JSON,
+    "--junit": XML,
+    "--plot": PICTURE,
+    "--report": PAGE,
+    "--experiment": (".toml",),
+    "--effect-out": (".py",),
+    "--ssp": (".ssp",),
+}
 # a list of numbers, whose lines are joined; a text has no end of a line in it
 _WRITTEN_BY = {
     ".parquet": ("pyarrow",),
-    **dict.fromkeys((".png", ".svg", ".pdf", *PAGE), ("matplotlib",)),
+    **dict.fromkeys((*PICTURE, *PAGE), ("matplotlib",)),
 }
 SIGNALS = (".nc", ".csv", ".parquet")  # as in experiment.results, which takes half a second to load
 
@@ -39,7 +51,7 @@ class Outputs(NamedTuple):
     writes : Mapping of str to Path or None
         Paths by option; ``-`` is standard output.
     endings : Mapping of str to sequence of str
-        Allowed file extensions by option; any for an option that is not in it.
+        Allowed file extensions by option, if they are not those of all commands.
     folders : Mapping of str to Path
         Folders to write into, by option.
     """
@@ -59,8 +71,9 @@ class Outputs(NamedTuple):
             format, or cannot be written; or if a package that writes it is not installed.
         """
         named: list[tuple[str, Path]] = []
+        formats = {**_FORMATS, **self.endings}
         for option, path in self.writes.items():
-            endings = self.endings.get(option, JSON)
+            endings = formats.get(option, JSON)
             if path is None or (path == STANDARD_OUTPUT and endings == JSON):
                 continue
             if _exists(option, path) and path.is_dir():
@@ -75,10 +88,15 @@ class Outputs(NamedTuple):
                     raise UserError(f"{other} and {option} both name {path}")
             named.append((option, path))
         for option, path in named:
-            _check_ending(option, path, self.endings.get(option, ()))
+            _check_ending(option, path, formats.get(option, ()))
             _check_folder(path.absolute().parent, path)
         for path in self.folders.values():
             _check_folder(path.absolute(), path)
+
+
+def named(options: Mapping[str, Any], *names: str) -> dict[str, Path | None]:
+    """Return the files that options name, by their flags."""
+    return {flag(name): options[name] for name in names}
 
 
 def same_file(a: Path, b: Path) -> bool:

@@ -8,7 +8,7 @@ from orchestration.api.declaration import only
 from orchestration.api.options import BlackBoxKeywords
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import BlackBoxCommand
-from orchestration.cli.outputs import JSON, PAGE, Outputs, standard_output_for, write_json
+from orchestration.cli.outputs import Outputs, named, standard_output_for, write_json
 
 if TYPE_CHECKING:
     from orchestration.identify.black_box.study import BlackBox
@@ -22,8 +22,8 @@ def black_box(options: BlackBoxCommand) -> None:
 
     Outputs(
         {"the record": options["record"]},
-        {"--report": options["report"], "--json": options["json"], "--out": options["out"]},
-        {"--report": PAGE, "--json": JSON, "--out": (".py",)},
+        named(options, "report", "json", "out"),
+        {"--out": (".py",)},
     ).check()
     chosen = only(BlackBoxKeywords, options)
     with progress() as tell:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import CheckCommand
-from orchestration.cli.outputs import JSON, XML, Outputs, standard_output_for, write_json
+from orchestration.cli.outputs import Outputs, named, standard_output_for, write_json
 
 if TYPE_CHECKING:
     from orchestration.cli.acceptance import Judged
@@ -34,8 +34,7 @@ def check(options: CheckCommand) -> None:
     accept = options["accept"]
     Outputs(
         {f"the FMU {fmu}": fmu for fmu in fmus} | {"the file of --accept": accept},
-        {"--json": path, "--junit": options["junit"]},
-        {"--json": JSON, "--junit": XML},
+        named(options, "json", "junit"),
     ).check()
     entries = [] if accept is None else read_acceptances(accept)
     findings = {fmu: check_fmu(fmu) for fmu in fmus}

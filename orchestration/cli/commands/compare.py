@@ -10,20 +10,12 @@ from fmus.kit import UserError
 from orchestration.cli.command import command, declared_options
 from orchestration.cli.commands.options import CompareCommand, ReferenceOptions
 from orchestration.cli.isolation import isolating
-from orchestration.cli.outputs import (
-    JSON,
-    PAGE,
-    XML,
-    Outputs,
-    standard_output_for,
-    write_json,
-)
+from orchestration.cli.outputs import JSON, Outputs, named, standard_output_for, write_json
 from orchestration.cli.verdicts import Case, conclude
 
 if TYPE_CHECKING:
     from orchestration.identify import Comparison
 
-_ENDINGS = {"--out": JSON, "--json": JSON, "--junit": XML, "--report": PAGE}
 _WRITES = ("out", "json", "junit", "plot", "report")
 _OF_FILES = ("record", *ReferenceOptions.__annotations__, *_WRITES)
 
@@ -64,11 +56,7 @@ def compare(options: CompareCommand) -> None:
 
 
 def _check_outputs(reads: Mapping[str, Path | None], options: CompareCommand) -> None:
-    from orchestration.reporting import pictures
-
-    given: Mapping[str, Any] = options
-    writes = {f"--{name}": given[name] for name in _WRITES}
-    Outputs(reads, writes, _ENDINGS | {"--plot": pictures.FORMATS}).check()
+    Outputs(reads, named(options, *_WRITES), {"--out": JSON}).check()
 
 
 def _compare_files(result: Path, reference: Path, options: CompareCommand) -> None:

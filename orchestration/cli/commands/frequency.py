@@ -10,7 +10,7 @@ from orchestration.api.options import FrequencyKeywords
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import FrequencyCommand
 from orchestration.cli.isolation import isolating
-from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
+from orchestration.cli.outputs import Outputs, named, standard_output_for, write_json
 
 if TYPE_CHECKING:
     from orchestration.cli.commands.options import MeasuredOptions
@@ -24,7 +24,6 @@ def frequency(options: FrequencyCommand) -> None:
     Without a model, name ratios of columns. Inputs are best periodic, or random.
     """
     from orchestration.cli.models import model_file
-    from orchestration.reporting import pictures
 
     model = options["model"]
     Outputs(
@@ -32,8 +31,8 @@ def frequency(options: FrequencyCommand) -> None:
             "the record": options["record"],
             "the model": None if model is None else model_file(model),
         },
-        {"--out": options["out"], "--json": options["json"], "--plot": options["plot"]},
-        {"--out": (".csv",), "--json": JSON, "--plot": pictures.FORMATS},
+        named(options, "out", "json", "plot"),
+        {"--out": (".csv",)},
     ).check()
     with isolating(options["isolate"]):
         responses = _without_model(options) if model is None else _with_model(options)

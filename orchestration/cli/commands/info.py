@@ -12,7 +12,7 @@ from orchestration.api.declaration import stated_of
 from orchestration.api.options import ReadingOptions
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import InfoCommand
-from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
+from orchestration.cli.outputs import Outputs, standard_output_for, write_json
 from orchestration.reporting import flag
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def info(options: InfoCommand) -> None:
     if options["of_model"] is not None or stated:
         name = flag(stated[0]) if stated else "--model"
         raise UserError(f"{name}: {model} is no record; {name} is for ppy info RECORD")
-    Outputs({"the model": model_file(model)}, {"--json": path}, {"--json": JSON}).check()
+    Outputs({"the model": model_file(model)}, {"--json": path}).check()
     known = _facts_of(model, options["laid_over"])
     with standard_output_for(path):
         _show(known)
@@ -50,12 +50,10 @@ def info(options: InfoCommand) -> None:
 def _show_diagnosis(options: InfoCommand) -> None:
     """Show a diagnosis from its file as it was shown when it was made."""
     from orchestration.api import load
-    from orchestration.cli.outputs import PAGE
     from orchestration.reporting.console import out, wrote
 
     file, path, page = Path(options["model"]), options["json"], options["report"]
-    endings = {"--json": JSON, "--report": PAGE}
-    Outputs({"the diagnosis": file}, {"--json": path, "--report": page}, endings).check()
+    Outputs({"the diagnosis": file}, {"--json": path, "--report": page}).check()
     stored = load(file)
     with standard_output_for(path):
         out.print(*stored.overview(), sep="\n")

@@ -13,11 +13,10 @@ from orchestration.cli.commands.options import RunCommand
 from orchestration.cli.experiments import raise_if_incomplete, run_and_write
 from orchestration.cli.isolation import hearing_ctrl_c
 from orchestration.cli.outputs import (
-    JSON,
-    PAGE,
+    PICTURE,
     SIGNALS,
-    XML,
     Outputs,
+    named,
     standard_output_for,
     write_json,
 )
@@ -77,11 +76,8 @@ def _run(
     """Run an experiment; return its result, and the comparison with an earlier one if there is."""
     from orchestration.experiment import read, results
     from orchestration.experiment.reading import files, is_result
-    from orchestration.reporting import pictures
     from orchestration.reporting.console import note
 
-    out = options["out"]
-    plot = options["plot"]
     source = Path(name)
     chosen = [*options["settings"]]
     if options["runtime"]:
@@ -91,10 +87,8 @@ def _run(
     reads = {"result" if made_again else "experiment": source} | files(experiment)
     Outputs(
         {f"the {role}": path for role, path in reads.items()},
-        {"--out": out, "--plot": plot, "--json": options["json"]}
-        | {"--junit": options["junit"], "--report": options["report"]},
-        {"--out": SIGNALS, "--plot": (*pictures.FORMATS, ".html"), "--json": JSON}
-        | {"--junit": XML, "--report": PAGE},
+        named(options, "out", "plot", "json", "junit", "report"),
+        {"--out": SIGNALS, "--plot": (*PICTURE, ".html")},
     ).check()
     earlier = results.read(source) if made_again and not chosen else None
     for flag, value in (("--tolerance", options["tube"]), ("--report", options["report"])):

@@ -12,7 +12,7 @@ from orchestration.api.options import MappingOption, source_of
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import SimulateCommand
 from orchestration.cli.isolation import hearing_ctrl_c, limits
-from orchestration.cli.outputs import SIGNALS, Outputs
+from orchestration.cli.outputs import SIGNALS, Outputs, named
 from orchestration.reporting import flag
 
 if TYPE_CHECKING:
@@ -33,7 +33,6 @@ def simulate(options: SimulateCommand) -> None:
     """Simulate a component, any FMU, or a system of FMUs."""
     from fmus.kit import registry
     from orchestration.cli.models import model_file
-    from orchestration.reporting import pictures
     from orchestration.system import NAMES
 
     stated = stated_of(MappingOption, options)
@@ -45,8 +44,8 @@ def simulate(options: SimulateCommand) -> None:
             "the model": model_file(options["model"]),
             "the state to go on from": options["state_in"],
         },
-        {flag(name): options[name] for name in ("out", "plot", "log_calls", "state_out")},
-        {"--out": SIGNALS, "--plot": pictures.FORMATS, "--log-calls": (), "--state-out": ()},
+        named(options, "out", "plot", "log_calls", "state_out"),
+        {"--out": SIGNALS, "--log-calls": (), "--state-out": ()},
     ).check()
     name = options["model"]
     if Path(name).suffix.lower() in _SYSTEMS or (name in NAMES and name not in registry.models()):
