@@ -350,16 +350,15 @@ class DiagnosisResult(Diagnosed):
         self._around = around
         self._law_map = law_map
         self.verdict: str = diagnosis.verdict
-        self.sentence = f"{wording.headline(diagnosis)}. {wording.support(diagnosis)}".strip()
+        self.sentence = wording.answer(diagnosis)
         named = [cause.name for cause in diagnosis.causes] if diagnosis.is_named else []
         self.causes: list[str] = named[:1]
         self.alternatives: list[str] = named[1:]
         self.probabilities = {cause.name: float(cause.probability) for cause in diagnosis.causes}
         self.parameters = diagnosis.parameters
         self.changed: list[str] = list(diagnosis.changed)
-        before = diagnosis.errors(diagnosis.found.base)
-        after = diagnosis.errors(diagnosis.final)
-        self.gain = DiagnosisGain(_known(before), _known(after))
+        errors = (diagnosis.errors_before, diagnosis.errors_after)
+        self.gain = DiagnosisGain(*map(_known, errors))
         self.model: type[Component] = diagnosis.component
         self.experiment = (
             ProposedExperiment(diagnosis.experiment, diagnosis.model.name)

@@ -141,13 +141,13 @@ def run_each(options: DiagnoseCommand, workers: int, command: str) -> list[str]:
 def _made(
     work: Callable[..., DiagnosisResult],
     options: DiagnoseCommand | LawsCommand,
-    chosen: dict[str, Any],
+    chosen: DiagnoseKeywords | LawsKeywords,
     command: str,
 ) -> DiagnosisResult:
     """Return the result of a function of the API by its keywords; print it, and write its JSON."""
     judged = open_judged(options, partial(refuse_without_laws, options=chosen))
     with progress() as tell:
-        how = chosen | {"holdout": judged.holdouts or None, "progress": tell}
+        how = {**chosen, "holdout": judged.holdouts or None, "progress": tell}
         result = work(judged.records, judged.model, **how)
     result = result.as_typed(command, _written(options))
     _show(result, options["json"])

@@ -110,6 +110,11 @@ class Diagnosis:
         return self.found.subject_of(self.reading)
 
     @property
+    def cls(self) -> type[Component]:
+        """The component that was diagnosed; the one made around an FMU without equations."""
+        return self.found.subject.problem.model.cls
+
+    @property
     def observer(self) -> Observer | None:
         """The observer by whose predictions models are judged; None if free runs judge them."""
         return self.found.subject.observer
@@ -152,7 +157,7 @@ class Diagnosis:
         """Terms of the final model in the order in which they explain, by name."""
         if not self.is_named:
             return {}
-        return stems(self.found.subject.problem.model.cls, self.causes[0].terms)
+        return stems(self.cls, self.causes[0].terms)
 
     @cached_property
     def component(self) -> type[Component]:
@@ -211,6 +216,16 @@ class Diagnosis:
                 best = min(same, key=lambda one: float(np.nanmean(one.choosing**2)))
                 rungs.append(Rung(parts[:count], self.error(best)))
         return tuple(rungs)
+
+    @cached_property
+    def errors_before(self) -> dict[str, float | None]:
+        """Errors of the model without terms, by output; see `errors`."""
+        return self.errors(self.found.base)
+
+    @cached_property
+    def errors_after(self) -> dict[str, float | None]:
+        """Errors of the final model, by output; see `errors`."""
+        return self.errors(self.final)
 
     def errors(self, judged: Judged) -> dict[str, float | None]:
         """Return RMS errors where nothing was chosen, over `Subject.sizes`, by output."""

@@ -23,8 +23,8 @@ _MARKS = 150  # samples that are marked below a curve
 @draw.register(Diagnosis)
 def draw_diagnosis(diagnosis: Diagnosis) -> Figure:
     """Draw what was left out of the output whose error falls most, above the residuals."""
-    before = diagnosis.errors(diagnosis.found.base)
-    after = diagnosis.errors(diagnosis.final)
+    before = diagnosis.errors_before
+    after = diagnosis.errors_after
 
     def fall(course: curves.OutputCourse) -> float:
         return (before[course.output] or 0.0) - (after[course.output] or 0.0)
@@ -60,7 +60,7 @@ def draw_curve(law_map: LawMap) -> Figure:
         If no law is found to lack a function of a signal.
     """
     diagnosis = law_map.diagnosis
-    cls = diagnosis.subject.problem.model.cls
+    cls = diagnosis.cls
     curve = next(iter(curves.term_curves(diagnosis.final.fit, diagnosis.terms).values()), None)
     if curve is None:
         raise UserError("no law is found to lack anything, so there is no curve to draw")

@@ -135,7 +135,7 @@ def _command(diagnosis: Diagnosis, later: Sequence[Record]) -> str:
 
 def law_rows(law_map: LawMap) -> Iterator[LawRow]:
     """Yield a row for each law over a signal, the largest gain first."""
-    cls = law_map.diagnosis.subject.problem.model.cls
+    cls = law_map.diagnosis.cls
     for entry in law_map.entries:
         term = entry.term
         yield LawRow(
@@ -173,7 +173,7 @@ def changes_view(changed: Changed) -> ChangesView:
         rows=tuple(tuple(cells) for _, cells in rows),
         intervals=tuple(_intervals(change) for change, _ in rows),
         verdict=changed.later.verdict,
-        by_itself=wording.by_itself(changed),
+        by_itself=wording.answer(changed.later),
         notes=_messages(changed.later),
     )
 
@@ -236,7 +236,7 @@ def _remainder_rows(diagnosis: Diagnosis) -> Iterator[tuple[str, ...]]:
 def _parameter_rows(diagnosis: Diagnosis) -> Iterator[tuple[str, ...]]:
     """Yield a row for each parameter; those that differ from nominal are marked."""
     of_terms = {name for name in diagnosis.parameters if name.startswith(tuple(diagnosis.terms))}
-    places = _places(diagnosis.subject.problem.model.cls, diagnosis.terms)
+    places = _places(diagnosis.cls, diagnosis.terms)
     for name, estimate in diagnosis.parameters.items():
         label = name + places.get(name, "")
         yield (
@@ -316,7 +316,7 @@ def _numbers(values: Array) -> Numbers:
 
 def _curve(diagnosis: Diagnosis, curve: curves.TermCurve) -> CurveView:
     """Return what a term adds over its signal."""
-    cls = diagnosis.subject.problem.model.cls
+    cls = diagnosis.cls
     term = curve.term
     unit = "1" if term.factor else unit_of(cls, term.law)
     title = law_title(cls, term.factor or term.law)

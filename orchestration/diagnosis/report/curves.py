@@ -110,10 +110,10 @@ def simulations(diagnosis: Diagnosis, course: OutputCourse) -> list[Simulation]:
         before, after = "model, file as read", "model, file corrected"
     result = []
     if np.isfinite(course.before).any():
-        error = diagnosis.errors(diagnosis.found.base)[course.output]
+        error = diagnosis.errors_before[course.output]
         result.append(Simulation(before, course.before, False, error))
     if diagnosis.is_named:
-        error = diagnosis.errors(diagnosis.final)[course.output]
+        error = diagnosis.errors_after[course.output]
         result.append(Simulation(after, course.after, True, error))
     return result
 

@@ -34,29 +34,28 @@ def summary(diagnosis: Diagnosis, written: Mapping[str, str] | None = None) -> d
         Files that are written with it, by option; see `wording.next_step`.
     """
     causes = diagnosis.causes if diagnosis.is_named else ()
-    lead = causes[:1]
-    before = diagnosis.errors(diagnosis.found.base)
-    after = diagnosis.errors(diagnosis.final)
+    group = [cause_figures(diagnosis, cause) for cause in diagnosis.causes]
+    before = diagnosis.errors_before
     experiment = diagnosis.experiment
     return {
         "verdict": diagnosis.verdict,
-        "headline": f"{wording.headline(diagnosis)}. {wording.support(diagnosis)}".strip(),
+        "headline": wording.answer(diagnosis),
         "next_step": wording.next_step(diagnosis, written),
         "baseline": {"holdout_fit_percent": {n: wording.fit_percent(v) for n, v in before.items()}},
         "parameters": {n: e.to_dict() for n, e in diagnosis.parameters.items()},
         "changed": list(diagnosis.changed),
-        "causes": [cause_figures(diagnosis, cause) for cause in lead],
+        "causes": group[:1] if diagnosis.is_named else [],
         "alternatives": [
             {"effect": c.name, "instead_of": causes[0].name, "probability": float(c.probability)}
             for c in causes[1:]
         ],
-        "group": [cause_figures(diagnosis, cause) for cause in diagnosis.causes],
+        "group": group,
         "nothing": {"probability": float(diagnosis.conclusion.nothing)},
         "ladder": [
             {"terms": [wording.name(part) for part in rung.parts], "error": rung.error}
             for rung in diagnosis.ladder
         ],
-        "gain": {"holdout_nrmse_before": before, "holdout_nrmse_after": after},
+        "gain": {"holdout_nrmse_before": before, "holdout_nrmse_after": diagnosis.errors_after},
         "left": [
             {
                 "output": one.output,
@@ -78,7 +77,7 @@ def summary(diagnosis: Diagnosis, written: Mapping[str, str] | None = None) -> d
 def law_figures(law_map: LawMap) -> list[dict[str, Any]]:
     """Return what each law gains over each signal; curves of the terms of the first cause, SI."""
     diagnosis = law_map.diagnosis
-    cls = diagnosis.subject.problem.model.cls
+    cls = diagnosis.cls
     fitted = term_curves(diagnosis.final.fit, diagnosis.terms).values()
     curves = {one.term.cause: one for one in fitted}
     rows = []
@@ -106,7 +105,7 @@ def law_figures(law_map: LawMap) -> list[dict[str, Any]]:
 
 def cause_figures(diagnosis: Diagnosis, cause: Cause) -> dict[str, Any]:
     """Return the figures of a cause: its leading part, and those that go with it."""
-    named = stems(diagnosis.subject.problem.model.cls, cause.terms)
+    named = stems(diagnosis.cls, cause.terms)
     fitted = estimates(cause.judged.fit, named)
     of_terms = {term: _term_figures(diagnosis, stem, term, fitted) for stem, term in named.items()}
     first, *others = [
@@ -143,7 +142,7 @@ def _reading_figures(reading: Reading) -> dict[str, Any]:
 def _term_figures(
     diagnosis: Diagnosis, stem: str, term: Term, fitted: dict[str, Estimate]
 ) -> dict[str, Any]:
-    cls = diagnosis.subject.problem.model.cls
+    cls = diagnosis.cls
     names = [parameter.name for parameter in term_parameters(cls, stem, term)]
     return {
         "law": term.law,

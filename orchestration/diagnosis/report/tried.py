@@ -34,7 +34,7 @@ class TriedSet:
 
 def tried_sets(diagnosis: Diagnosis) -> Iterator[TriedSet]:
     """Yield the sets that were fitted, the best first, and each in its best fit."""
-    cls = diagnosis.subject.problem.model.cls
+    cls = diagnosis.cls
     known = set()
     for one in diagnosis.found.compared():
         parts = "; ".join(

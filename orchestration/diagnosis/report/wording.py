@@ -8,7 +8,6 @@ from math import isfinite
 from fmus.kit.titles import law_title
 from fmus.kit.units import format_value
 from orchestration.diagnosis.cause import Cause
-from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.comparison import WEIGHTS
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.readings import Reading
@@ -77,7 +76,7 @@ def error_text(share: float | None) -> str:
 def cause_text(diagnosis: Diagnosis, cause: Cause) -> str:
     """Return the leading part of a cause for people."""
     lead = cause.parts[0]
-    cls = diagnosis.subject.problem.model.cls
+    cls = diagnosis.cls
     if isinstance(lead, Term) and lead.law in fed_laws(cls):
         return sentence(cls, lead, float(cause.judged.fit.values_of(lead)[0]))
     return part_text(diagnosis, lead)
@@ -95,7 +94,7 @@ def sizes(diagnosis: Diagnosis, cause: Cause) -> list[FittedSize]:
     if not isinstance(lead, NamedTerm):
         return []
     effect = diagnosis.subject.problem.model.effects[lead.effect]
-    fitted = estimates(cause.judged.fit, stems(diagnosis.subject.problem.model.cls, cause.terms))
+    fitted = estimates(cause.judged.fit, stems(diagnosis.cls, cause.terms))
     declared = {p.name: p for p in effect.layout.parameters}
     return fitted_sizes(effect, fitted, declared)
 
@@ -104,7 +103,7 @@ def part_text(diagnosis: Diagnosis, part: Reading | Term) -> str:
     """Return a part of a cause for people: a term, or a fault of the files."""
     if isinstance(part, Reading):
         return f"{part.sentence} in {files(diagnosis)}"
-    return sentence(diagnosis.subject.problem.model.cls, part)
+    return sentence(diagnosis.cls, part)
 
 
 def name(part: Reading | Term) -> str:
@@ -128,8 +127,13 @@ def alias_lines(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
+def answer(diagnosis: Diagnosis) -> str:
+    """Return the answer, and what supports it."""
+    return f"{headline(diagnosis)}. {support(diagnosis)}".strip()
+
+
 def headline(diagnosis: Diagnosis) -> str:
-    """Return the answer: causes with their probabilities, or what was found in their place."""
+    """Return the headline: causes with their probabilities, or what was found in their place."""
     if diagnosis.verdict == "consistent":
         return "nothing is missing that this record can show"
     if diagnosis.verdict == "recalibrate":
@@ -165,14 +169,14 @@ def _leading(diagnosis: Diagnosis) -> str:
 
 def support(diagnosis: Diagnosis) -> str:
     """Return the effect on the error of samples that nobody chose by, and what is left."""
-    before = diagnosis.errors(diagnosis.found.base)
-    after = diagnosis.errors(diagnosis.final)
-    known = [name for name, value in before.items() if value is not None]
+    after = diagnosis.errors_after
+    changes = [
+        f"{name} {error_text(before)} → {error_text(after[name])}"
+        for name, before in diagnosis.errors_before.items()
+        if before is not None
+    ]
     sentences = []
-    if diagnosis.is_named and known:
-        changes = [
-            f"{name} {error_text(before[name])} → {error_text(after[name])}" for name in known
-        ]
+    if diagnosis.is_named and changes:
         sentences.append(f"Error on unseen samples: {', '.join(changes)}.")
     sentences += [remainder_sentence(one) for one in _structured_first(diagnosis.remainders)[:1]]
     return " ".join(sentences)
@@ -348,7 +352,7 @@ def _experiment(diagnosis: Diagnosis, written: Mapping[str, str]) -> str:
     if any(code == "futile_experiment" for code, _, _ in diagnosis.notes):
         return "record another signal as well, on which the causes act in another way"
     terms = [t for cause in diagnosis.causes for t in cause.parts[:1] if isinstance(t, Term)]
-    cls = diagnosis.subject.problem.model.cls
+    cls = diagnosis.cls
     titles = (law_title(cls, t.signal) if t.signal else "the operating point" for t in terms)
     signals = list(dict.fromkeys(titles))
     if len(signals) > 1:
@@ -383,11 +387,6 @@ def ends(interval: tuple[float, float], written: Callable[[float], str]) -> str:
     if isfinite(high):
         return f"at most {written(high)}"
     return "not determined"
-
-
-def by_itself(changed: Changed) -> str:
-    """Return what is wrong with a later record alone."""
-    return f"{headline(changed.later)}. {support(changed.later)}".strip()
 
 
 def _structured_first(remainders: Sequence[Remainder]) -> list[Remainder]:

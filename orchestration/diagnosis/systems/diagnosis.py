@@ -190,8 +190,8 @@ class MemberDiagnosis:
         diagnosis = self.judgement.diagnosis
         if diagnosis is None:
             return {}
-        before = diagnosis.errors(diagnosis.found.base)
-        after = diagnosis.errors(diagnosis.final)
+        before = diagnosis.errors_before
+        after = diagnosis.errors_after
         found = {}
         for remainder in diagnosis.remainders:
             member, name = self.judgement.origin(remainder.output)
