@@ -29,6 +29,48 @@ _NAMES = (
 _UNBOUNDED = 1e9  # nominal values, beyond which a bound is none
 _ADDED = "ADDED"  # name of the classes of a file
 _NUMBERS_IN_LINE = 6  # of a table
+_FILE = """{title!a}
+
+# from fmus.kit import stack
+# better = stack({stacked}, defaults=FITTED)
+from fmus.kit import {used}
+{base_value}
+# the model's own parameters as they were fitted to {files!a}, SI
+FITTED = {{
+{fitted}
+}}
+{body}
+{added}"""
+_CLASS = """
+
+class {name}(Effect):
+    {doc!a}
+
+    id = {stem!a}
+    neutral = {stem!a}
+    assumption = {assumption!a}
+"""
+_RATE = """
+    def {stem}_memory_rate(self):
+        now = {now}
+        return {rate}"""
+_UPDATES = {  # of memories that are followed at sample instants
+    Memory.PLAY: """
+    def {stem}_memory_update(self):
+        now = {now}
+        way = self.{stem}_way
+        return maximum(minimum(self.{stem}_memory, now + way), now - way)""",
+    Memory.DAHL: """
+    def {stem}_before_update(self):
+        return {now}
+
+    def {stem}_memory_update(self):
+        now = {now}
+        moved = now - self.{stem}_before
+        share = exp(-absolute(moved) / self.{stem}_way)
+        end = where(moved < 0.0, -self.{stem}_way, self.{stem}_way)
+        return share * self.{stem}_memory + (1.0 - share) * end""",
+}
 
 
 def effect_source(fitted: Fit, terms: Mapping[str, Term], files: str) -> str:
@@ -55,20 +97,20 @@ def effect_source(fitted: Fit, terms: Mapping[str, Term], files: str) -> str:
     used = [name for name in _NAMES if re.search(rf"\b{name}\b", body)]
     cls = fitted.problem.model.cls
     subjects = "; ".join(one.subject for one in classes)
-    lines = [
-        ascii(f"{capitalised(subjects)}: what {cls.name} lacks on a record."),
-        "",
-        "# from fmus.kit import stack",
-        f"# better = stack({', '.join([cls.__name__, *names])}, defaults=FITTED)",
-        f"from fmus.kit import {', '.join(used)}",
-    ]
+    base_value, added = "", ""
     if "base_value(" in body:
-        lines.append("from fmus.kit.law_terms import base_value")
-    lines += ["", f"# the model's own parameters as they were fitted to {files!a}, SI"]
-    lines += ["FITTED = {", *_fitted_lines(cls, made), "}", body]
-    if "base_value(" in body:
-        lines += ["", "", f"{_ADDED} = ({', '.join(names)},)"]
-    return "\n".join(lines) + "\n"
+        base_value = "from fmus.kit.law_terms import base_value\n"
+        added = f"\n\n{_ADDED} = ({', '.join(names)},)\n"
+    return _FILE.format(
+        title=f"{capitalised(subjects)}: what {cls.name} lacks on a record.",
+        stacked=", ".join([cls.__name__, *names]),
+        used=", ".join(used),
+        base_value=base_value,
+        files=files,
+        fitted="\n".join(_fitted_lines(cls, made)),
+        body=body,
+        added=added,
+    )
 
 
 def _classes(fitted: Fit, made: type[Component], terms: Mapping[str, Term]) -> list[_Class]:
@@ -171,13 +213,12 @@ class _Class:
         """Yield the lines of the class, with its table before."""
         term = self._term
         yield from self._table_lines()
-        yield from ("", "", f"class {self.name}(Effect):")
-        yield from (f"    {f'{capitalised(self.subject)}: {shape_text(term)}.'!a}", "")
-        yield f"    id = {self._stem!a}"
-        yield f"    neutral = {self._stem!a}"
-        assumption = f"{term.law} does not depend on {term.signal or 'it'} like this"
-        yield f"    assumption = {assumption!a}"
-        yield ""
+        yield _CLASS.format(
+            name=self.name,
+            stem=self._stem,
+            doc=f"{capitalised(self.subject)}: {shape_text(term)}.",
+            assumption=f"{term.law} does not depend on {term.signal or 'it'} like this",
+        )
         if term.places:
             doc = f"how much of its table {term.law} has"
             yield f"    {self._stem} = Parameter(1.0, '1', nominal=1.0, doc={doc!a})"
@@ -262,48 +303,28 @@ class _Class:
 
     def _memory_lines(self) -> Iterator[str]:
         """Yield the states of a memory with their rates or updates."""
-        term, memory = self._term, f"{self._stem}_memory"
+        term, stem = self._term, self._stem
         if not term.has_memory:
             return
-        now = self._plain_value(term.signal)
         start = float(memory_samples(self._fitted, term)[0])
-        yield self._state_line(memory, start, f"memory of {term.signal}")
-        if not term.memory.is_sampled:
-            kind = MEMORIES[term.memory]
-            constants = {name: f"self.{self._stem}_{name}" for name in kind.constants}
-            rate = kind.rate.format(memory=f"self.{memory}", **constants)
-            yield from ("", f"    def {memory}_rate(self):", f"        now = {now}")
-            yield f"        return {rate}"
-            return
+        yield self._state_line(f"{stem}_memory", start, f"memory of {term.signal}")
         if term.memory is Memory.DAHL:
-            before = f"{self._stem}_before"
             first = float(signal_samples(self._fitted, term.signal)[0])
-            yield self._state_line(before, first, f"{term.signal} at the instant before")
-            yield from ("", f"    def {before}_update(self):", f"        return {now}")
-        yield from ("", f"    def {memory}_update(self):", *self._update_lines(now))
+            yield self._state_line(f"{stem}_before", first, f"{term.signal} at the instant before")
+        kind = MEMORIES[term.memory]
+        constants = {name: f"self.{stem}_{name}" for name in kind.constants}
+        rate = kind.rate.format(memory=f"self.{stem}_memory", **constants)
+        methods = _UPDATES.get(term.memory, _RATE)
+        yield methods.format(stem=stem, now=self._plain_value(term.signal), rate=rate)
 
     def _state_line(self, name: str, start: float, doc: str) -> str:
         """Return the declaration of a state, which is discrete where the memory is sampled."""
         kind, moves = "State", f"rate='{name}_rate'"
         if self._given.period:
-            kind, moves = (
-                "Discrete",
-                f"update='{name}_update', period={_number(self._given.period)}",
-            )
+            kind = "Discrete"
+            moves = f"update='{name}_update', period={_number(self._given.period)}"
         about = f"start={_number(start)}, nominal={_number(self._term.scale)}, doc={doc!a}"
         return f"    {name} = {kind}({self._given.signal_unit!a}, {moves}, {about})"
-
-    def _update_lines(self, now: str) -> Iterator[str]:
-        """Yield the body of the update of a memory that is followed at sample instants."""
-        memory, way = f"self.{self._stem}_memory", f"self.{self._stem}_way"
-        yield f"        now = {now}"
-        if self._term.memory is Memory.PLAY:
-            yield f"        return maximum(minimum({memory}, now + {way}), now - {way})"
-            return
-        yield f"        moved = now - self.{self._stem}_before"
-        yield f"        share = exp(-absolute(moved) / {way})"
-        yield f"        end = where(moved < 0.0, -{way}, {way})"
-        yield f"        return share * {memory} + (1.0 - share) * end"
 
 
 def _declaration(parameter: ParameterDeclaration) -> str:
