@@ -7,17 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmus.kit import UserError
-from fmus.kit.titles import capitalised, law_title
+from fmus.kit.titles import capitalised
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.law_map import LawMap
-from orchestration.diagnosis.report import curves, wording
-from orchestration.diagnosis.term_names import seen_title, seen_unit, sentence, unit_of
+from orchestration.diagnosis.report import added_to_law, curve_view, curves, wording
+from orchestration.diagnosis.term_names import sentence
 from orchestration.reporting import draw, pictures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-_MARKS = 150  # samples that are marked below a curve
 
 
 @draw.register(Diagnosis)
@@ -60,20 +58,15 @@ def draw_curve(law_map: LawMap) -> Figure:
         If no law is found to lack a function of a signal.
     """
     diagnosis = law_map.diagnosis
-    cls = diagnosis.cls
     curve = next(iter(curves.term_curves(diagnosis.final.fit, diagnosis.terms).values()), None)
     if curve is None:
         raise UserError("no law is found to lack anything, so there is no curve to draw")
-    term = curve.term
-    title = capitalised(sentence(cls, term))
-    below = pictures.with_unit(seen_title(cls, term), seen_unit(cls, term))
-    figure, (axis,) = pictures.panels(1, title, below, height=3.0)
+    shown = curve_view(diagnosis, curve)
+    title = capitalised(sentence(diagnosis.cls, curve.term))
+    figure, (axis,) = pictures.panels(1, title, shown.signal, height=3.0)
     axis.plot(curve.signal, curve.addition, color=pictures.FITTED)
-    samples = curve.samples[:: max(1, len(curve.samples) // _MARKS)]
-    floor = np.full(samples.shape, float(curve.addition.min()))
-    axis.plot(samples, floor, "|", color=pictures.MEASURED, label="samples of the record")
-    title = law_title(cls, term.factor or term.law)
-    added = f"part of {title}" if term.factor else f"added to {title}"
-    pictures.label(axis, added, "1" if term.factor else unit_of(cls, term.law))
+    floor = np.full(len(shown.samples), curve.addition.min())
+    axis.plot(shown.samples, floor, "|", color=pictures.MEASURED, label="samples of the record")
+    pictures.label(axis, *added_to_law(diagnosis, curve.term))
     axis.legend(frameon=False)
     return figure

@@ -9,7 +9,7 @@ import io
 import os
 import sys
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from datetime import timedelta
 from pathlib import Path
 from threading import Timer
@@ -23,6 +23,7 @@ from rich.progress import (
     ProgressColumn,
     SpinnerColumn,
     Task,
+    TaskID,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
@@ -185,7 +186,7 @@ class Tell:
 
     def __init__(self, bar: Progress | None):
         self._bar = bar
-        self._task = bar.add_task("", total=None) if bar else None
+        self._task = bar.add_task("", total=None) if bar else TaskID(0)
         self._text = ""
         self._part = 0
         self._whole = 0
@@ -203,7 +204,7 @@ class Tell:
         self._first_report = None
         self._lines = 0
         self._step_start = self._part_start = self._last_line = monotonic()
-        if self._bar is not None and self._task is not None:
+        if self._bar is not None:
             self._bar.reset(self._task, description=text, total=None)
         else:
             err.print(text, soft_wrap=True)
@@ -225,7 +226,7 @@ class Tell:
             self._print_duration()
             self._text = text
             self._part_start = monotonic()
-        if self._bar is not None and self._task is not None:
+        if self._bar is not None:
             self._bar.update(self._task, completed=part, total=whole, description=self._text)
         elif text and (self._lines < _FIRST_PARTS or _verbose):
             self._print_progress()
@@ -284,13 +285,6 @@ class _Rate(ProgressColumn):
 @contextmanager
 def progress() -> Iterator[Tell]:
     """Show the current step, its progress and its remaining time on standard error."""
-    if not err.is_terminal or err.quiet:
-        tell = Tell(None)
-        try:
-            yield tell
-        finally:
-            tell.finish()
-        return
     columns = (
         SpinnerColumn(),
         TextColumn("{task.description}", markup=False, table_column=Column(ratio=1, no_wrap=True)),
@@ -300,10 +294,18 @@ def progress() -> Iterator[Tell]:
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=err, transient=True, expand=True) as bar:
+    shown = Progress(*columns, console=err, transient=True, expand=True)
+    with shown if _is_watched() else nullcontext() as bar:
         tell = Tell(bar)
-        yield tell
-        tell.finish()
+        try:
+            yield tell
+        finally:
+            tell.finish()
+
+
+def _is_watched() -> bool:
+    """Return whether somebody sees a bar on standard error."""
+    return err.is_terminal and not err.quiet
 
 
 @contextmanager
@@ -321,7 +323,7 @@ def bar(step: str = "") -> Iterator[Tell | NotebookBar | None]:
             yield below
         finally:
             below.finish()
-    elif err.is_terminal and not err.quiet:
+    elif _is_watched():
         with progress() as tell:
             tell(step)
             yield tell

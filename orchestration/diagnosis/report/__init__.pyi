@@ -2,8 +2,10 @@ from . import curves as curves
 from . import summary as summary
 from . import terminal as terminal
 from . import wording as wording
+from .content import added_to_law as added_to_law
 from .content import answer_of as answer_of
 from .content import changes_view as changes_view
+from .content import curve_view as curve_view
 from .content import law_rows as law_rows
 from .content import view_of as view_of
 from .effect_file import effect_source as effect_source

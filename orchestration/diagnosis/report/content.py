@@ -109,7 +109,7 @@ def view_of(
         command=command or _command(diagnosis, later),
         errors=tuple(rung.error for rung in diagnosis.ladder),
         courses=tuple(_course(diagnosis, one) for one in curves.output_courses(diagnosis)),
-        curves=tuple(_curve(diagnosis, one) for one in terms),
+        curves=tuple(curve_view(diagnosis, one) for one in terms),
         compared=(
             f"{len(diagnosis.found.compared())} fits of sets of terms in"
             f" {wording.runs(diagnosis)} were compared with the model without terms."
@@ -314,17 +314,22 @@ def _numbers(values: Array) -> Numbers:
     return tuple(float(f"{v:.{_DIGITS}g}") if np.isfinite(v) else None for v in values.tolist())
 
 
-def _curve(diagnosis: Diagnosis, curve: curves.TermCurve) -> CurveView:
+def added_to_law(diagnosis: Diagnosis, term: Term) -> tuple[str, str]:
+    """Return what the curve of a term shows, and its unit."""
+    title = law_title(diagnosis.cls, term.factor or term.law)
+    if term.factor:
+        return f"part of {title}", "1"
+    return f"added to {title}", unit_of(diagnosis.cls, term.law)
+
+
+def curve_view(diagnosis: Diagnosis, curve: curves.TermCurve) -> CurveView:
     """Return what a term adds over its signal."""
     cls = diagnosis.cls
     term = curve.term
-    unit = "1" if term.factor else unit_of(cls, term.law)
-    title = law_title(cls, term.factor or term.law)
-    added = f"part of {title}" if term.factor else f"added to {title}"
     places = np.quantile(curve.samples, np.linspace(0.0, 1.0, _MARKS))
     places = places[(places >= curve.signal[0]) & (places <= curve.signal[-1])]
     return CurveView(
-        added=pictures.with_unit(added, unit),
+        added=pictures.with_unit(*added_to_law(diagnosis, term)),
         signal=pictures.with_unit(seen_title(cls, term), seen_unit(cls, term)),
         caption=(
             f"{capitalised(sentence(cls, term))}: {shape_text(term)}, where x is the signal below."

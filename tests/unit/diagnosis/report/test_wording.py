@@ -66,7 +66,7 @@ def test_an_effect_says_how_large_it_is_and_a_law_does_not(dry, monkeypatch):
     cause = SimpleNamespace(parts=(term,), terms=(term,), judged=SimpleNamespace(fit=None))
     fitted = {"c": Estimate(0.16, 0.0, (0.1, 0.25), "1/C^2")}
     monkeypatch.setattr(wording, "estimates", lambda fit, terms: fitted)
-    text = wording.cause_with_size(SimpleNamespace(subject=subject), cause)
+    text = wording.cause_with_size(SimpleNamespace(subject=subject, cls=Oscillator), cause)
     assert text == "levelling strain: beyond 2.5 C (95 %: 2.0 … 3.2 C)"
     assert wording.cause_with_size(dry, dry.causes[0]) == wording.cause_text(dry, dry.causes[0])
 
