@@ -139,15 +139,15 @@ def _show(data: xarray.Dataset) -> None:
     from orchestration.reporting import plain_table
     from orchestration.reporting.console import out
 
-    columns = ("smallest", "largest", "last")
     out.print(page.state(data))
     if "deadlines" in data.attrs:
         out.print(page.pace(data))
+    columns = ("smallest", "largest", "last")
     out.print(plain_table(None, "signal", *columns, right=columns, rows=page.extremes(data)))
     cycles = page.cycles(data)
     if cycles:
-        head = page.CYCLE_COLUMNS
-        out.print(plain_table(None, *head, right=head[1:], rows=cycles))
+        columns = page.CYCLE_COLUMNS
+        out.print(plain_table(None, *columns, right=columns[1:], rows=cycles))
 
 
 def experiment_on_system(options: SimulateCommand) -> Experiment:

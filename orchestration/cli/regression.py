@@ -18,7 +18,8 @@ def show(regression: Regression) -> None:
     from orchestration.reporting import plain_table
     from orchestration.reporting.console import note, out
 
-    out.print(plain_table(None, *page.COLUMNS, right=page.COLUMNS[1:4], rows=page.rows(regression)))
+    rows = page.rows(regression)
+    out.print(plain_table(None, *page.COLUMNS, right=page.COLUMNS[1:4], rows=rows))
     for one in regression.refused:
         out.print(f"not as in {regression.reference}: {one.signal} {one.message}")
     if regression.new:

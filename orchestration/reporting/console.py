@@ -294,13 +294,16 @@ def progress() -> Iterator[Tell]:
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    shown = Progress(*columns, console=err, transient=True, expand=True)
-    with shown if _is_watched() else nullcontext() as bar:
-        tell = Tell(bar)
-        try:
-            yield tell
-        finally:
-            tell.finish()
+    bar = Progress(*columns, console=err, transient=True, expand=True) if _is_watched() else None
+    tell = Tell(bar)
+    if bar is not None:
+        bar.start()
+    try:
+        yield tell
+    finally:
+        tell.finish()
+        if bar is not None:
+            bar.stop()
 
 
 def _is_watched() -> bool:

@@ -168,10 +168,12 @@ def view_of(diagnosis: SystemDiagnosis, command: str = "") -> SystemView:
 
 def overview(shown: SystemView) -> Group:
     """Return what ``ppy diagnose --system`` prints."""
-    members = plain_table(None, *MEMBER_HEAD, rows=shown.members)
-    outputs = plain_table("outputs", *OUTPUT_HEAD, rows=shown.outputs)
-    told = [Text(f"  {text}") for text in shown.notes]
-    return Group(Text(shown.sentence, "bold"), members, *told, outputs)
+    return Group(
+        Text(shown.sentence, "bold"),
+        plain_table(None, *MEMBER_HEAD, rows=shown.members),
+        *(Text(f"  {text}") for text in shown.notes),
+        plain_table("outputs", *OUTPUT_HEAD, rows=shown.outputs),
+    )
 
 
 def _member_rows(diagnosis: SystemDiagnosis) -> Iterator[tuple[str, ...]]:

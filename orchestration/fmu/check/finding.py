@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 _MOST_LISTED = 8
+_HEAD = ("line", "severity", "code", "message")
 
 
 class Rule(NamedTuple):
@@ -112,10 +113,11 @@ class Findings(Displayable, list[Finding]):
         """Yield the numbers of findings by severity, and a table of the findings."""
         yield self._counts
         if self:
-            table = plain_table(None, "line", "severity", "code", "message")
-            for finding in self:
-                table.add_row(str(finding.line), finding.severity, finding.code, finding.message)
-            yield table
+            rows = [(str(line), *texts) for line, *texts in self._rows()]
+            yield plain_table(None, *_HEAD, rows=rows)
+
+    def _rows(self) -> list[tuple[int, str, str, str]]:
+        return [(one.line, one.severity, one.code, one.message) for one in self]
 
     def to_frame(self) -> pandas.DataFrame:
         """Return a table with a row for each finding.
@@ -127,8 +129,7 @@ class Findings(Displayable, list[Finding]):
         """
         import pandas
 
-        rows = [(one.line, one.severity, one.code, one.message) for one in self]
-        return pandas.DataFrame(rows, columns=["line", "severity", "code", "message"])
+        return pandas.DataFrame(self._rows(), columns=[*_HEAD])
 
 
 def listed(names: Iterable[str]) -> str:
