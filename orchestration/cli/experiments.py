@@ -146,8 +146,8 @@ def _show(data: xarray.Dataset) -> None:
     out.print(plain_table(None, "signal", *columns, right=columns, rows=page.extremes(data)))
     cycles = page.cycles(data)
     if cycles:
-        columns = page.CYCLE_COLUMNS
-        out.print(plain_table(None, *columns, right=columns[1:], rows=cycles))
+        of_cycles = page.CYCLE_COLUMNS
+        out.print(plain_table(None, *of_cycles, right=of_cycles[1:], rows=cycles))
 
 
 def experiment_on_system(options: SimulateCommand) -> Experiment:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmus.kit import Component, quoting
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Indices
 from fmus.kit.titles import capitalised, in_words, law_title
 from fmus.kit.units import format_value
 from orchestration.diagnosis.changes import Changed
@@ -42,7 +40,7 @@ from orchestration.diagnosis.view import (
 from orchestration.identify.changes import Change, change_rows, describe_changes
 from orchestration.records import Record
 from orchestration.reporting import flag, pictures
-from orchestration.reporting.html import facts_about
+from orchestration.reporting.html import extremes, facts_about
 
 _SETS = 12  # that are listed
 _BINS = 800  # of a course, of which every line keeps its lowest and its highest point
@@ -295,18 +293,13 @@ def _course(diagnosis: Diagnosis, course: curves.OutputCourse) -> CourseView:
     )
 
 
-def _extremes(lines: Sequence[Array]) -> NDArray[np.intp]:
+def _extremes(lines: Sequence[Array]) -> Indices:
     """Return indices of samples: all, or those where a line has an end of a stretch's range."""
     n = len(lines[0])
-    edges = np.linspace(0, n, _BINS + 1).astype(int)
     if n <= 2 * _BINS * len(lines):
         return np.arange(n)
-    kept = {0, n - 1}
-    for line in lines:
-        low, high = np.nan_to_num(line, nan=np.inf), np.nan_to_num(line, nan=-np.inf)
-        for first, last in pairwise(edges.tolist()):
-            kept |= {first + int(low[first:last].argmin()), first + int(high[first:last].argmax())}
-    return np.array(sorted(kept))
+    kept = [extremes(line, 2 * _BINS) for line in lines]
+    return np.unique(np.concatenate([[0, n - 1], *kept]))
 
 
 def _numbers(values: Array) -> Numbers:

@@ -10,5 +10,6 @@ from .page import facts_about as facts_about
 from .plots import Boundary as Boundary
 from .plots import Panel as Panel
 from .plots import Trace as Trace
+from .plots import extremes as extremes
 from .plots import heat_map as heat_map
 from .plots import stacked as stacked

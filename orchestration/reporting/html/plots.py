@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Indices
 from orchestration.reporting.html.page import Markup, escaped
 
 _GAP = 10.0  # a line is broken at a step this many times longer than both of its neighbours
@@ -171,18 +171,31 @@ def envelope(x: Array, y: Array, most: int = MOST) -> tuple[Array, Array]:
     x, y : ndarray, shape (m,)
         The line itself if it has no more points.
     """
+    kept = extremes(y, most)
+    return x[kept], y[kept]
+
+
+def extremes(y: Array, most: int) -> Indices:
+    """Return indices of the lowest and the highest point of each of equally long runs of points.
+
+    Parameters
+    ----------
+    y : ndarray, shape (n,)
+        NaN is a gap.
+    most : int
+        Largest number of indices to return; all of a line that has no more points.
+    """
     n = len(y)
     if n <= most:
-        return x, y
+        return np.arange(n)
     size = math.ceil(n / (most // 2))  # points of a bin, of which two remain
     bins = np.full((math.ceil(n / size), size), np.nan)
     bins.flat[:n] = y
     is_gap = np.isnan(bins)
     lowest = np.where(is_gap, np.inf, bins).argmin(axis=1)
     highest = np.where(is_gap, -np.inf, bins).argmax(axis=1)
-    extremes = np.sort([lowest, highest], axis=0) + size * np.arange(len(bins))
-    indices = extremes.T.ravel()  # in the order of x
-    return x[indices], y[indices]
+    ends = np.sort([lowest, highest], axis=0) + size * np.arange(len(bins))
+    return np.asarray(ends.T.ravel())  # in the order of the points
 
 
 def break_at_gaps(x: Array, y: Array) -> tuple[Array, Array]:
