@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from inspect import Parameter, Signature, signature
 from typing import Annotated, Any
 
 import typer
 
-from fmus.kit import registry
+from fmus.kit import UserError, registry
 from orchestration.api.declaration import REQUIRED, Option, options_of
 from orchestration.cli.panels import panel_of
 
@@ -57,10 +57,32 @@ def command(declared: type) -> Callable[[Body], Body]:
     return decorate
 
 
-def declared_options(made: Callable[..., None]) -> Mapping[str, Option]:
-    """Return the options of a function that `command` made, by name."""
-    options: Mapping[str, Option] = vars(made)["__options__"]
-    return options
+def refuse(
+    declared: type, options: Mapping[str, object], names: Iterable[str], reason: str
+) -> None:
+    """Refuse options that are for other uses of a command.
+
+    Parameters
+    ----------
+    declared : type
+        Class that declares the options of the command.
+    options : Mapping of str to object
+        Their values.
+    names : iterable of str
+        Of those that are refused.
+    reason : str
+        End of the message, after the flag.
+
+    Raises
+    ------
+    UserError
+        If one of them is given.
+    """
+    known = options_of(declared)
+    for name in names:
+        option = _with_default(known[name])
+        if not option.is_default(options[name]):
+            raise UserError(f"{option.flags[0]} {reason}")
 
 
 def _with_default(option: Option) -> Option:

@@ -26,6 +26,7 @@ from orchestration.api.options import (
     MappingOption,
     SettingsOption,
 )
+from orchestration.cli.command import refuse
 from orchestration.cli.commands.options import (
     DiagnoseCommand,
     LawsCommand,
@@ -111,11 +112,8 @@ def run_each(options: DiagnoseCommand, workers: int, command: str) -> list[str]:
     SystemExit
         After the results, if some records could not be diagnosed or Ctrl-C was pressed.
     """
-    values = cast("Mapping[str, object]", options)
-    known = options_of(DiagnoseCommand)
-    unfit = [name for name in _OF_ONE if not known[name].is_default(values[name])]
-    if unfit:
-        raise UserError(f"{flag(unfit[0])} is of one diagnosis; --workers makes several")
+    reason = "is of one diagnosis; --workers makes several"
+    refuse(DiagnoseCommand, options, _OF_ONE, reason)
     files = [file for path in options["records"] for file in files_of(path)]
     read: dict[str, Path | None] = {f"the record {file}": file for file in files}
     Outputs(read, named(options, "json", "report")).check()
@@ -208,17 +206,9 @@ def run_system(options: DiagnoseCommand, system: str, command: str) -> SystemRes
     UserError
         If the record or the system cannot be used, or an option is given that is of one model only.
     """
-    values = cast("Mapping[str, object]", options)
-    given = options_of(DiagnoseCommand).values()
-    unfit = [
-        option.flags[0]
-        for option in given
-        if option.name not in _OF_SYSTEMS and not option.is_default(values[option.name])
-    ]
-    if unfit:
-        raise UserError(
-            f"{unfit[0]} is about one model; --system tells which member to name with --model"
-        )
+    of_models = (name for name in options if name not in _OF_SYSTEMS)
+    reason = "is about one model; --system tells which member to name with --model"
+    refuse(DiagnoseCommand, options, of_models, reason)
     record, *others = options["records"]
     if others:
         raise UserError("a second record is about one model; --system takes one")

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError
+from orchestration.cli.command import refuse
+from orchestration.cli.commands.options import SimulateCommand
 from orchestration.cli.ending import kept_in
 from orchestration.cli.isolation import limits
 from orchestration.cli.outputs import part_of
@@ -16,7 +18,7 @@ from orchestration.cli.real_time import IncompleteRecord, keep, status_line
 if TYPE_CHECKING:
     import xarray
 
-    from orchestration.cli.commands.options import RunCommand, SimulateCommand
+    from orchestration.cli.commands.options import RunCommand
     from orchestration.experiment import Experiment, ExperimentResult
     from orchestration.experiment.live import Live
     from orchestration.fmu import Signal
@@ -162,9 +164,8 @@ def experiment_on_system(options: SimulateCommand) -> Experiment:
     from orchestration.experiment.subjects import open_subject
 
     name = options["model"]
-    for option, value in (("--with", options["laid_over"]), ("--preset", options["preset"])):
-        if value:
-            raise UserError(f"{option} is about one model; {name} is a system")
+    reason = f"is about one model; {name} is a system"
+    refuse(SimulateCommand, options, ("laid_over", "preset"), reason)
     tables: dict[str, Any] = {"system": name}
     own = {key: options[key] for key in ("step", "runtime")} | {"duration": options["stop"]}
     tables |= {key: value for key, value in own.items() if value is not None}

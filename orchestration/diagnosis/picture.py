@@ -65,8 +65,9 @@ def draw_curve(law_map: LawMap) -> Figure:
     title = capitalised(sentence(diagnosis.cls, curve.term))
     figure, (axis,) = pictures.panels(1, title, shown.signal, height=3.0)
     axis.plot(curve.signal, curve.addition, color=pictures.FITTED)
-    floor = np.full(len(shown.samples), curve.addition.min())
-    axis.plot(shown.samples, floor, "|", color=pictures.MEASURED, label="samples of the record")
+    samples = np.array(shown.samples, dtype=float)
+    floor = np.full(samples.shape, curve.addition.min())
+    axis.plot(samples, floor, "|", color=pictures.MEASURED, label="samples of the record")
     pictures.label(axis, *added_to_law(diagnosis, curve.term))
     axis.legend(frameon=False)
     return figure

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from fmus.kit import UserError
-from orchestration.cli.command import command, declared_options
+from orchestration.cli.command import command, refuse
 from orchestration.cli.commands.options import CompareCommand, ReferenceOptions
 from orchestration.cli.isolation import isolating
 from orchestration.cli.outputs import JSON, Outputs, named, standard_output_for, write_json
@@ -31,9 +30,8 @@ def compare(options: CompareCommand) -> None:
     if options["reference"] is not None:
         _compare_files(options["record"], options["reference"], options)
         return
-    for flag, value in (("--tube", options["tube"]), ("--report", options["report"])):
-        if value is not None:
-            raise UserError(f"{flag} is for two files: ppy compare RESULT REFERENCE")
+    files = "is for two files: ppy compare RESULT REFERENCE"
+    refuse(CompareCommand, options, ("tube", "report"), files)
     from orchestration.cli.models import model_file, note_neutral, open_measured
     from orchestration.identify import comparison as work
     from orchestration.reporting.console import progress
@@ -66,10 +64,9 @@ def _compare_files(result: Path, reference: Path, options: CompareCommand) -> No
     from orchestration.records import read_samples
     from orchestration.reporting.console import tell_repairs
 
-    given: Mapping[str, Any] = options
-    for name, option in declared_options(compare).items():
-        if name not in _OF_FILES and not option.is_default(given[name]):
-            raise UserError(f"{option.flags[0]} is for a model and a record; these are two files")
+    of_models = (name for name in options if name not in _OF_FILES)
+    reason = "is for a model and a record; these are two files"
+    refuse(CompareCommand, options, of_models, reason)
     _check_outputs({"the result": result, "the reference": reference}, options)
     one, other = read_samples(result), read_samples(reference)
     tell_repairs([*one.repairs, *other.repairs])

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError
-from orchestration.cli.command import command
+from orchestration.cli.command import command, refuse
 from orchestration.cli.commands.options import RunCommand
 from orchestration.cli.experiments import raise_if_incomplete, run_and_write
 from orchestration.cli.isolation import hearing_ctrl_c
@@ -91,9 +91,9 @@ def _run(
         {"--out": SIGNALS, "--plot": (*PICTURE, ".html")},
     ).check()
     earlier = results.read(source) if made_again and not chosen else None
-    for flag, value in (("--tolerance", options["tube"]), ("--report", options["report"])):
-        if value is not None and earlier is None:
-            raise UserError(f"{flag} is for a result that is made again, without --set")
+    if earlier is None:
+        reason = "is for a result that is made again, without --set"
+        refuse(RunCommand, options, ("tube", "report"), reason)
     if earlier is not None and not earlier.attrs["complete"]:
         note(f"{name} is incomplete; it is repeated as far as it goes, {experiment.duration:g} s")
     data = run_and_write(experiment, name, options, live)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from fmus.kit import UserError
 from orchestration.api.declaration import stated_of
 from orchestration.api.options import MappingOption, source_of
-from orchestration.cli.command import command
+from orchestration.cli.command import command, refuse
 from orchestration.cli.commands.options import SimulateCommand
 from orchestration.cli.isolation import hearing_ctrl_c, limits
 from orchestration.cli.outputs import SIGNALS, Outputs, named
@@ -49,10 +49,7 @@ def simulate(options: SimulateCommand) -> None:
     ).check()
     name = options["model"]
     if Path(name).suffix.lower() in _SYSTEMS or (name in NAMES and name not in registry.models()):
-        given: Mapping[str, object] = options
-        for option in _OF_ONE_FMU:
-            if given[option]:
-                raise UserError(f"{flag(option)} is for one FMU; this is a system")
+        refuse(SimulateCommand, options, _OF_ONE_FMU, "is for one FMU; this is a system")
         _simulate_system(options)
     else:
         _simulate_model(options)
