@@ -12,6 +12,7 @@ from fmus.kit.arrays import Array, Mask
 from orchestration.diagnosis.fitting import Fit
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.runs import Course, Linearisation, Record, Setting, step_of
+from orchestration.diagnosis.terms import Term
 
 _PLACES = 20  # of the function of a signal, by which the actions of two laws differ
 _DIFFERENT = 1e-3  # share of squares that no such function explains
@@ -91,6 +92,24 @@ class Courses:
         states = {v.name: self.states[:, i] for i, v in enumerate(model.states)}
         laws = dict(zip(model.laws, self.laws.T, strict=True))
         return inputs | states | laws | {"time": np.concatenate(self.times)}
+
+    def remembered(self, term: Term) -> Array:
+        """Return the values (n,) of the memory of a term of the fit."""
+        remembering = [one for one in self.fitted.terms if one.has_memory]
+        return self.states[:, len(self.model.states) + remembering.index(term)]
+
+    def seen_by(self, term: Term) -> Array:
+        """Return the values (n,) of its signal, or of the memory of it, as a term sees them."""
+        values = self.values[term.signal]
+        if not term.has_memory:
+            return values
+        remembered = self.remembered(term)
+        return values - remembered if term.memory.is_behind else remembered
+
+
+def courses_of_fit(fitted: Fit) -> Courses | None:
+    """Run a fitted model over its own records; None if it runs away in one of them."""
+    return courses_of(fitted, fitted.problem.records, fitted.point.starts)
 
 
 def courses_of(fitted: Fit, pieces: Sequence[Record], starts: Sequence[Array]) -> Courses | None:

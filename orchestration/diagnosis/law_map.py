@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fmus.kit.arrays import single_threaded
-from orchestration.diagnosis.courses import courses_of
+from orchestration.diagnosis.courses import courses_of_fit
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.screening import screen_of
 from orchestration.diagnosis.terms import SensorTerm, Term
@@ -57,7 +57,7 @@ def map_laws(diagnosis: Diagnosis) -> LawMap:
     """
     subject = diagnosis.found.subject
     base = (subject.fewer or subject).base
-    along = courses_of(base, base.problem.records, base.point.starts)
+    along = courses_of_fit(base)
     if along is None:
         return LawMap(diagnosis, ())
     screen = screen_of(along, is_candidate=_is_dependence)

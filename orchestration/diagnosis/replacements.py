@@ -90,7 +90,7 @@ def replacements(along: Courses, term: Term) -> Iterator[tuple[Term, list[Array]
     term : Term
         Of a law, with a signal.
     """
-    place = _Place(along, term, _seen_by(along, term))
+    place = _Place(along, term, along.seen_by(term))
     others, candidates = zip(*place.candidates(), strict=True)
     screen = Screen(along, candidates, term)
     sets = [(i,) for i in range(len(candidates))]
@@ -106,17 +106,6 @@ def replacements(along: Courses, term: Term) -> Iterator[tuple[Term, list[Array]
         (explaining,), _ = screen.solve([i])
         starts = place.nearest(candidates[i]), explaining
         yield other, [place.start(candidates[i], start) for start in starts]
-
-
-def _seen_by(along: Courses, term: Term) -> Array:
-    """Return the values (n,) of its signal as a term of the fit sees them."""
-    values = along.values[term.signal]
-    if not term.has_memory:
-        return values
-    remembering = [one for one in along.fitted.terms if one.has_memory]
-    place = len(along.model.states) + remembering.index(term)
-    remembered = along.states[:, place]
-    return values - remembered if term.memory.is_behind else remembered
 
 
 def other_shapes(term: Term, low: float, high: float) -> Iterator[Term]:

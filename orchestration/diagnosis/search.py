@@ -24,7 +24,7 @@ from orchestration.diagnosis.comparison import (
     contrast,
     inexact,
 )
-from orchestration.diagnosis.courses import Courses, courses_of
+from orchestration.diagnosis.courses import Courses, courses_of, courses_of_fit
 from orchestration.diagnosis.fitting import (
     FLAT,
     SMALL,
@@ -133,7 +133,7 @@ class Found:
     def along(self) -> Courses | None:
         """The model without terms along the fitted records."""
         fitted = self.base.fit
-        return courses_of(fitted, fitted.problem.records, fitted.point.starts)
+        return courses_of_fit(fitted)
 
     def compared(self) -> list[Ranked]:
         """Return each fit with its comparison to the base, the highest score first."""
@@ -527,7 +527,7 @@ class _Rounds:
         None if the model runs away, or nothing may be a cause.
         """
         if count == 1:
-            along = courses_of(fitted, fitted.problem.records, fitted.point.starts)
+            along = courses_of_fit(fitted)
         else:
             pieces, starts = _pieces(fitted, count)
             along = courses_of(fitted, pieces, starts) if pieces else None
@@ -585,7 +585,7 @@ class _Rounds:
         asked = []
         for one in self.found.best(_SHAPES):
             fitted = one.fit
-            along = courses_of(fitted, fitted.problem.records, fitted.point.starts)
+            along = courses_of_fit(fitted)
             if along is None:
                 continue
             for term in filter(_is_function, one.terms):

@@ -10,9 +10,9 @@ import numpy as np
 from fmus.kit.arrays import Array
 from fmus.kit.units import convert
 from orchestration.diagnosis.comparison import Judged
+from orchestration.diagnosis.courses import Courses, courses_of_fit
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.fitting import Fit
-from orchestration.diagnosis.runs import Course
 from orchestration.diagnosis.terms import NamedTerm, Term
 
 _POINTS = 200  # of a curve
@@ -134,11 +134,12 @@ def _simulated(diagnosis: Diagnosis, judged: Judged) -> Array:
 
 def term_curves(fitted: Fit, terms: dict[str, Term]) -> dict[str, TermCurve]:
     """Return the curve of every term that has a signal, over what the fitted records reached."""
+    along = own_courses(fitted)
     curves = {}
     for name, term in terms.items():
         if not term.signal or isinstance(term, NamedTerm):
             continue
-        samples = _samples(fitted, term)
+        samples = along.seen_by(term)
         low, high = np.quantile(samples, [_OUTSIDE, 1.0 - _OUTSIDE])
         signal = np.linspace(low, high, _POINTS)
         curves[name] = TermCurve(term, signal, addition(fitted, term, signal), samples)
@@ -162,41 +163,8 @@ def addition(fitted: Fit, term: Term, signal: Array) -> Array:
     return np.asarray(term.size * shapes @ values[: term.coefficients])
 
 
-def signal_samples(fitted: Fit, signal: str) -> Array:
-    """Return the values (n,) of an input, a state, a law or the time over the fitted records."""
-    problem = fitted.problem
-    model = problem.model
-    parts = []
-    for record, course in zip(problem.records, _courses(fitted), strict=True):
-        setting = problem.setting(fitted.point, fitted.terms, record.group)
-        laws = model.linearise(record, setting, course).laws
-        own = course.states[:, : len(model.states)]
-        signals = np.column_stack([record.inputs, own, laws, record.time])
-        parts.append(signals[:, model.signals.index(signal)])
-    return np.concatenate(parts)
-
-
-def _samples(fitted: Fit, term: Term) -> Array:
-    """Return the values (n,) of a term's signal, or of the memory of it."""
-    if not term.has_memory:
-        return signal_samples(fitted, term.signal)
-    memory = memory_samples(fitted, term)
-    return signal_samples(fitted, term.signal) - memory if term.memory.is_behind else memory
-
-
-def memory_samples(fitted: Fit, term: Term) -> Array:
-    """Return the state (n,) of a term's memory over the fitted records."""
-    remembering = [t for t in fitted.terms if t.has_memory]
-    at = len(fitted.problem.model.states) + remembering.index(term)
-    return np.concatenate([course.states[:, at] for course in _courses(fitted)])
-
-
-def _courses(fitted: Fit) -> list[Course]:
-    """Return the runs of a fit over its records."""
-    problem = fitted.problem
-    courses = []
-    for record, start in zip(problem.records, fitted.point.starts, strict=True):
-        course = problem.run(record, fitted.point, fitted.terms, start, False)
-        assert course is not None, "a fit runs over its records"
-        courses.append(course)
-    return courses
+def own_courses(fitted: Fit) -> Courses:
+    """Return the courses of a fit over its records, which it ran over before."""
+    along = courses_of_fit(fitted)
+    assert along is not None, "a fit runs over its records"
+    return along

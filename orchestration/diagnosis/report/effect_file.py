@@ -17,7 +17,7 @@ from fmus.kit.titles import capitalised
 from orchestration.diagnosis.extension import extended_component, law_term
 from orchestration.diagnosis.fitting import Fit
 from orchestration.diagnosis.law_model import LawModel
-from orchestration.diagnosis.report.curves import memory_samples, signal_samples
+from orchestration.diagnosis.report.curves import own_courses
 from orchestration.diagnosis.term_names import sentence, shape_text, term_parameters
 from orchestration.diagnosis.terms import FORMS, MEMORIES, DelayTerm, Memory, NamedTerm, Term
 from orchestration.reporting import option
@@ -306,10 +306,11 @@ class _Class:
         term, stem = self._term, self._stem
         if not term.has_memory:
             return
-        start = float(memory_samples(self._fitted, term)[0])
+        along = own_courses(self._fitted)
+        start = float(along.remembered(term)[0])
         yield self._state_line(f"{stem}_memory", start, f"memory of {term.signal}")
         if term.memory is Memory.DAHL:
-            first = float(signal_samples(self._fitted, term.signal)[0])
+            first = float(along.values[term.signal][0])
             yield self._state_line(f"{stem}_before", first, f"{term.signal} at the instant before")
         kind = MEMORIES[term.memory]
         constants = {name: f"self.{stem}_{name}" for name in kind.constants}

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array
 from orchestration.diagnosis.comparison import FEATURES, WEIGHTS, Comparison, Judged, compare
+from orchestration.diagnosis.courses import Courses
 from orchestration.diagnosis.engine import Diagnosis
 from orchestration.diagnosis.fitting import fit, nominal_point, weights_of
 from orchestration.diagnosis.report import wording
-from orchestration.diagnosis.report.curves import signal_samples
+from orchestration.diagnosis.report.curves import own_courses
 from orchestration.diagnosis.search import Ranked
 from orchestration.diagnosis.signals import scale_of_signal
 from orchestration.diagnosis.terms import Shape, Term
@@ -207,10 +207,10 @@ def _fitted_now(diagnosis: Diagnosis, name: str, rival: str) -> list[Judged]:
             f"{option('explain', [name])}: a candidate is LAW(SIGNAL) or {NOTHING}; fitted were"
             f" {', '.join(fitted) or 'none'}"
         )
-    laws, values = (signal_samples(subject.base, one) for one in (law, signal))
+    along = own_courses(subject.base)
     weights = weights_of(subject.base.errors)
     judged = []
-    for term in _plain_terms(law, signal, laws, values):
+    for term in _plain_terms(along, law, signal):
         start = replace(nominal_point(subject.problem, [term]), q=subject.base.point.q)
         found = fit(subject.problem, [term], [start], weights)
         one = None if found is None else subject.judge(found)
@@ -221,10 +221,10 @@ def _fitted_now(diagnosis: Diagnosis, name: str, rival: str) -> list[Judged]:
     return judged
 
 
-def _plain_terms(law: str, signal: str, laws: Array, values: Array) -> Iterator[Term]:
-    """Yield a term in plain shapes, by samples (n,) of its law and its signal."""
-    size = float(np.sqrt(np.mean(laws**2))) or 1.0
-    scale, middle = scale_of_signal(values)
+def _plain_terms(along: Courses, law: str, signal: str) -> Iterator[Term]:
+    """Yield a term in plain shapes, sized by courses of the model without it."""
+    size = float(np.sqrt(np.mean(along.values[law] ** 2))) or 1.0
+    scale, middle = scale_of_signal(along.values[signal])
     for shape in _SHAPES:
         term = Term(law, signal, shape, size=size, scale=scale or 1.0, middle=middle)
         yield replace(term, width=_WIDTHS.get(shape, 1.0))
