@@ -187,23 +187,22 @@ class Tell:
     def __init__(self, bar: Progress | None):
         self._bar = bar
         self._task = bar.add_task("", total=None) if bar else TaskID(0)
-        self._text = ""
-        self._part = 0
-        self._whole = 0
+        self._timer = Timer(0.0, self._print_progress)  # of the next line
+        self._begin("")
+
+    def _begin(self, text: str) -> None:
+        """Note that a step begins."""
+        self._text = text
+        self._part = self._whole = 0
         # parts and time at the first report of the step: a continued sweep begins with parts done
         self._first_report: tuple[int, float] | None = None
         self._lines = 0  # printed lines of the step
-        self._timer = Timer(0.0, self._print_progress)  # of the next line
         self._step_start = self._part_start = self._last_line = monotonic()  # s
 
     def __call__(self, text: str) -> None:
         """Begin a step."""
         self.finish()
-        self._text = text
-        self._part = self._whole = 0
-        self._first_report = None
-        self._lines = 0
-        self._step_start = self._part_start = self._last_line = monotonic()
+        self._begin(text)
         if self._bar is not None:
             self._bar.reset(self._task, description=text, total=None)
         else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -260,7 +261,7 @@ def _places(cls: type[Component], terms: Mapping[str, Term]) -> dict[str, str]:
 
 def _set_rows(diagnosis: Diagnosis) -> Iterator[tuple[str, ...]]:
     """Yield a row for each of the sets of terms that were fitted, the best first."""
-    for one, _ in zip(tried_sets(diagnosis), range(_SETS), strict=False):
+    for one in islice(tried_sets(diagnosis), _SETS):
         figures = [f"{value:.1f}" for value in (one.fitted, one.left_out, one.score)]
         yield (one.parts, *figures, wording.error_text(one.error))
 
