@@ -25,7 +25,6 @@ from orchestration.diagnosis.systems.parts import InputOrigin, InputSource
 from orchestration.diagnosis.term_names import shape_text
 from orchestration.diagnosis.terms import Term
 from orchestration.diagnosis.view import DiagnosisView, Rows, View
-from orchestration.identify import finite_or_none
 from orchestration.reporting import flag, plain_table
 from orchestration.reporting.html import facts_about
 
@@ -238,7 +237,10 @@ def _member_summary(member: MemberDiagnosis) -> dict[str, Any]:
             {"effect": name, "probability": float(cause.probability)}
             for name, cause in member.causes
         ],
-        "parameters": {name: _parameter(one) for name, one in member.parameters.items()},
+        "parameters": {
+            name: one.estimate.to_dict() | {"differs": one.differs}
+            for name, one in member.parameters.items()
+        },
     }
 
 
@@ -248,15 +250,4 @@ def _output_summary(output: MemberOutput) -> dict[str, Any]:
         "fit_percent": wording.fit_percent(output.after),
         "noise_widths": output.remainder.noise_widths,
         **output.remainder.tests,
-    }
-
-
-def _parameter(parameter: MemberParameter) -> dict[str, Any]:
-    one = parameter.estimate
-    return {
-        "value": one.value,
-        "nominal": one.nominal,
-        "unit": one.unit,
-        "differs": parameter.differs,
-        "ci95": [finite_or_none(end) for end in one.interval],
     }
