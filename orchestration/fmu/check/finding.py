@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 _MOST_LISTED = 8
-_HEAD = ("line", "severity", "code", "message")
 
 
 class Rule(NamedTuple):
@@ -113,11 +112,8 @@ class Findings(Displayable, list[Finding]):
         """Yield the numbers of findings by severity, and a table of the findings."""
         yield self._counts
         if self:
-            rows = [(str(line), *texts) for line, *texts in self._rows()]
-            yield plain_table(None, *_HEAD, rows=rows)
-
-    def _rows(self) -> list[tuple[int, str, str, str]]:
-        return [(one.line, one.severity, one.code, one.message) for one in self]
+            rows = [(str(one.line), one.severity, one.code, one.message) for one in self]
+            yield plain_table(None, "line", "severity", "code", "message", rows=rows)
 
     def to_frame(self) -> pandas.DataFrame:
         """Return a table with a row for each finding.
@@ -129,7 +125,8 @@ class Findings(Displayable, list[Finding]):
         """
         import pandas
 
-        return pandas.DataFrame(self._rows(), columns=[*_HEAD])
+        rows = [(one.line, one.severity, one.code, one.message) for one in self]
+        return pandas.DataFrame(rows, columns=["line", "severity", "code", "message"])
 
 
 def listed(names: Iterable[str]) -> str:
