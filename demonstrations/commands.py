@@ -4,14 +4,13 @@ No ``from __future__ import annotations``, with which the options in annotations
 """
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypedDict, cast
 
 from fmus.kit import UserError
 from fmus.kit.extras import require
 from orchestration.api.declaration import Option
-from orchestration.api.forms import TEXTS
+from orchestration.api.forms import Texts
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import IdentifyCommand, MeasuringOptions
 from orchestration.cli.options import JsonOption, RecordsArgument
@@ -82,13 +81,10 @@ class CyclesCommand(JsonOption, total=False):
         ),
     ]
     settings: Annotated[
-        Sequence[str],
+        Texts,
         Option(
             "Over the file: actuator.b1=1.2e6, inputs.force.amplitude=0.3N.",
-            default=(),
             flag="--set",
-            metavar="KEY=VALUE",
-            form=TEXTS,
         ),
     ]
 

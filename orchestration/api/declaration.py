@@ -3,7 +3,9 @@
 A class of options is a ``TypedDict`` whose keys are annotated with an `Option`::
 
     class SearchOptions(TypedDict, total=False):
-        hold: Annotated[Sequence[str], Option("Parameters that are known.", default=(), form=NAMES)]
+        hold: Annotated[Names, Option("Parameters that are known.")]
+
+The type is one of `orchestration.api.forms`, with the form of its values, or a plain one.
 
 `takes` adds the keys to a function as keyword arguments, with defaults, in the signature and in
 the docstring; ``**options: Unpack[SearchOptions]`` declares them for type checkers. The same class,
@@ -59,6 +61,8 @@ class Form(NamedTuple):
     typed: Any = None
     parse: Callable[[str], Any] | None = None
     given: Callable[[Any, str], Any] = lambda value, name: value
+    metavar: str | None = None
+    kind: str = ""
 
 
 AS_IT_IS = Form()
@@ -81,8 +85,9 @@ class Option(NamedTuple):
         Longer meaning for Python; `help` by default.
     default : object
         Default value, or a function that returns it when a command is made; `REQUIRED` if there
-        is none.
+        is none. Unless given it is False, no names, or None, by the type.
     form : Form
+        Unless given it is that of the type.
     flag : str
         Name on the command line, ``--on/--off`` for both values of a switch; by default made from
         the name.
@@ -201,9 +206,25 @@ def _options_of(declared: type) -> list[Option]:
     """Return the options of one class, each with its name and type."""
     # `get_type_hints` would import the types that the annotations name; the outer one is enough
     return [
-        hint.__metadata__[0]._replace(name=name, type=hint.__origin__)
+        _completed(name, hint.__origin__, *hint.__metadata__)
         for name, hint in declared.__annotations__.items()
     ]
+
+
+def _completed(name: str, kind: Any, *parts: Form | Option) -> Option:
+    """Return an option with its name and type, and what these and its form imply."""
+    option = cast(Option, parts[-1])
+    form = cast(Form, parts[0]) if len(parts) > 1 else option.form
+    default = option.default
+    if default is None and (kind is bool or get_origin(kind) is Sequence):
+        default = False if kind is bool else ()
+    return option._replace(
+        default=default,
+        form=form,
+        metavar=option.metavar or form.metavar,
+        name=name,
+        type=kind,
+    )
 
 
 def only(declared: type[Declared], values: Mapping[str, object]) -> Declared:
@@ -327,6 +348,8 @@ def with_options(docstring: str | None, options: Iterable[Option]) -> str | None
 
 def _in_words(option: Option) -> str:
     """Return the type of an option in the words of numpydoc."""
+    if option.form.kind:
+        return option.form.kind + (", optional" if option.default is None else "")
     if option.choices:
         listed = ", ".join(f'"{choice}"' for choice in option.choices)
         return f"{{{listed}}}"

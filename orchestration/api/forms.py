@@ -1,4 +1,4 @@
-"""Forms of values on the command line: names with commas, pairs, times, numbers."""
+"""Forms of values on the command line, and types of options that have them."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from math import inf, isfinite
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from fmus.kit import UserError
 from orchestration.api.declaration import Form
 
+_RECORDS = "Record, str or Path, or sequence of these"
 _ADVICE = "name at least one, or leave the option out"
 
 
@@ -254,6 +255,8 @@ def _pairs(values: Mapping[str, object]) -> list[str]:
     return [f"{name}={value}" for name, value in values.items()]
 
 
+# --- forms ---------------------------------------------------------------------------------------
+
 NAMES = Form(comma_list, _join, list[str] | None, given=given_names)
 EFFECTS = Form(
     _read_effects,
@@ -261,8 +264,8 @@ EFFECTS = Form(
     list[str] | None,
     given=lambda value, name: _read_effects(value, name) if isinstance(value, str) else list(value),
 )
-MAPPING = Form(_read_mapping, _pairs, list[str] | None)
-SETTINGS = Form(_read_settings, _pairs, list[str] | None)
+MAPPING = Form(_read_mapping, _pairs, list[str] | None, metavar="COLUMN=SIGNAL[UNIT]")
+SETTINGS = Form(_read_settings, _pairs, list[str] | None, metavar="NAME=VALUE[UNIT]")
 PARAMETERS = SETTINGS._replace(
     read=lambda texts, flag: _read_settings(with_files(texts, flag), flag), given=_given_parameters
 )
@@ -270,43 +273,87 @@ LATER = Form(
     typed=list[Path] | None,
     write=lambda values: list(map(str, values)),
     given=lambda value, name: [*value] if isinstance(value, list | tuple) else [value],
+    metavar="AFTER",
+    kind=_RECORDS,
 )
-TEXTS = Form(typed=list[str] | None, write=list)
+TEXTS = Form(typed=list[str] | None, write=list, metavar="KEY=VALUE")
 ASSIGNMENTS = TEXTS._replace(read=with_files)
-RECORDS = TEXTS._replace(read=_read_records)
-RATIOS = TEXTS._replace(given=lambda value, name: [value] if isinstance(value, str) else [*value])
-SEGMENT = Form(_read_settings, _pairs, list[str] | None)
+RECORDS = TEXTS._replace(read=_read_records, metavar="RECORD", kind=_RECORDS)
+RATIOS = TEXTS._replace(
+    given=lambda value, name: [value] if isinstance(value, str) else [*value], metavar="A/B"
+)
+SEGMENT = SETTINGS._replace(metavar="COLUMN=LABEL")
 ROWS = Form(
     row_range,
     lambda ends: [f"{ends[0]}..{ends[1]}"],
     str | None,
     given=lambda value, name: row_range(value, name) if isinstance(value, str) else value,
+    metavar="FIRST..LAST",
+    kind='tuple of int or str such as "100..2000"',
 )
 BAND = Form(
     band,
     lambda ends: [f"{ends[0]:.12g}Hz..{ends[1]:.12g}Hz"],
     str | None,
     given=lambda value, name: band(value, name) if isinstance(value, str) else value,
+    metavar="FROM..TO",
+    kind='tuple of float in Hz or str such as "10mHz..2Hz"',
 )
-LIMITS = Form(_two_ends, lambda ends: ["..".join(ends)], str | None, given=_two_ends)
-SIZE = Form(write=lambda value: [f"{value / 1e6:g}MB"], typed=float | None, parse=size_in_bytes)
-TIME = Form(write=lambda value: [_in_seconds(value)], typed=float | None, parse=seconds)
+LIMITS = Form(
+    _two_ends,
+    lambda ends: ["..".join(ends)],
+    str | None,
+    given=_two_ends,
+    metavar="FROM..TO",
+    kind='tuple of float in the unit of the command or str such as "0..10V"',
+)
+SIZE = Form(
+    write=lambda value: [f"{value / 1e6:g}MB"],
+    typed=float | None,
+    parse=size_in_bytes,
+    metavar="SIZE",
+)
+TIME = Form(
+    write=lambda value: [_in_seconds(value)],
+    typed=float | None,
+    parse=seconds,
+    metavar="TIME",
+    kind='float in s or str such as "10s"',
+)
 RATE = Form(
     write=lambda value: [f"{rows_per_second(value):.12g}Hz"],
     typed=float | None,
     parse=rows_per_second,
     given=_given_rate,
+    metavar="HZ",
+    kind='float in Hz or str such as "100Hz" or "10ms"',
 )
 TIMES = Form(
     lambda text, flag: [seconds(one) for one in comma_list(text, flag)],
     lambda values: [",".join(_in_seconds(one) for one in values)],
     str | None,
     given=lambda value, name: [value] if isinstance(value, int | float | str) else list(value),
+    metavar="TIMES",
+    kind=f"{TIME.kind}, or sequence of these",
 )
-PERCENT = Form(write=lambda value: [f"{value:g}%"], typed=float | None, parse=percent)
+PERCENT = Form(
+    write=lambda value: [f"{value:g}%"], typed=float | None, parse=percent, metavar="PERCENT"
+)
 LEFT_OUT = Form(read=lambda typed, flag: not typed, typed=bool)
 ONE_OR_ALL = Form(
     lambda text, flag: _one_or_all(numbers(0).read(text, flag)),
     lambda value: _join(value if isinstance(value, Sequence) else [value]),
     str,
 )
+
+# --- types of options, with their forms -----------------------------------------------------------
+
+File = Annotated[Path | None, Form(metavar="FILE", kind="str or Path")]
+Names = Annotated[Sequence[str], NAMES]
+Number = Annotated[int | None, Form(metavar="N")]
+Percent = Annotated[float | None, PERCENT]
+Rate = Annotated[float | str | None, RATE]
+Seconds = Annotated[float | None, TIME]
+Settings = Annotated[Mapping[str, float | str] | None, SETTINGS]
+Texts = Annotated[Sequence[str], TEXTS]
+Time = Annotated[float | str | None, TIME]

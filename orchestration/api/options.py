@@ -29,6 +29,12 @@ from orchestration.api.forms import (
     SETTINGS,
     TIME,
     TIMES,
+    File,
+    Names,
+    Number,
+    Rate,
+    Settings,
+    Time,
     numbers,
     rows_per_second,
     seconds,
@@ -44,6 +50,9 @@ if TYPE_CHECKING:
     from orchestration.sweeps import Design, Task
 
 
+Seed = Annotated[int, Option("Seed of random numbers.", default=0, least=0)]
+_Assumed = Annotated[Mapping[str, Any] | None, SETTINGS]
+
 # --- options of several functions ----------------------------------------------------------------
 
 
@@ -51,23 +60,18 @@ class ReadingOptions(TypedDict, total=False):
     """Form of a table that its file does not tell, and the part of it that is used."""
 
     columns: Annotated[
-        Sequence[str],
+        Names,
         Option(
             "Names of the columns of a file without a header, e.g. time=s,current=A.",
             "Names of the columns of a file without a header, as ``name`` or ``name=unit``.",
-            default=(),
             metavar="NAME=UNIT,...",
-            form=NAMES,
         ),
     ]
     rate: Annotated[
-        float | str | None,
+        Rate,
         Option(
             "Rows a second of a file without a time, e.g. 100Hz, or the time between two, 10ms.",
             "Rows per second of a file without a time.",
-            kind='float in Hz or str such as "100Hz" or "10ms", optional',
-            metavar="HZ",
-            form=RATE,
         ),
     ]
     decimal: Annotated[
@@ -82,29 +86,21 @@ class ReadingOptions(TypedDict, total=False):
         Option("Name or number of the table, of a file that has several, such as sheets."),
     ]
     begin: Annotated[
-        float | str | None,
+        Time,
         Option(
             "First time that is used, e.g. 30s.",
-            kind='float in s or str such as "10s", optional',
-            metavar="TIME",
-            form=TIME,
         ),
     ]
     end: Annotated[
-        float | str | None,
+        Time,
         Option(
             "Last time that is used, e.g. 2min.",
-            kind='float in s or str such as "10s", optional',
-            metavar="TIME",
-            form=TIME,
         ),
     ]
     rows: Annotated[
         tuple[int, int] | None,
         Option(
             "First and last row that is used, numbered as in messages, e.g. 100..2000.",
-            kind='tuple of int or str such as "100..2000", optional',
-            metavar="FIRST..LAST",
             form=ROWS,
         ),
     ]
@@ -113,7 +109,6 @@ class ReadingOptions(TypedDict, total=False):
         Option(
             "Rows that are used by their label in a column, e.g. CYCLE=3 or STEP=2,4. Repeatable.",
             'Labels, separated by commas, of the used rows by column: ``{"CYCLE": "3"}``.',
-            metavar="COLUMN=LABEL",
             form=SEGMENT,
         ),
     ]
@@ -123,7 +118,6 @@ class ReadingOptions(TypedDict, total=False):
             "Largest share of the rows that repairs may leave out, e.g. 5%; default 1%.",
             "Largest share of the rows that repairs may leave out, in percent.",
             default=1.0,
-            metavar="PERCENT",
             form=PERCENT,
         ),
     ]
@@ -155,7 +149,6 @@ class MappingOption(ReadingOptions, total=False):
         Option(
             "Column of a signal, e.g. U_cell=voltage or stress=force[N]. Repeatable.",
             'Signal of the model by column of a file, such as ``{"stress": "force[N]"}``.',
-            metavar="COLUMN=SIGNAL[UNIT]",
             form=MAPPING,
         ),
     ]
@@ -173,7 +166,6 @@ class SettingsOption(TypedDict, total=False):
             ' numbers in the model\'s units, or texts with a unit such as ``"6.3 N/mm"``; or a'
             " ``.toml`` file with a table ``[parameters]`` of them.",
             alias="--params",
-            metavar="NAME=VALUE[UNIT]",
             form=PARAMETERS,
         ),
     ]
@@ -206,12 +198,10 @@ class RunsOptions(TypedDict, total=False):
         ),
     ]
     each: Annotated[
-        Sequence[str],
+        Names,
         Option(
             "Parameters that differ from record to record, e.g. ocv,R0.",
             "Parameters that differ from record to record.",
-            default=(),
-            form=NAMES,
         ),
     ]
 
@@ -226,8 +216,6 @@ class RecordOptions(MappingOption, RunsOptions, total=False):
             " last third. Repeatable.",
             "Other records for validation, or labels of some of the records, such as"
             ' ``"7,8,9"``. By default the last third of the record, or of several records.',
-            kind="Record, str or Path, or sequence of these, optional",
-            metavar="RECORD",
             form=RECORDS,
         ),
     ]
@@ -246,24 +234,19 @@ class SearchOptions(SettingsOption, total=False):
     """Search for a cause: start values, known parameters, processor time."""
 
     hold: Annotated[
-        Sequence[str],
+        Names,
         Option(
             "Parameters that are known and not fitted, e.g. mass,R1; see --set.",
             "Parameters that are known and not fitted.",
-            default=(),
-            form=NAMES,
         ),
     ]
     time: Annotated[
-        float | str | None,
+        Time,
         Option(
             "Processor time of each search, e.g. 60s, then the best answer so far; else no end.",
             "Processor time of the search, after which the best answer so far is returned with a"
             " note; by default it has no end. With a later record to compare it applies to each of"
             " three searches.",
-            kind='float in s or str such as "10s", optional',
-            metavar="TIME",
-            form=TIME,
         ),
     ]
 
@@ -297,14 +280,12 @@ class DiagnoseOptions(RecordOptions, SearchOptions, UnitsOption, total=False):
         ),
     ]
     fit: Annotated[
-        Sequence[str],
+        Names,
         Option(
             "Parameters that are fitted, all others being held; of an FMU without equations those"
             " that are fitted too, e.g. p1,p2.",
             "Parameters of a model with equations that are fitted, all others being held; by"
             " default all are. Of an FMU without equations, parameters that are fitted at all.",
-            default=(),
-            form=NAMES,
         ),
     ]
     compare: Annotated[
@@ -313,8 +294,6 @@ class DiagnoseOptions(RecordOptions, SearchOptions, UnitsOption, total=False):
             "A later record of the specimen, in which changes are diagnosed. Repeatable, in time.",
             "A later record of the same specimen, or several in time: `DiagnosisResult.changes`"
             " then lists changed parameters, and effects that appeared or disappeared.",
-            kind="Record, str or Path, or sequence of these, optional",
-            metavar="AFTER",
             form=LATER,
         ),
     ]
@@ -351,13 +330,12 @@ class EachOption(TypedDict, total=False):
     """Diagnoses of several records, each by itself."""
 
     workers: Annotated[
-        int | None,
+        Number,
         Option(
             "Diagnose each record, or each file of a folder, by itself, N at a time in processes.",
             "Diagnose each record, or each file of a folder, by itself, in so many processes; the"
             " answers are those of one after another. It is the ``n_jobs`` of joblib. By default"
             " all records are diagnosed as one.",
-            metavar="N",
             least=1,
             most=1000,
         ),
@@ -381,13 +359,11 @@ class OutputsOption(TypedDict, total=False):
     """Variables that are recorded."""
 
     outputs: Annotated[
-        Sequence[str],
+        Names,
         Option(
             "What is recorded: outputs, states, locals, parameters, or all; default the outputs.",
             "Variables that are recorded: outputs, states, locals, parameters, or ``all`` of them;"
             " by default the outputs.",
-            default=(),
-            form=NAMES,
         ),
     ]
 
@@ -407,7 +383,6 @@ class ToleranceOption(UnitsOption, total=False):
         bool,
         Option(
             "Integrate an FMU file by CVode, though it has a solver of its own, too.",
-            default=False,
         ),
     ]
 
@@ -416,23 +391,17 @@ class GridOptions(TypedDict, total=False):
     """Points in time of a simulation by stop time and step."""
 
     stop: Annotated[
-        float | str | None,
+        Time,
         Option(
             f"Stop time, {_TIMES}",
             "Last point; by default that of the FMU.",
-            kind='float in s or str such as "10s", optional',
-            metavar="TIME",
-            form=TIME,
         ),
     ]
     step: Annotated[
-        float | str | None,
+        Time,
         Option(
             f"Communication step, {_TIMES}",
             "Step between points; by default that of the FMU.",
-            kind='float in s or str such as "10s", optional',
-            metavar="TIME",
-            form=TIME,
         ),
     ]
 
@@ -511,15 +480,20 @@ class BuildKeywords(TypedDict, total=False):
         ),
     ]
     effects: Annotated[
-        Sequence[str],
-        Option(doc="Effects of the catalogue that are added.", default=(), form=NAMES),
+        Names,
+        Option(
+            doc="Effects of the catalogue that are added.",
+        ),
     ]
     platforms: Annotated[
         Sequence[str] | None, Option(doc="FMI platforms; default this machine's.", form=NAMES)
     ]
     fmi: Annotated[int, Option(doc="Version of FMI, 2 or 3; 3 is native.", default=2)]
     clocks: Annotated[
-        bool, Option(doc="Declare when states are sampled, as clocks of FMI 3.0.", default=False)
+        bool,
+        Option(
+            doc="Declare when states are sampled, as clocks of FMI 3.0.",
+        ),
     ]
 
 
@@ -549,7 +523,6 @@ class FittedOption(TypedDict, total=False):
         Option(
             "Parameters to recalibrate, e.g. R1,R2,C.",
             "Parameters that are fitted before the comparison.",
-            default=(),
             form=some_of("name the parameters to recalibrate, e.g. R1,R2,C"),
         ),
     ]
@@ -559,14 +532,13 @@ class AssumptionOptions(RunsOptions, total=False):
     """Assumptions of a fit beyond the parameters that it searches."""
 
     bounds: Annotated[
-        Mapping[str, Any] | None,
+        _Assumed,
         Option(
             "Range of a fitted parameter, e.g. R1=0.1..2ohm; an end may be left out. Repeatable.",
             "Ranges of fitted parameters inside those of the model: both ends in its units, or a"
             ' text such as ``"0.1..2ohm"``, of which an end may be left out.',
             kind="Mapping of str to tuple of float or str, optional",
             metavar="NAME=LOW..HIGH",
-            form=SETTINGS,
         ),
     ]
     scale: Annotated[
@@ -580,29 +552,27 @@ class AssumptionOptions(RunsOptions, total=False):
         ),
     ]
     prior: Annotated[
-        Mapping[str, Any] | None,
+        _Assumed,
         Option(
             "Mean and standard deviation known beforehand, e.g. R1=0.43+-0.05ohm. Repeatable.",
             "What is known of a parameter beforehand: mean and standard deviation in the model's"
             ' units, or a text such as ``"0.43+-0.05 ohm"``, also with ``±``.',
             kind="Mapping of str to tuple of float or str, optional",
             metavar="NAME=MEAN+-DEVIATION",
-            form=SETTINGS,
         ),
     ]
     tie: Annotated[
-        Mapping[str, Any] | None,
+        _Assumed,
         Option(
             "A parameter as a multiple of a fitted one, e.g. k2=1.6*k1. Repeatable.",
             "Parameters that are a multiple of a fitted one: factor and name, or a text such as"
             ' ``"1.6*k1"``.',
             kind="Mapping of str to tuple of (float, str) or str, optional",
             metavar="NAME=FACTOR*NAME",
-            form=SETTINGS,
         ),
     ]
     noise: Annotated[
-        Mapping[str, Any] | None,
+        _Assumed,
         Option(
             "Known standard deviation of an output, e.g. voltage=2mV; default estimated."
             " Repeatable.",
@@ -610,7 +580,6 @@ class AssumptionOptions(RunsOptions, total=False):
             " others are estimated from the residual.",
             kind="Mapping of str to float or str, optional",
             metavar="OUTPUT=DEVIATION",
-            form=SETTINGS,
         ),
     ]
     weights: Annotated[
@@ -633,13 +602,12 @@ class AssumptionOptions(RunsOptions, total=False):
         ),
     ]
     starts: Annotated[
-        int | None,
+        Number,
         Option(
             "Points that a search begins at; default 1, and 5 if the residual is not white.",
             "Points at which a search begins; by default one, and five if the residual is not white"
             " then, so that a deeper minimum may exist.",
             least=1,
-            metavar="N",
         ),
     ]
 
@@ -668,7 +636,6 @@ class RiseOption(TypedDict, total=False):
             "Rise above the first value that ends the life, default 15%.",
             "Rise above the first value that ends the life, in percent.",
             default=15.0,
-            metavar="PERCENT",
             form=PERCENT,
         ),
     ]
@@ -700,9 +667,7 @@ class AgeOptions(RiseOption, total=False):
         float | str,
         Option(
             "Frequency of the ratio, default 100mHz.",
-            kind='float in Hz or str such as "100mHz"',
             default=0.1,
-            metavar="HZ",
             form=RATE,
         ),
     ]
@@ -710,19 +675,15 @@ class AgeOptions(RiseOption, total=False):
         float | str,
         Option(
             "Length of a window, default 100s.",
-            kind='float in s or str such as "100s"',
             default=100.0,
-            metavar="TIME",
             form=TIME,
         ),
     ]
     derating: Annotated[
-        Mapping[str, float | str] | None,
+        Settings,
         Option(
             "Parameter of the degradation estimator, e.g. initial_voltage_limit=1.2V. Repeatable.",
             "Parameters of the degradation estimator, as in `settings`.",
-            metavar="NAME=VALUE[UNIT]",
-            form=SETTINGS,
         ),
     ]
 
@@ -744,30 +705,23 @@ class ResponseOptions(TypedDict, total=False):
             " over every input that varies. Repeatable.",
             "Ratios of two signals, such as ``voltage/current`` or ``force/displacement``; by"
             " default every output over every input that varies. Required without a model.",
-            default=(),
-            metavar="A/B",
             form=RATIOS,
         ),
     ]
     inputs: Annotated[
-        Sequence[str],
+        Names,
         Option(
             "Inputs, e.g. force; default the model's, or the denominators of the ratios.",
             "Signals that are inputs; by default those of the model, or without a model the"
             " denominators of the ratios.",
-            default=(),
             metavar="COLUMNS",
-            form=NAMES,
         ),
     ]
     period: Annotated[
-        float | str | None,
+        Time,
         Option(
             "Period of the inputs, e.g. 10s; default estimated from the record.",
             "Period of the inputs; by default estimated from the record.",
-            kind='float in s or str such as "10s", optional',
-            metavar="TIME",
-            form=TIME,
         ),
     ]
     band: Annotated[
@@ -775,8 +729,6 @@ class ResponseOptions(TypedDict, total=False):
         Option(
             "Frequencies to show, e.g. 10mHz..2Hz; default all of the record.",
             "Lowest and highest frequency; by default all of the record.",
-            kind='tuple of float in Hz or str such as "10mHz..2Hz", optional',
-            metavar="FROM..TO",
             form=BAND,
         ),
     ]
@@ -801,13 +753,12 @@ class StudyOptions(TypedDict, total=False):
         ),
     ]
     structures: Annotated[
-        Sequence[str],
+        Names,
         Option(
             "Some of ARX, ARMAX, OE, SS (subspace), BJ (Box-Jenkins).",
             "Structures of Ljung; SS is a subspace method, BJ has a denominator for every input.",
             default=("ARX", "ARMAX", "OE", "SS", "BJ"),
             kind='sequence of {"ARX", "ARMAX", "OE", "SS", "BJ"}',
-            form=NAMES,
         ),
     ]
     path_orders: Annotated[
@@ -854,13 +805,10 @@ class SamplePeriodOption(TypedDict, total=False):
     """Sample period of a file without time."""
 
     step: Annotated[
-        float | str | None,
+        Time,
         Option(
             "Sample period of a file without time, such as 1s.",
             "Sample period of a file without time.",
-            kind='float in s or str such as "10s", optional',
-            metavar="TIME",
-            form=TIME,
         ),
     ]
 
@@ -869,13 +817,11 @@ class InputsOption(TypedDict, total=False):
     """Inputs of a black-box model."""
 
     inputs: Annotated[
-        Sequence[str],
+        Names,
         Option(
             "Inputs; default all but the first column and the output.",
             "Columns; by default all but the first and the output.",
-            default=(),
             metavar="COLUMNS",
-            form=NAMES,
         ),
     ]
 
@@ -912,9 +858,6 @@ class LinearisePointOptions(TypedDict, total=False):
             "After a simulation of this time, e.g. 2s, or of several: 0s,1s,5s; default the start.",
             "Times of simulations that end at the operating points; by default the start. The"
             " search for an equilibrium begins there.",
-            default=(),
-            kind='float in s or str such as "10s", or sequence of these',
-            metavar="TIMES",
             form=TIMES,
         ),
     ]
@@ -923,36 +866,29 @@ class LinearisePointOptions(TypedDict, total=False):
         Option(
             "Linearise in an equilibrium, whose search begins at that time.",
             "Whether to linearise in an equilibrium: rates are zero, samples change nothing.",
-            default=False,
         ),
     ]
     fix: Annotated[
-        Mapping[str, float | str] | None,
+        Settings,
         Option(
             "Value of an input, state or output in the equilibrium, e.g. displacement=0.1mm."
             " Repeatable.",
             "Values of inputs, states and outputs in the equilibrium.",
-            metavar="NAME=VALUE[UNIT]",
-            form=SETTINGS,
         ),
     ]
     free: Annotated[
-        Sequence[str],
+        Names,
         Option(
             "Inputs and parameters that are solved for in the equilibrium, e.g. current.",
             "Inputs and parameters that are solved for in the equilibrium; for each of them a state"
             " or an output is fixed.",
-            default=(),
-            form=NAMES,
         ),
     ]
     drift: Annotated[
-        Sequence[str],
+        Names,
         Option(
             "States with a constant rate in the equilibrium, e.g. maxwell_elongation.",
             "States with a constant rate in the equilibrium; all others are at rest.",
-            default=(),
-            form=NAMES,
         ),
     ]
 
@@ -961,22 +897,18 @@ class LineariseSignalOptions(TypedDict, total=False):
     """Inputs and outputs of a linear model, and its sample period."""
 
     inputs: Annotated[
-        Sequence[str],
+        Names,
         Option(
             "Inputs, or prescribed states; default all inputs.",
             "Inputs, or prescribed states, whose own laws are then not used; by default all"
             " inputs.",
-            default=(),
-            form=NAMES,
         ),
     ]
     outputs: Annotated[
-        Sequence[str],
+        Names,
         Option(
             "Outputs, states, der(state), next(sampled state); default all outputs.",
             "Outputs, states, ``der(state)``, ``next(sampled state)``; by default all outputs.",
-            default=(),
-            form=NAMES,
         ),
     ]
     cut: Annotated[
@@ -990,15 +922,12 @@ class LineariseSignalOptions(TypedDict, total=False):
         ),
     ]
     step: Annotated[
-        float | str | None,
+        Time,
         Option(
             "Communication step over which inputs and connections are constant.",
             "Communication step over which inputs and connections are constant, as with a Jacobi"
             " master; by default time is continuous. For an FMU that hides its states, the step of"
             " the pulses.",
-            kind='float in s or str such as "10ms", optional',
-            metavar="TIME",
-            form=TIME,
         ),
     ]
 
@@ -1011,26 +940,23 @@ class BandOptions(TypedDict, total=False):
     """Values of parameters for a band of linear models."""
 
     fitted: Annotated[
-        Path | None,
+        File,
         Option(
             "Band of parameters drawn from a fit (ppy identify --json).",
             "Band of parameters drawn from a fit: the file of ``ppy identify --json``.",
-            kind="str or Path, optional",
-            metavar="FILE",
         ),
     ]
     samples: Annotated[
-        int | None,
+        Number,
         Option(
             "Models of a band, default 50.",
             "Number of models that are drawn for a band; by default 50. At most 10,000, as all of"
             " them are kept.",
-            metavar="N",
             least=1,
             most=10_000,
         ),
     ]
-    seed: Annotated[int, Option("Seed of random numbers.", default=0, least=0)]
+    seed: Seed
 
 
 class LineariseKeywords(LineariseOptions, BandOptions, PointsOption, total=False):
@@ -1078,21 +1004,16 @@ class ControllerOptions(TypedDict, total=False):
         ),
     ]
     controller_settings: Annotated[
-        Mapping[str, float | str] | None,
+        Settings,
         Option(
             "Set a parameter of the controller, e.g. stiffness=2N/mm. Repeatable.",
             "Values of parameters of the controller, in place of those of the design.",
-            metavar="NAME=VALUE[UNIT]",
-            form=SETTINGS,
         ),
     ]
     sample_period: Annotated[
-        float | str | None,
+        Time,
         Option(
             "Sample period of the controller; default that of a sampled model.",
-            kind='float in s or str such as "10ms", optional',
-            metavar="TIME",
-            form=TIME,
         ),
     ]
     phase_margin: Annotated[
@@ -1106,22 +1027,18 @@ class ControllerOptions(TypedDict, total=False):
         ),
     ]
     crossover: Annotated[
-        float | str | None,
+        Rate,
         Option(
             "Frequency of gain one, about the bandwidth; default the one that suppresses loads"
             " best.",
-            kind='float in Hz or str such as "2Hz", optional',
             metavar="FREQUENCY",
-            form=RATE,
         ),
     ]
     delay: Annotated[
         float | str,
         Option(
             "Dead time of the loop that the model does not have.",
-            kind='float in s or str such as "20ms"',
             default=0.0,
-            metavar="TIME",
             form=TIME,
         ),
     ]
@@ -1130,8 +1047,6 @@ class ControllerOptions(TypedDict, total=False):
         Option(
             "Lowest and highest command, e.g. -1.3A..1.3A; default none.",
             "Lowest and highest command.",
-            kind='tuple of float in the unit of the command or str such as "0..10V", optional',
-            metavar="FROM..TO",
             form=LIMITS,
         ),
     ]
@@ -1179,15 +1094,14 @@ class SweepDesignOptions(OutputsOption, total=False):
         ),
     ]
     samples: Annotated[
-        int | None,
+        Number,
         Option(
             "Number of cases N of latin-hypercube and sobol; sobol-indices has N (parameters + 2).",
             "Number of cases N of a design that chooses values; ``sobol-indices`` has N for each"
             " parameter and 2 N besides.",
-            metavar="N",
         ),
     ]
-    seed: Annotated[int, Option("Seed of random numbers.", default=0, least=0)]
+    seed: Seed
     keep: Annotated[
         Sequence[str] | None,
         Option(
@@ -1281,23 +1195,19 @@ class OptimiseOptions(TypedDict, total=False):
     """Objectives of an optimisation, and the effort of its search."""
 
     maximise: Annotated[
-        Sequence[str],
+        Names,
         Option(
             "Outputs to maximise, one or two with --minimise; 'a & b' is the worse of two. One"
             " objective gives the best point, two a Pareto front.",
             'Outputs that are maximised at the end of the run; ``"a & b"`` is the worse of two. One'
             " objective, with those of `minimise`, gives the best point, two a Pareto front.",
-            default=(),
-            form=NAMES,
         ),
     ]
     minimise: Annotated[
-        Sequence[str],
+        Names,
         Option(
             "Outputs to minimise; 'a & b' is the worse of two.",
             "Outputs that are minimised.",
-            default=(),
-            form=NAMES,
         ),
     ]
     levels: Annotated[
@@ -1322,7 +1232,7 @@ class OptimiseOptions(TypedDict, total=False):
             metavar="N",
         ),
     ]
-    seed: Annotated[int, Option("Seed of random numbers.", default=0, least=0)]
+    seed: Seed
 
 
 class OptimiseKeywords(

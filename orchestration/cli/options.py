@@ -10,7 +10,7 @@ from typing import Annotated, TypedDict
 
 from fmus.kit import registry
 from orchestration.api.declaration import REQUIRED, Form, Option
-from orchestration.api.forms import NAMES, TIME, names_among, seconds
+from orchestration.api.forms import File, Names, Number, Seconds, names_among, seconds
 
 # --- how values are written ----------------------------------------------------------------------
 
@@ -69,7 +69,7 @@ _RUNNABLE = (
 )
 
 
-class ModelArgument(TypedDict, total=False):
+class ModelArgument(TypedDict):
     """The model, a positional argument."""
 
     model: Annotated[
@@ -78,7 +78,7 @@ class ModelArgument(TypedDict, total=False):
     ]
 
 
-class ModelOption(TypedDict, total=False):
+class ModelOption(TypedDict):
     """Option ``--model``, for commands without a positional argument for the model."""
 
     model: Annotated[
@@ -86,7 +86,7 @@ class ModelOption(TypedDict, total=False):
     ]
 
 
-class RunnableArgument(TypedDict, total=False):
+class RunnableArgument(TypedDict):
     """The model or the system, a positional argument."""
 
     model: Annotated[
@@ -101,7 +101,7 @@ class RunnableArgument(TypedDict, total=False):
     ]
 
 
-class RunnableOption(TypedDict, total=False):
+class RunnableOption(TypedDict):
     """The model or the system, as an option."""
 
     model: Annotated[
@@ -112,29 +112,27 @@ class RunnableOption(TypedDict, total=False):
     ]
 
 
-class LaidOverOption(TypedDict, total=False):
+class LaidOverOption(TypedDict):
     """Effects that are part of the model from the start."""
 
     laid_over: Annotated[
-        Sequence[str],
+        Names,
         Option(
             "Effects to lay over it (see ppy info), e.g. strain_saturation,sensor_lag(voltage).",
-            default=(),
             flag="--with",
             metavar="EFFECTS",
-            form=NAMES,
             complete="effect",
         ),
     ]
 
 
-class PresetOption(TypedDict, total=False):
+class PresetOption(TypedDict):
     """The preset that a model starts from."""
 
     preset: Annotated[str | None, Option("Start from a preset (see ppy info).")]
 
 
-class RuntimeOption(TypedDict, total=False):
+class RuntimeOption(TypedDict):
     """The build of a component that is run."""
 
     runtime: Annotated[
@@ -146,7 +144,7 @@ class RuntimeOption(TypedDict, total=False):
     ]
 
 
-class PlatformsOption(TypedDict, total=False):
+class PlatformsOption(TypedDict):
     """The platforms that an FMU is built for, as `platform_list` takes them."""
 
     platforms: Annotated[
@@ -154,7 +152,6 @@ class PlatformsOption(TypedDict, total=False):
         Option(
             "linux64,win64,darwin64,aarch64-linux, or all that a compiler here can serve; default"
             " this machine's.",
-            default=(),
             metavar="PLATFORMS",
             # those of the toolchain, which would take its time to load with every command
             form=names_among(("linux64", "win64", "darwin64", "aarch64-linux", _ALL)),
@@ -174,7 +171,7 @@ def tolerances(meaning: str, flag: str) -> Option:
     return Option(meaning, flag=flag, metavar="TOLERANCES", form=form)
 
 
-class RecordArgument(TypedDict, total=False):
+class RecordArgument(TypedDict):
     """The record, a positional argument."""
 
     record: Annotated[
@@ -187,7 +184,7 @@ class RecordArgument(TypedDict, total=False):
     ]
 
 
-class RecordsArgument(TypedDict, total=False):
+class RecordsArgument(TypedDict):
     """One or several records, a positional argument."""
 
     records: Annotated[
@@ -202,34 +199,40 @@ class RecordsArgument(TypedDict, total=False):
     ]
 
 
-class JsonOption(TypedDict, total=False):
+class JsonOption(TypedDict):
     """The result as figures."""
 
     json: Annotated[
-        Path | None,
+        File,
         Option(
             "The result as JSON; - is standard output, which then holds nothing else.",
-            metavar="FILE",
         ),
     ]
 
 
-class JunitOption(TypedDict, total=False):
+class JunitOption(TypedDict):
     """The verdicts for continuous integration."""
 
     junit: Annotated[
-        Path | None,
-        Option("The verdicts as JUnit (.xml), as CI servers show them.", metavar="FILE"),
+        File,
+        Option(
+            "The verdicts as JUnit (.xml), as CI servers show them.",
+        ),
     ]
 
 
-class PlotOption(TypedDict, total=False):
+class PlotOption(TypedDict):
     """The result as a picture."""
 
-    plot: Annotated[Path | None, Option("Picture to draw (.png, .svg or .pdf).", metavar="FILE")]
+    plot: Annotated[
+        File,
+        Option(
+            "Picture to draw (.png, .svg or .pdf).",
+        ),
+    ]
 
 
-class IsolateOption(TypedDict, total=False):
+class IsolateOption(TypedDict):
     """Isolation of an FMU that is not ours in a process."""
 
     isolate: Annotated[
@@ -242,7 +245,7 @@ class IsolateOption(TypedDict, total=False):
     ]
 
 
-class IsolationOptions(IsolateOption, total=False):
+class IsolationOptions(IsolateOption):
     """Isolation of an FMU in a process, and the limits of this process."""
 
     step_timeout: Annotated[
@@ -263,12 +266,14 @@ class IsolationOptions(IsolateOption, total=False):
     ]
 
 
-class RealTimeOptions(TypedDict, total=False):
+class RealTimeOptions(TypedDict):
     """Pace of a run in real time."""
 
     real_time: Annotated[
         bool,
-        Option("Keep pace with the clock, as a rig does, and tell how well.", default=False),
+        Option(
+            "Keep pace with the clock, as a rig does, and tell how well.",
+        ),
     ]
     missed: Annotated[
         str | None,
@@ -279,33 +284,38 @@ class RealTimeOptions(TypedDict, total=False):
         ),
     ]
     lag: Annotated[
-        float | None,
+        Seconds,
         Option(
             "Lag beyond which the run stops; default 1 s, with a rig half its watchdog.",
-            metavar="TIME",
-            form=TIME,
         ),
     ]
     processor: Annotated[
-        int | None, Option("The only processor to run on.", flag="--cpu", metavar="N")
+        Number,
+        Option(
+            "The only processor to run on.",
+            flag="--cpu",
+        ),
     ]
-    priority: Annotated[bool, Option("Ask for a higher priority.", default=False)]
+    priority: Annotated[
+        bool,
+        Option(
+            "Ask for a higher priority.",
+        ),
+    ]
 
 
 TUNING_PORT = 5580
 
 
-class TuningOptions(TypedDict, total=False):
+class TuningOptions(TypedDict):
     """Parameters that are moved by hand in a run in real time."""
 
     tunable: Annotated[
-        Sequence[str],
+        Names,
         Option(
             "Tunable parameters that ppy rig tune and ppy rig watch may move, e.g."
             " pid.proportional_gain; with --real-time.",
-            default=(),
             metavar="NAMES",
-            form=NAMES,
         ),
     ]
     tuning_port: Annotated[

@@ -11,7 +11,7 @@ from typing import Annotated
 from fmus.kit import UserError
 from fmus.kit.extras import require
 from orchestration.api.declaration import REQUIRED, Option
-from orchestration.api.forms import TEXTS
+from orchestration.api.forms import File, Texts
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import ServerOptions
 
@@ -34,13 +34,11 @@ class CalibrateCommand(ServerOptions, total=False):
         str, Option("Measured signal.", default=REQUIRED, metavar="SIGNAL", argument=True)
     ]
     points: Annotated[
-        Sequence[str],
+        Texts,
         Option(
             "Known value in the file's unit, to be read now, or a point as printed before.",
-            default=(),
             flag="--point",
             metavar="KNOWN[=READING]",
-            form=TEXTS,
         ),
     ]
     duration: Annotated[
@@ -131,7 +129,7 @@ class OpcuaCommand(ServerOptions, total=False):
     ]
     port: Annotated[int, Option("Port of the server of OPC UA.", default=4840, least=1, most=65535)]
     password: Annotated[
-        Path | None,
+        File,
         Option(
             'File with password = "...", with which a user may drive; without it nobody may.',
             metavar="FILE.toml",

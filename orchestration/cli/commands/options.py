@@ -12,10 +12,13 @@ from orchestration.api.declaration import REQUIRED, Option
 from orchestration.api.forms import (
     ASSIGNMENTS,
     NAMES,
-    PERCENT,
     SIZE,
-    TEXTS,
-    TIME,
+    File,
+    Names,
+    Number,
+    Percent,
+    Seconds,
+    Texts,
     names_among,
     some_of,
 )
@@ -70,13 +73,13 @@ from orchestration.cli.options import (
 # --- components and FMUs -------------------------------------------------------------------------
 
 
-class ReportOption(TypedDict, total=False):
+class ReportOption(TypedDict):
     """The page of a result."""
 
-    report: Annotated[Path | None, Option("Page (.html) with all of it, to look at and pass on.")]
+    report: Annotated[File, Option("Page (.html) with all of it, to look at and pass on.")]
 
 
-class InfoCommand(LaidOverOption, ReadingOptions, JsonOption, ReportOption, total=False):
+class InfoCommand(LaidOverOption, ReadingOptions, JsonOption, ReportOption):
     """Options of ``ppy info``."""
 
     model: Annotated[
@@ -101,7 +104,7 @@ class InfoCommand(LaidOverOption, ReadingOptions, JsonOption, ReportOption, tota
     ]
 
 
-class CheckCommand(JsonOption, JunitOption, total=False):
+class CheckCommand(JsonOption, JunitOption):
     """Options of ``ppy check``."""
 
     fmus: Annotated[
@@ -109,8 +112,10 @@ class CheckCommand(JsonOption, JunitOption, total=False):
         Option("FMU files, ours or anybody's.", default=REQUIRED, metavar="FMU...", argument=True),
     ]
     accept: Annotated[
-        Path | None,
-        Option("Findings that do not count, each with its reason (.toml).", metavar="FILE"),
+        File,
+        Option(
+            "Findings that do not count, each with its reason (.toml).",
+        ),
     ]
     fail_on: Annotated[
         str,
@@ -123,8 +128,8 @@ class CheckCommand(JsonOption, JunitOption, total=False):
     ]
 
 
-class BuildOptions(TypedDict, total=False):
-    """The builds that are made, and where they go."""
+class BuildCommand(LaidOverOption, SettingsOption, PlatformsOption):
+    """Options of ``ppy build``."""
 
     names: Annotated[
         list[str] | None,
@@ -148,17 +153,16 @@ class BuildOptions(TypedDict, total=False):
         Option("Version of FMI, 2 or 3; 3 in OUT/fmi3 and OUT/fmi3-python.", default=2),
     ]
     clocks: Annotated[
-        bool, Option("Declare when states are sampled, as clocks of FMI 3.0.", default=False)
+        bool,
+        Option(
+            "Declare when states are sampled, as clocks of FMI 3.0.",
+        ),
     ]
     out: Annotated[Path, Option("Folder that gets RUNTIME/NAME.fmu.", default=Path("fmu"))]
 
 
-class BuildCommand(LaidOverOption, SettingsOption, PlatformsOption, BuildOptions, total=False):
-    """Options of ``ppy build``."""
-
-
-class ExportOptions(TypedDict, total=False):
-    """The components that are written, and where they go."""
+class ExportModelicaCommand(LaidOverOption, SettingsOption):
+    """Options of ``ppy export modelica``."""
 
     names: Annotated[
         list[str] | None,
@@ -170,19 +174,22 @@ class ExportOptions(TypedDict, total=False):
         ),
     ]
     out: Annotated[Path, Option("Folder that gets the package.", default=Path("modelica"))]
-    fmus: Annotated[bool, Option("Also models that FMUs for this machine compute.", default=False)]
+    fmus: Annotated[
+        bool,
+        Option(
+            "Also models that FMUs for this machine compute.",
+        ),
+    ]
     fitted: Annotated[
-        Path | None,
-        Option("Parameters from a fit (ppy identify --json), as defaults.", metavar="FILE"),
+        File,
+        Option(
+            "Parameters from a fit (ppy identify --json), as defaults.",
+        ),
     ]
 
 
-class ExportModelicaCommand(LaidOverOption, SettingsOption, ExportOptions, total=False):
-    """Options of ``ppy export modelica``."""
-
-
-class NewOptions(TypedDict, total=False):
-    """Options of the template that is written, and of its place."""
+class NewCommand(ModelOption):
+    """Options of ``ppy new``."""
 
     kind: Annotated[
         str,
@@ -203,11 +210,6 @@ class NewOptions(TypedDict, total=False):
             argument=True,
         ),
     ]
-
-
-class NewCommand(NewOptions, ModelOption, total=False):
-    """Options of ``ppy new``."""
-
     law: Annotated[
         str,
         Option("Law of the model that an effect changes; any other lists them.", default=""),
@@ -218,36 +220,13 @@ class NewCommand(NewOptions, ModelOption, total=False):
 # --- simulations ---------------------------------------------------------------------------------
 
 
-class InputFileOption(TypedDict, total=False):
+class InputFileOption(TypedDict):
     """The record that drives a simulation."""
 
     input_file: Annotated[
-        Path | None,
+        File,
         Option("Record with the inputs, held between samples.", flag="--input"),
     ]
-
-
-class SignalsOption(TypedDict, total=False):
-    """The signals of a simulation as a file."""
-
-    out: Annotated[
-        Path | None,
-        Option("Inputs and outputs, with units: .csv, .nc or .parquet.", metavar="FILE"),
-    ]
-
-
-class RunFilesOptions(TypedDict, total=False):
-    """Files of a simulation of one FMU beside its signals."""
-
-    log_calls: Annotated[
-        Path | None,
-        Option("Each call of the FMU, with arguments and status, a line each.", metavar="FILE"),
-    ]
-    state_in: Annotated[
-        Path | None,
-        Option("Go on from the state that --state-out wrote, at its time.", metavar="FILE"),
-    ]
-    state_out: Annotated[Path | None, Option("State of the FMU at the last point.", metavar="FILE")]
 
 
 class SimulateCommand(
@@ -260,19 +239,58 @@ class SimulateCommand(
     GridOptions,
     OutputsOption,
     ToleranceOption,
-    SignalsOption,
-    RunFilesOptions,
     PlotOption,
     RuntimeOption,
     IsolationOptions,
-    total=False,
 ):
     """Options of ``ppy simulate``."""
 
+    log_calls: Annotated[
+        File,
+        Option(
+            "Each call of the FMU, with arguments and status, a line each.",
+        ),
+    ]
+    state_in: Annotated[
+        File,
+        Option(
+            "Go on from the state that --state-out wrote, at its time.",
+        ),
+    ]
+    state_out: Annotated[
+        File,
+        Option(
+            "State of the FMU at the last point.",
+        ),
+    ]
+    out: Annotated[
+        File,
+        Option(
+            "Inputs and outputs, with units: .csv, .nc or .parquet.",
+        ),
+    ]
 
-class ExperimentOptions(TypedDict, total=False):
-    """The experiment that is run, and its result."""
 
+class RunCommand(
+    ReportOption,
+    JsonOption,
+    JunitOption,
+    RuntimeOption,
+    RealTimeOptions,
+    TuningOptions,
+    IsolationOptions,
+):
+    """Options of ``ppy run``."""
+
+    tube: Annotated[
+        Any,
+        tolerances(
+            "By how much a result made again may differ, as 'voltage=1mV, omega=0.5%' of its range;"
+            " default not at all.",
+            "--tolerance",
+        ),
+    ]
+    show_list: Annotated[bool, Option("List the experiments that ship.", flag="--list")]
     experiment: Annotated[
         str | None,
         Option(
@@ -287,7 +305,6 @@ class ExperimentOptions(TypedDict, total=False):
         Option(
             "Over the file: duration=20s, R1=610mohm, inputs.current.value=1, or parameters of a"
             " file: specimen.toml, MEMBER@specimen.toml.",
-            default=(),
             flag="--set",
             alias="--params",
             metavar="KEY=VALUE",
@@ -295,96 +312,48 @@ class ExperimentOptions(TypedDict, total=False):
         ),
     ]
     out: Annotated[
-        Path | None,
-        Option("Result: .nc, .parquet (both can be run again) or .csv.", metavar="FILE"),
+        File,
+        Option(
+            "Result: .nc, .parquet (both can be run again) or .csv.",
+        ),
     ]
     plot: Annotated[
-        Path | None, Option("Picture (.png, .svg, .pdf) or page (.html).", metavar="FILE")
-    ]
-
-
-class ListOption(TypedDict, total=False):
-    """The list of what can be run, printed in place of a run."""
-
-    show_list: Annotated[
-        bool, Option("List the experiments that ship.", default=False, flag="--list")
-    ]
-
-
-class RunToleranceOption(TypedDict, total=False):
-    """By how much a result that is made again may differ."""
-
-    tube: Annotated[
-        Any,
-        tolerances(
-            "By how much a result made again may differ, as 'voltage=1mV, omega=0.5%' of its range;"
-            " default not at all.",
-            "--tolerance",
+        File,
+        Option(
+            "Picture (.png, .svg, .pdf) or page (.html).",
         ),
     ]
 
 
-class RunCommand(
-    ExperimentOptions,
-    RunToleranceOption,
-    ReportOption,
-    JsonOption,
-    JunitOption,
-    RuntimeOption,
-    RealTimeOptions,
-    TuningOptions,
-    IsolationOptions,
-    ListOption,
-    total=False,
-):
-    """Options of ``ppy run``."""
-
-
-class RangesOption(TypedDict, total=False):
+class RangesOption(TypedDict):
     """Values over which parameters vary."""
 
     over: Annotated[
-        Sequence[str],
+        Texts,
         Option(
             "Range of a parameter, or of an input that is held: R1=0.3..0.7:41,"
             " C=1e-3..1e-1:7 log, k1=6.3N/mm, 9N/mm; R1=0.3..0.7 for a design that chooses the"
             " values. Repeatable.",
-            default=(),
             metavar="NAME=FROM..TO:COUNT",
-            form=TEXTS,
         ),
     ]
 
 
-class OverOption(RangesOption, total=False):
-    """Values over which parameters of a sweep vary."""
-
-    fitted: Annotated[
-        Path | None,
-        Option(
-            "Draw parameters from a fit (ppy identify --json): --samples of them, and bands of the"
-            " outputs.",
-            metavar="FILE",
-        ),
-    ]
-
-
-class DatasetOption(TypedDict, total=False):
+class DatasetOption(TypedDict):
     """The result of a sweep as a file."""
 
     out: Annotated[
-        Path | None,
+        File,
         Option(
             "Result with units: .nc, or .zarr for more than fits into memory. Interrupted, the same"
             " command goes on.",
-            metavar="FILE",
         ),
     ]
 
 
 class SweepCommand(
     RunnableArgument,
-    OverOption,
+    RangesOption,
     SweepDesignOptions,
     LaidOverOption,
     SettingsOption,
@@ -397,20 +366,19 @@ class SweepCommand(
     ReportOption,
     RuntimeOption,
     IsolationOptions,
-    total=False,
 ):
     """Options of ``ppy sweep``."""
 
+    fitted: Annotated[
+        File,
+        Option(
+            "Draw parameters from a fit (ppy identify --json): --samples of them, and bands of the"
+            " outputs.",
+        ),
+    ]
+
 
 # --- linear models -------------------------------------------------------------------------------
-
-
-class MatOption(TypedDict, total=False):
-    """The matrices as a MATLAB file."""
-
-    mat: Annotated[
-        Path | None, Option("A, B, C, D with names and units, for MATLAB (.mat).", metavar="FILE")
-    ]
 
 
 class LineariseCommand(
@@ -423,21 +391,14 @@ class LineariseCommand(
     RangesOption,
     BandOptions,
     JsonOption,
-    MatOption,
     PlotOption,
-    total=False,
 ):
     """Options of ``ppy linearise``."""
 
-
-class DesignFolderOption(TypedDict, total=False):
-    """The folder of a designed controller."""
-
-    out: Annotated[
-        Path | None,
+    mat: Annotated[
+        File,
         Option(
-            "Folder for controller.py, controller.fmu, loop.ssp and step.toml, which runs it.",
-            metavar="FOLDER",
+            "A, B, C, D with names and units, for MATLAB (.mat).",
         ),
     ]
 
@@ -448,19 +409,34 @@ class DesignCommand(
     DesignOptions,
     RangesOption,
     BandOptions,
-    DesignFolderOption,
     JsonOption,
     PlotOption,
-    total=False,
 ):
     """Options of ``ppy design``."""
+
+    out: Annotated[
+        File,
+        Option(
+            "Folder for controller.py, controller.fmu, loop.ssp and step.toml, which runs it.",
+            metavar="FOLDER",
+        ),
+    ]
 
 
 # --- optimisation --------------------------------------------------------------------------------
 
 
-class SearchedOption(TypedDict, total=False):
-    """The parameters of an optimisation."""
+class OptimiseCommand(
+    ModelArgument,
+    OptimiseOptions,
+    LaidOverOption,
+    SettingsOption,
+    PresetOption,
+    GridOptions,
+    JsonOption,
+    PlotOption,
+):
+    """Options of ``ppy optimise``."""
 
     over: Annotated[
         list[str],
@@ -472,28 +448,7 @@ class SearchedOption(TypedDict, total=False):
     ]
 
 
-class OptimiseCommand(
-    ModelArgument,
-    SearchedOption,
-    OptimiseOptions,
-    LaidOverOption,
-    SettingsOption,
-    PresetOption,
-    GridOptions,
-    JsonOption,
-    PlotOption,
-    total=False,
-):
-    """Options of ``ppy optimise``."""
-
-
 # --- a model and a record ------------------------------------------------------------------------
-
-
-class FiguresOption(TypedDict, total=False):
-    """The figures of a comparison as a file."""
-
-    out: Annotated[Path | None, Option("The figures as JSON (.json).", metavar="FILE")]
 
 
 class MeasuringOptions(
@@ -503,33 +458,19 @@ class MeasuringOptions(
     SettingsOption,
     PresetOption,
     ToleranceOption,
-    total=False,
 ):
     """A model, and how a record that it is compared with is read."""
 
 
-class MeasuredOptions(RecordArgument, MeasuringOptions, total=False):
+class MeasuredOptions(RecordArgument, MeasuringOptions):
     """A model, and the record that it is compared with."""
 
 
-class RequiredPercentOption(TypedDict, total=False):
-    """The fit in percent that a comparison must reach."""
-
-    require: Annotated[
-        float | None,
-        Option(
-            "Exit status 1 unless every output fits that well, such as 95%; after --fit if given.",
-            metavar="PERCENT",
-            form=PERCENT,
-        ),
-    ]
-
-
-class ReferenceOptions(TypedDict, total=False):
+class ReferenceOptions(TypedDict):
     """A result that another one is compared with, and by how much it may differ."""
 
     reference: Annotated[
-        Path | None,
+        File,
         Option(
             "Compare two files: this is right, RECORD a result. Not with a model.", argument=True
         ),
@@ -548,34 +489,40 @@ class CompareCommand(
     MeasuredOptions,
     ReferenceOptions,
     FittedOption,
-    RequiredPercentOption,
-    FiguresOption,
     JsonOption,
     JunitOption,
     PlotOption,
     ReportOption,
     RuntimeOption,
     IsolateOption,
-    total=False,
 ):
     """Options of ``ppy compare``."""
 
-
-class RequiredFitOption(TypedDict, total=False):
-    """The parameters to identify."""
-
-    fit: Annotated[
-        list[str],
+    require: Annotated[
+        Percent,
         Option(
-            "Parameters, e.g. R1,R2,C.",
-            default=REQUIRED,
-            form=some_of("name the parameters, e.g. R1,R2,C"),
+            "Exit status 1 unless every output fits that well, such as 95%; after --fit if given.",
+        ),
+    ]
+    out: Annotated[
+        File,
+        Option(
+            "The figures as JSON (.json).",
         ),
     ]
 
 
-class ProfileOptions(TypedDict, total=False):
-    """Likelihood profiles of parameters, and the identified values as a file."""
+class IdentifyCommand(
+    RecordsArgument,
+    MeasuringOptions,
+    AssumptionOptions,
+    WorkersOption,
+    JsonOption,
+    PlotOption,
+    ReportOption,
+    IsolateOption,
+):
+    """Options of ``ppy identify``."""
 
     profile: Annotated[
         list[str] | None,
@@ -586,45 +533,50 @@ class ProfileOptions(TypedDict, total=False):
         ),
     ]
     profile_plot: Annotated[
-        Path | None,
-        Option("The profiles as a picture (.png, .svg or .pdf).", metavar="FILE"),
+        File,
+        Option(
+            "The profiles as a picture (.png, .svg or .pdf).",
+        ),
     ]
     posterior: Annotated[
-        int | None,
+        Number,
         Option(
             "Independent samples of the posterior, e.g. 1000; needs the extra sampling.",
             least=1,
-            metavar="N",
         ),
     ]
     corner: Annotated[
-        Path | None,
-        Option("The posterior of all pairs as a picture (.png, .svg or .pdf).", metavar="FILE"),
+        File,
+        Option(
+            "The posterior of all pairs as a picture (.png, .svg or .pdf).",
+        ),
     ]
     ssv: Annotated[
-        Path | None,
-        Option("The values as a parameter set (.ssv), for any system.", metavar="FILE"),
+        File,
+        Option(
+            "The values as a parameter set (.ssv), for any system.",
+        ),
+    ]
+    fit: Annotated[
+        list[str],
+        Option(
+            "Parameters, e.g. R1,R2,C.",
+            default=REQUIRED,
+            form=some_of("name the parameters, e.g. R1,R2,C"),
+        ),
     ]
 
 
-class IdentifyCommand(
-    RecordsArgument,
-    MeasuringOptions,
-    RequiredFitOption,
-    AssumptionOptions,
-    WorkersOption,
-    ProfileOptions,
+class AgeCommand(
+    RunnableOption,
+    MappingOption,
+    SettingsOption,
+    AgeOptions,
     JsonOption,
     PlotOption,
     ReportOption,
-    IsolateOption,
-    total=False,
 ):
-    """Options of ``ppy identify``."""
-
-
-class AgedRecordsArgument(TypedDict, total=False):
-    """Records of one actuator in the order of use."""
+    """Options of ``ppy age``."""
 
     records: Annotated[
         list[Path],
@@ -635,27 +587,34 @@ class AgedRecordsArgument(TypedDict, total=False):
             argument=True,
         ),
     ]
+    out: Annotated[
+        File,
+        Option(
+            "Windows with their intervals (.csv).",
+        ),
+    ]
 
 
-class AgeCommand(
-    AgedRecordsArgument,
-    RunnableOption,
+class FrequencyCommand(
+    RecordArgument,
+    LaidOverOption,
     MappingOption,
     SettingsOption,
-    AgeOptions,
+    PresetOption,
+    UnitsOption,
+    ResponseOptions,
     JsonOption,
     PlotOption,
-    ReportOption,
-    total=False,
+    IsolateOption,
 ):
-    """Options of ``ppy age``."""
+    """Options of ``ppy frequency``."""
 
-    out: Annotated[Path | None, Option("Windows with their intervals (.csv).", metavar="FILE")]
-
-
-class BesideOption(TypedDict, total=False):
-    """A model whose response is compared with the measured one."""
-
+    out: Annotated[
+        File,
+        Option(
+            "Responses with their intervals (.csv).",
+        ),
+    ]
     model: Annotated[
         str | None,
         Option(
@@ -667,63 +626,30 @@ class BesideOption(TypedDict, total=False):
     ]
 
 
-class ResponsesOption(TypedDict, total=False):
-    """The responses as a file."""
-
-    out: Annotated[Path | None, Option("Responses with their intervals (.csv).", metavar="FILE")]
-
-
-class FrequencyCommand(
-    RecordArgument,
-    BesideOption,
-    LaidOverOption,
-    MappingOption,
-    SettingsOption,
-    PresetOption,
-    UnitsOption,
-    ResponseOptions,
-    ResponsesOption,
-    JsonOption,
-    PlotOption,
-    IsolateOption,
-    total=False,
-):
-    """Options of ``ppy frequency``."""
-
-
-class OutputOption(TypedDict, total=False):
-    """The column that a black-box model predicts."""
-
-    output: Annotated[str, Option("Column to predict.", default=REQUIRED, metavar="COLUMN")]
-
-
-class BlackBoxOutputs(TypedDict, total=False):
-    """The files of a black-box identification."""
-
-    report: Annotated[Path | None, Option("The page (.html).", metavar="FILE")]
-    out: Annotated[
-        Path | None,
-        Option("The model as a class (.py), for ppy build, simulate and diagnose.", metavar="FILE"),
-    ]
-
-
 class BlackBoxCommand(
-    RecordArgument,
-    OutputOption,
-    InputsOption,
-    SamplePeriodOption,
-    StudyOptions,
-    JsonOption,
-    BlackBoxOutputs,
-    total=False,
+    RecordArgument, InputsOption, SamplePeriodOption, StudyOptions, JsonOption, total=False
 ):
     """Options of ``ppy black-box``."""
+
+    report: Annotated[
+        File,
+        Option(
+            "The page (.html).",
+        ),
+    ]
+    out: Annotated[
+        File,
+        Option(
+            "The model as a class (.py), for ppy build, simulate and diagnose.",
+        ),
+    ]
+    output: Annotated[str, Option("Column to predict.", default=REQUIRED, metavar="COLUMN")]
 
 
 # --- diagnoses -----------------------------------------------------------------------------------
 
 
-class JudgedOptions(RecordsArgument, total=False):
+class JudgedOptions(RecordsArgument):
     """The records of a diagnosis, and its model."""
 
     model: Annotated[
@@ -737,24 +663,7 @@ class JudgedOptions(RecordsArgument, total=False):
     ]
 
 
-class DiagnoseOutputs(TypedDict, total=False):
-    """Files that a diagnosis writes, other than figures and page."""
-
-    fmu: Annotated[
-        Path | None,
-        Option("The extended model as FMU: F.fmu (native) and F.python.fmu beside it."),
-    ]
-    ssp: Annotated[
-        Path | None,
-        Option("An FMU without equations with its correction, as a system.", metavar="S.ssp"),
-    ]
-    experiment: Annotated[
-        Path | None,
-        Option("Experiment (.toml) that would tell alternatives apart, for ppy run."),
-    ]
-
-
-class SystemOption(TypedDict, total=False):
+class SystemOption(TypedDict):
     """The system whose members are judged in place of one model."""
 
     system: Annotated[
@@ -770,62 +679,45 @@ class SystemOption(TypedDict, total=False):
 VERDICTS = ("consistent", "recalibrate", "cause", "ambiguous", "unexplained")
 
 
-class RequiredVerdictOption(TypedDict, total=False):
-    """Verdicts of which a diagnosis must reach one."""
-
-    require: Annotated[
-        Sequence[str],
-        Option(
-            f"Exit status 1 unless the verdict is one of these: {', '.join(VERDICTS)}.",
-            default=(),
-            metavar="VERDICTS",
-            form=names_among(VERDICTS),
-        ),
-    ]
-
-
-class ExplainOption(TypedDict, total=False):
-    """Two candidates that are compared."""
-
-    explain: Annotated[
-        Sequence[str],
-        Option(
-            "Compare two candidates, e.g. friction(velocity),nothing.",
-            default=(),
-            metavar="A,B",
-            form=NAMES,
-        ),
-    ]
-
-
 class DiagnoseCommand(
     JudgedOptions,
     EachOption,
     LaidOverOption,
     DiagnoseOptions,
-    RequiredVerdictOption,
-    ExplainOption,
     JsonOption,
     ReportOption,
-    DiagnoseOutputs,
     PlatformsOption,
     SystemOption,
     IsolateOption,
-    total=False,
 ):
     """Options of ``ppy diagnose``."""
 
-
-class LawsOutputs(TypedDict, total=False):
-    """Files that a search of laws writes, other than figures and page."""
-
-    effect_out: Annotated[
-        Path | None,
-        Option("The best correction as a class to lay over the model.", metavar="F.py"),
+    explain: Annotated[
+        Names,
+        Option(
+            "Compare two candidates, e.g. friction(velocity),nothing.",
+            metavar="A,B",
+        ),
+    ]
+    require: Annotated[
+        Sequence[str],
+        Option(
+            f"Exit status 1 unless the verdict is one of these: {', '.join(VERDICTS)}.",
+            metavar="VERDICTS",
+            form=names_among(VERDICTS),
+        ),
     ]
     fmu: Annotated[
-        Path | None,
-        Option("The corrected model as FMU: F.fmu (native) and F.python.fmu beside it."),
+        File,
+        Option("The extended model as FMU: F.fmu (native) and F.python.fmu beside it."),
+    ]
+    ssp: Annotated[
+        File,
+        Option("An FMU without equations with its correction, as a system.", metavar="S.ssp"),
+    ]
+    experiment: Annotated[
+        File,
+        Option("Experiment (.toml) that would tell alternatives apart, for ppy run."),
     ]
 
 
@@ -835,17 +727,24 @@ class LawsCommand(
     LawsOptions,
     JsonOption,
     ReportOption,
-    LawsOutputs,
     PlatformsOption,
-    total=False,
 ):
     """Options of ``ppy laws``."""
+
+    effect_out: Annotated[
+        File,
+        Option("The best correction as a class to lay over the model.", metavar="F.py"),
+    ]
+    fmu: Annotated[
+        File,
+        Option("The corrected model as FMU: F.fmu (native) and F.python.fmu beside it."),
+    ]
 
 
 # --- systems -------------------------------------------------------------------------------------
 
 
-class SystemArgument(TypedDict, total=False):
+class SystemArgument(TypedDict):
     """The system, a positional argument."""
 
     name: Annotated[
@@ -860,48 +759,36 @@ class SystemArgument(TypedDict, total=False):
     ]
 
 
-class DrawSystemCommand(SystemArgument, total=False):
+class DrawSystemCommand(SystemArgument):
     """Options of ``ppy system draw``."""
 
     out: Annotated[
-        Path | None,
-        Option("Picture (.png, .svg or .pdf); default NAME.png.", metavar="FILE"),
+        File,
+        Option(
+            "Picture (.png, .svg or .pdf); default NAME.png.",
+        ),
     ]
 
 
-class SspOption(TypedDict, total=False):
-    """The file that a system is written to."""
-
-    out: Annotated[Path | None, Option("The .ssp, or a .ssd with resources/; default NAME.ssp.")]
-
-
-class ConnectorsOption(TypedDict, total=False):
-    """External connectors of a system."""
+class ExportSystemCommand(SystemArgument, RuntimeOption):
+    """Options of ``ppy system export``."""
 
     connectors: Annotated[
         bool,
         Option(
             "Inputs and outputs as connectors of the system; not for libcosim, Ecos.",
-            default=False,
         ),
     ]
+    out: Annotated[File, Option("The .ssp, or a .ssd with resources/; default NAME.ssp.")]
 
 
-class ExportSystemCommand(SystemArgument, SspOption, RuntimeOption, ConnectorsOption, total=False):
-    """Options of ``ppy system export``."""
-
-
-class PackedOption(TypedDict, total=False):
-    """The FMU that a system becomes."""
-
-    fmu: Annotated[Path | None, Option("The FMU; default NAME.fmu.", metavar="FILE.fmu")]
-
-
-class PackSystemCommand(SystemArgument, PackedOption, PlatformsOption, total=False):
+class PackSystemCommand(SystemArgument, PlatformsOption):
     """Options of ``ppy system pack``."""
 
+    fmu: Annotated[File, Option("The FMU; default NAME.fmu.", metavar="FILE.fmu")]
 
-class CheckSystemCommand(TypedDict, total=False):
+
+class CheckSystemCommand(TypedDict):
     """Options of ``ppy system check``."""
 
     file: Annotated[
@@ -916,14 +803,19 @@ _ENDPOINT = "tcp://HOST:PORT"
 _KEY_FILE = "Key file of a client (ppy rig keys)."
 
 
-class ServerOptions(TypedDict, total=False):
+class ServerOptions(TypedDict):
     """The server that a command speaks to."""
 
     endpoint: Annotated[str, Option("The rig's server.", default=ENDPOINT, metavar=_ENDPOINT)]
-    credentials: Annotated[Path | None, Option(_KEY_FILE, metavar="FILE")]
+    credentials: Annotated[
+        File,
+        Option(
+            _KEY_FILE,
+        ),
+    ]
 
 
-class TunedRunOption(TypedDict, total=False):
+class TunedRunOption(TypedDict):
     """The run whose parameters are moved."""
 
     run: Annotated[
@@ -936,7 +828,7 @@ class TunedRunOption(TypedDict, total=False):
     ]
 
 
-class TuneCommand(TunedRunOption, total=False):
+class TuneCommand(TunedRunOption):
     """Options of ``ppy rig tune``."""
 
     move: Annotated[
@@ -950,7 +842,7 @@ class TuneCommand(TunedRunOption, total=False):
     ]
 
 
-class WatchCommand(ServerOptions, TunedRunOption, total=False):
+class WatchCommand(ServerOptions, TunedRunOption):
     """Options of ``ppy rig watch``."""
 
     port: Annotated[
@@ -964,15 +856,13 @@ class WatchCommand(ServerOptions, TunedRunOption, total=False):
         Option("Open the page in a browser.", default=True, flag="--browser/--no-browser"),
     ]
     archive: Annotated[
-        Path | None,
+        File,
         Option("Archive of the server, for a page with its history.", metavar="FOLDER"),
     ]
     rise: Annotated[
-        float | None,
+        Percent,
         Option(
             "Alarm once the impedance of the actuator has risen by that, e.g. 15%.",
-            metavar="PERCENT",
-            form=PERCENT,
         ),
     ]
 
@@ -981,31 +871,22 @@ def _timeout(default: float) -> Option:
     return Option("How long to wait for an answer, in s.", default=default, least=0.05, most=60.0)
 
 
-class TimeoutOption(TypedDict, total=False):
+class TimeoutOption(TypedDict):
     """The time that an answer may take."""
 
     timeout: Annotated[float, _timeout(2.0)]
 
 
-class LongTimeoutOption(TypedDict, total=False):
-    """The time that an answer may take if the rig must act before it answers."""
-
-    timeout: Annotated[float, _timeout(5.0)]
-
-
-class ReasonOption(TypedDict, total=False):
-    """The reason for a stop."""
+class StopCommand(ServerOptions, TimeoutOption, JsonOption):
+    """Options of ``ppy rig stop``."""
 
     reason: Annotated[str, Option("For the log.", default="ppy rig stop", metavar="TEXT")]
 
 
-class StopCommand(ServerOptions, TimeoutOption, ReasonOption, JsonOption, total=False):
-    """Options of ``ppy rig stop``."""
-
-
-class AcknowledgeCommand(ServerOptions, LongTimeoutOption, JsonOption, total=False):
+class AcknowledgeCommand(ServerOptions, JsonOption):
     """Options of ``ppy rig acknowledge``."""
 
+    timeout: Annotated[float, _timeout(5.0)]
     latch: Annotated[
         str | None,
         Option("Name of the latch that is meant, as status has it.", metavar="NAME"),
@@ -1020,7 +901,7 @@ class AcknowledgeCommand(ServerOptions, LongTimeoutOption, JsonOption, total=Fal
     ]
 
 
-class LogCommand(TypedDict, total=False):
+class LogCommand(TypedDict):
     """Options of ``ppy rig log``."""
 
     files: Annotated[
@@ -1034,13 +915,30 @@ class LogCommand(TypedDict, total=False):
     ]
 
 
-class StatusCommand(ServerOptions, TimeoutOption, JsonOption, total=False):
+class StatusCommand(ServerOptions, TimeoutOption, JsonOption):
     """Options of ``ppy rig status``."""
 
 
-class RecordingOptions(TypedDict, total=False):
-    """The experiment that drives a rig, and the record of it."""
+class RecordRigCommand(ServerOptions):
+    """Options of ``ppy rig record``."""
 
+    rate: Annotated[
+        float | None,
+        Option("Rows a second; default those of the experiment.", metavar="HZ"),
+    ]
+    max_age: Annotated[
+        Seconds,
+        Option(
+            "Older values become gaps; default two steps.",
+        ),
+    ]
+    settings: Annotated[
+        Texts,
+        Option(
+            "Over the file: duration=20s, inputs.force=0.",
+            flag="--set",
+        ),
+    ]
     stimulus: Annotated[
         str | None,
         Option(
@@ -1050,50 +948,23 @@ class RecordingOptions(TypedDict, total=False):
         ),
     ]
     duration: Annotated[
-        float | None,
+        Seconds,
         Option(
             "How long the rig is heard, e.g. 10min; default until Ctrl-C.",
             flag="--for",
-            metavar="TIME",
-            form=TIME,
         ),
     ]
     out: Annotated[Path, Option("Record: .nc, .parquet or .csv.", default=REQUIRED, metavar="FILE")]
-
-
-class SamplingOptions(TypedDict, total=False):
-    """The rows of a record, and changes of the experiment."""
-
-    rate: Annotated[
-        float | None,
-        Option("Rows a second; default those of the experiment.", metavar="HZ"),
-    ]
-    max_age: Annotated[
-        float | None,
-        Option("Older values become gaps; default two steps.", metavar="TIME", form=TIME),
-    ]
-    settings: Annotated[
-        Sequence[str],
+    take_over: Annotated[
+        bool,
         Option(
-            "Over the file: duration=20s, inputs.force=0.",
-            default=(),
-            flag="--set",
-            metavar="KEY=VALUE",
-            form=TEXTS,
+            "Go on from a client that hands the rig over.",
         ),
     ]
 
 
-class RecordRigCommand(RecordingOptions, ServerOptions, SamplingOptions, total=False):
-    """Options of ``ppy rig record``."""
-
-    take_over: Annotated[
-        bool, Option("Go on from a client that hands the rig over.", default=False)
-    ]
-
-
-class ArchiveOptions(TypedDict, total=False):
-    """The archive of a rig, and the part of it that is exported."""
+class ArchiveCommand(JsonOption):
+    """Options of ``ppy rig archive``."""
 
     folder: Annotated[
         Path,
@@ -1109,15 +980,14 @@ class ArchiveOptions(TypedDict, total=False):
     ]
     until: Annotated[str | None, Option("End of the part.", flag="--to", metavar="DATE")]
     out: Annotated[
-        Path | None, Option("Record of the part: .nc, .parquet or .csv.", metavar="FILE")
+        File,
+        Option(
+            "Record of the part: .nc, .parquet or .csv.",
+        ),
     ]
 
 
-class ArchiveCommand(ArchiveOptions, JsonOption, total=False):
-    """Options of ``ppy rig archive``."""
-
-
-class BridgeCommand(TypedDict, total=False):
+class BridgeCommand(TypedDict):
     """Options of ``ppy rig bridge``."""
 
     endpoint: Annotated[str, Option("The rig's server.", default=REQUIRED, metavar=_ENDPOINT)]
@@ -1130,11 +1000,13 @@ class BridgeCommand(TypedDict, total=False):
     ]
     no_keys: Annotated[
         bool,
-        Option("Everybody on this machine may drive the rig, without a key.", default=False),
+        Option(
+            "Everybody on this machine may drive the rig, without a key.",
+        ),
     ]
 
 
-class KeysCommand(TypedDict, total=False):
+class KeysCommand(TypedDict):
     """Options of ``ppy rig keys``."""
 
     folder: Annotated[
@@ -1156,7 +1028,7 @@ class KeysCommand(TypedDict, total=False):
     ]
 
 
-class ServeCommand(TypedDict, total=False):
+class ServeCommand(TypedDict):
     """Options of ``ppy rig serve``."""
 
     backend: Annotated[
@@ -1168,13 +1040,10 @@ class ServeCommand(TypedDict, total=False):
         ),
     ]
     backend_options: Annotated[
-        Sequence[str],
+        Texts,
         Option(
             "Handed on to the backend; repeatable.",
-            default=(),
             flag="--option",
-            metavar="KEY=VALUE",
-            form=TEXTS,
         ),
     ]
     rate: Annotated[float, Option("Samples per second, up to 1000.", default=30.0)]
@@ -1186,7 +1055,10 @@ class ServeCommand(TypedDict, total=False):
         ),
     ]
     lockstep: Annotated[
-        bool, Option("The rig waits for the client; emulator and replay only.", default=False)
+        bool,
+        Option(
+            "The rig waits for the client; emulator and replay only.",
+        ),
     ]
     endpoint: Annotated[
         str | None,
@@ -1198,15 +1070,32 @@ class ServeCommand(TypedDict, total=False):
             "Address to bind to; beyond 127.0.0.1 with --keys only.", flag="--bind", metavar="HOST"
         ),
     ]
-    port: Annotated[int | None, Option("Port, 5570 if not given; 0 is any free one.", metavar="N")]
-    keys: Annotated[Path | None, Option("Key file of the server, of ppy rig keys.", metavar="FILE")]
+    port: Annotated[
+        Number,
+        Option(
+            "Port, 5570 if not given; 0 is any free one.",
+        ),
+    ]
+    keys: Annotated[
+        File,
+        Option(
+            "Key file of the server, of ppy rig keys.",
+        ),
+    ]
     no_keys: Annotated[
         bool,
-        Option("Everybody on this machine may drive the rig, without a key.", default=False),
+        Option(
+            "Everybody on this machine may drive the rig, without a key.",
+        ),
     ]
-    log: Annotated[Path | None, Option("Add every line to this file, too.", metavar="FILE")]
+    log: Annotated[
+        File,
+        Option(
+            "Add every line to this file, too.",
+        ),
+    ]
     archive: Annotated[
-        Path | None,
+        File,
         Option("Keep every sample, command and event in files there.", metavar="FOLDER"),
     ]
     archive_size: Annotated[
@@ -1214,25 +1103,26 @@ class ServeCommand(TypedDict, total=False):
         Option(
             "Largest size of the archive; the oldest files go.",
             default=1e9,
-            metavar="SIZE",
             form=SIZE,
         ),
     ]
     state: Annotated[
-        Path | None,
+        File,
         Option("Keeps the latch of each device; default is the user's.", metavar="FOLDER"),
     ]
     priority: Annotated[
-        int | None,
+        Number,
         Option(
             "Real-time priority of the device's process, 1 to 99.",
             flag="--device-priority",
-            metavar="N",
         ),
     ]
     cpu: Annotated[
-        int | None,
-        Option("Core that the device's process stays on.", flag="--device-cpu", metavar="N"),
+        Number,
+        Option(
+            "Core that the device's process stays on.",
+            flag="--device-cpu",
+        ),
     ]
     stuck_after: Annotated[
         int,
