@@ -41,9 +41,7 @@ def draw_diagnosis(diagnosis: Diagnosis) -> Figure:
         below.plot(time, measured - values, color=colour, lw=1.0)
     pictures.label(above, course.output, course.unit)
     pictures.label(below, "residual", course.unit)
-    above.legend(
-        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1
-    )
+    pictures.legend_above(above, 3)
     above.margins(x=0.0)
     return figure
 

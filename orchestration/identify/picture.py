@@ -49,9 +49,7 @@ def draw_fit(fit: Fit) -> Figure:
     figure, axes = pictures.panels(len(fit.estimates), title, "", 0.75, shared=False)
     for axis, (name, estimate) in zip(axes, fit.estimates.items(), strict=True):
         _draw_estimate(axis, name, estimate, fit.declared[name])
-    axes[0].legend(
-        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1
-    )
+    pictures.legend_above(axes[0], 3)
     return figure
 
 
@@ -92,8 +90,6 @@ def _draw_output(comparison: Comparison, output: str, over: Axes, below: Axes) -
         if not hidden or goodness is after:
             residual = units.convert(goodness.residual, signal.unit, difference)
             below.plot(time, residual, color=colour)
-    over.legend(
-        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1
-    )
+    pictures.legend_above(over, 3)
     pictures.label(over, output, unit)
     pictures.label(below, "residual (fitted)" if hidden else "residual", difference)

@@ -155,6 +155,17 @@ def label(axis: Axes, name: str, unit: str) -> None:
     axis.set_ylabel(with_unit("\n".join(lines), unit, "\n"))
 
 
+def legend_above(axis: Axes, columns: int) -> None:
+    """Put the legend above an axis, to the right."""
+    axis.legend(
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=columns,
+        frameon=False,
+        borderaxespad=0.1,
+    )
+
+
 def with_unit(title: str, unit: str, between: str = " ") -> str:
     """Return a title with its unit in brackets, which the unit 1 does not have."""
     return title if unit == "1" else f"{title}{between}[{printed(unit)}]"

@@ -297,7 +297,5 @@ def _draw_both() -> Figure:
         )
         axis.axhline(true, color=_GREY, ls="--", label="table 3-1")
         pictures.label(axis, name, unit)
-    axes[0].legend(
-        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1
-    )
+    pictures.legend_above(axes[0], 3)
     return figure

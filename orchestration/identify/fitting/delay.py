@@ -83,8 +83,9 @@ class DelayedModel:
         """
         time = given.time
         parameters = given.parameters
-        known = {name: value for name, value in parameters.items() if name in self._known}
-        undelayed = replace(given, parameters=known)
+        undelayed = replace(
+            given, parameters={n: value for n, value in parameters.items() if n in self._known}
+        )
         if not self.delays:
             return self._undelayed.run(undelayed)
         pasts = {
@@ -95,37 +96,28 @@ class DelayedModel:
         # all instants that are shown, or read for a derivative
         earlier = [instants for past in pasts.values() for instants in (past.then, past.near)]
         instants = np.unique(np.concatenate([time, *earlier]))
-        held = _held(time, given.inputs, instants)
-        trajectory = self._undelayed.run(replace(undelayed, time=instants, inputs=held))
-        return self._with_delays(_Undelayed(instants, trajectory), pasts, time, parameters)
-
-    def _with_delays(
-        self,
-        undelayed: _Undelayed,
-        pasts: Mapping[str, _EarlierInstants],
-        time: Array,
-        parameters: Mapping[str, float],
-    ) -> Trajectory:
-        """Return the simulation (n,) with every delayed output read at its earlier instants.
-
-        Before the record such an output ran on a line.
-        """
-        shown = undelayed.at(time)
+        trajectory = self._undelayed.run(
+            replace(undelayed, time=instants, inputs=_held(time, given.inputs, instants))
+        )
+        at = {output: np.searchsorted(instants, past.then) for output, past in pasts.items()}
+        now = np.searchsorted(instants, time)
+        signals = {o: y[at.get(o, now)] for o, y in trajectory.signals.items()}
+        slopes = {o: by[at.get(o, now)] for o, by in trajectory.sensitivities.items()}
         by_delay: dict[str, dict[str, Array]] = {}
         for output, past in pasts.items():
+            near = trajectory.signals[output][np.searchsorted(instants, past.near)]
+            # before the record such an output ran on a line
             line = self._line_before(output, past.before, time)
-            values = undelayed.signal(output, past.then)
-            slope = past.slope(values, undelayed.signal(output, past.near))
-            by_delay[output] = {self.delays[output]: slope, **line}
+            by_delay[output] = {self.delays[output]: past.slope(signals[output], near), **line}
             for name, derivative in line.items():
-                values = values + parameters.get(name, 0.0) * derivative
-            shown.signals[output] = values
-            shown.sensitivities[output] = undelayed.sensitivities(output, past.then)
-        shown.signals.update(self._delay_states(time, parameters))
-        slopes = {
-            o: self._order_slopes(s, by_delay.get(o, {})) for o, s in shown.sensitivities.items()
-        }
-        return replace(shown, sensitivities=slopes)
+                signals[output] = signals[output] + parameters.get(name, 0.0) * derivative
+        return replace(
+            trajectory,
+            signals=signals | self._delay_states(time, parameters),
+            sensitivities={
+                o: self._order_slopes(by, by_delay.get(o, {})) for o, by in slopes.items()
+            },
+        )
 
     def _line_before(self, output: str, before: Mask, time: Array) -> dict[str, Array]:
         """Return the derivatives of a delayed output by level and slope of its line beforehand.
@@ -204,36 +196,6 @@ def _history_of(delay: type[Effect]) -> _History:
     state, rate = (s.name for s in delay.layout.states)
     start = delay.layout.start_of
     return _History(start[state], start[rate], state, rate)
-
-
-class _Undelayed(NamedTuple):
-    """A simulation of the model without delays, to be read at some of its instants.
-
-    Attributes
-    ----------
-    instants : ndarray, shape (k,)
-        Seconds, ascending.
-    trajectory : Trajectory
-        At these.
-    """
-
-    instants: Array
-    trajectory: Trajectory
-
-    def at(self, some: Array) -> Trajectory:
-        """Return the simulation at some of its instants."""
-        at = np.searchsorted(self.instants, some)
-        signals = {name: values[at] for name, values in self.trajectory.signals.items()}
-        slopes = {name: values[at] for name, values in self.trajectory.sensitivities.items()}
-        return replace(self.trajectory, signals=signals, sensitivities=slopes)
-
-    def signal(self, output: str, some: Array) -> Array:
-        """Return an output (n,) at some of the instants, (n,)."""
-        return self.trajectory.signals[output][np.searchsorted(self.instants, some)]
-
-    def sensitivities(self, output: str, some: Array) -> Array:
-        """Return the derivatives (n, p) of an output at some of the instants, (n,)."""
-        return self.trajectory.sensitivities[output][np.searchsorted(self.instants, some)]
 
 
 class _EarlierInstants(NamedTuple):

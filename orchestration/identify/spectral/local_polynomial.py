@@ -100,24 +100,17 @@ class Estimates:
 
     Attributes
     ----------
-    lines : list of int
-    values : list of ndarray of complex, shape (outputs,)
-    covariance : list of ndarray of complex, shape (measured, measured)
-        Of the responses, ``E dG dG^H``.
-    freedom : list of int
-        Complex degrees of freedom of it.
-    rough : list of ndarray of bool, shape (measured,)
-        Whether a response changes too much between lines: the record is too short for it.
+    outputs : int
+        Number of outputs, those of a model included.
+    fits : dict of int to tuple of (_Fit, int)
+        By line: the least squares, and the position of the input among those of the fit.
     weak, alike : list of int
         Lines without a response: the input is not excited there, or its response cannot be
         distinguished from that to another input or from the transient.
     """
 
-    lines: list[int] = field(default_factory=list)
-    values: list[Spectrum] = field(default_factory=list)
-    covariance: list[Spectrum] = field(default_factory=list)
-    freedom: list[int] = field(default_factory=list)
-    rough: list[Mask] = field(default_factory=list)
+    outputs: int
+    fits: dict[int, tuple[_Fit, int]] = field(default_factory=dict)
     weak: list[int] = field(default_factory=list)
     alike: list[int] = field(default_factory=list)
 
@@ -125,18 +118,24 @@ class Estimates:
         """Add the response to the input at a position among those of a fit."""
         if fit.inflation[position] > _INFLATED:
             self.alike.append(line)
-            return
-        self.lines.append(line)
-        self.values.append(fit.values[position])
-        self.covariance.append(fit.covariance(position))
-        self.freedom.append(fit.freedom)
-        self.rough.append(fit.rough(position))
+        else:
+            self.fits[line] = fit, position
 
-    def gains(self, outputs: int, with_model: bool) -> tuple[Spectrum, Spectrum | None]:
-        """Return measured responses (n, outputs), and those of a model that follow them."""
-        width = 2 * outputs if with_model else outputs
-        values = np.array(self.values, dtype=np.complex128).reshape(-1, width)
-        return values[:, :outputs], values[:, outputs:] if with_model else None
+    @property
+    def freedom(self) -> Array:
+        """Complex degrees of freedom (n,) of the covariance."""
+        return np.array([fit.freedom for fit, _ in self.fits.values()], dtype=float)
+
+    @property
+    def lines(self) -> list[int]:
+        """The n lines that have a response."""
+        return [*self.fits]
+
+    @property
+    def values(self) -> Spectrum:
+        """Responses (n, outputs)."""
+        values = [fit.values[position] for fit, position in self.fits.values()]
+        return np.array(values, dtype=np.complex128).reshape(-1, self.outputs)
 
     def variance(self, derivatives: Spectrum) -> Array:
         """Return the variance (n,) of a function of the measured responses.
@@ -147,12 +146,14 @@ class Estimates:
             Of the function, by each of the responses.
         """
         measured = derivatives.shape[1]
-        covariance = np.array(self.covariance).reshape(-1, measured, measured)
+        each = [fit.covariance(position) for fit, position in self.fits.values()]
+        covariance = np.array(each).reshape(-1, measured, measured)
         return np.einsum("ka,kab,kb->k", derivatives, covariance, derivatives.conj()).real
 
     def is_rough(self, outputs: Sequence[int]) -> Mask:
         """Return a mask (n,) of the lines at which the response of any of some outputs is rough."""
-        return np.array([rough[outputs].any() for rough in self.rough], dtype=bool)
+        rough = [fit.rough(position)[outputs].any() for fit, position in self.fits.values()]
+        return np.array(rough, dtype=bool)
 
 
 class _Fit(NamedTuple):
@@ -204,7 +205,7 @@ def estimate(spectra: Spectra, first: int, last: int) -> list[Estimates]:
     list of Estimates
         One for each input.
     """
-    estimates = [Estimates() for _ in spectra.periods]
+    estimates = [Estimates(spectra.outputs.shape[1]) for _ in spectra.periods]
     between = spectra.between
     if spectra.smooth:
         for line in _space_out(between[(between >= first) & (between <= last)]):

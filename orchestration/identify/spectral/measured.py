@@ -123,9 +123,7 @@ def estimate_responses(
     stretch = _choose_stretch(record, step, varying, ratios, period)
     spectra = _transform(stretch, modelled or {})
     estimates = estimate(spectra, *_lines_in(spectra, stretch.duration, band))
-    responses = {
-        str(ratio): _response_of(stretch, ratio, estimates, bool(modelled)) for ratio in ratios
-    }
+    responses = {str(ratio): _response_of(stretch, ratio, estimates) for ratio in ratios}
     if not any(one.frequency.size for one in responses.values()):
         raise UserError(f"{record.source}: {_describe_failure(varying, responses)}")
     notes = tuple(_describe_method(stretch, spectra))
@@ -294,9 +292,7 @@ def _lines_in(
 # --- responses -----------------------------------------------------------------------------------
 
 
-def _response_of(
-    stretch: _Stretch, ratio: Ratio, estimates: Sequence[Estimates], with_model: bool
-) -> Response:
+def _response_of(stretch: _Stretch, ratio: Ratio, estimates: Sequence[Estimates]) -> Response:
     """Return the response of one ratio, without the lines for which the record is too short.
 
     Estimates are of all outputs over each input; a ratio of two outputs is one of two of these.
@@ -304,15 +300,15 @@ def _response_of(
     driving = next((name for name in ratio if name in stretch.inputs), stretch.inputs[0])
     estimated = estimates[stretch.inputs.index(driving)]
     outputs = stretch.outputs
-    measured, modelled = estimated.gains(len(outputs), with_model)
+    measured, modelled = np.hsplit(estimated.values, [len(outputs)])
     values, derivatives = _take_ratio(ratio, outputs, measured)
     variance = estimated.variance(derivatives)
     kept = ~estimated.is_rough([outputs.index(name) for name in ratio if name in outputs])
-    frequency = np.array(estimated.lines, dtype=np.float64) / stretch.duration
+    frequency = np.array(estimated.lines) / stretch.duration
     left_out = {
         _TOO_SHORT: frequency[~kept],
-        _ALIKE: np.array(estimated.alike, dtype=np.float64) / stretch.duration,
-        f"{driving} is not excited": np.array(estimated.weak, dtype=np.float64) / stretch.duration,
+        _ALIKE: np.array(estimated.alike) / stretch.duration,
+        f"{driving} is not excited": np.array(estimated.weak) / stretch.duration,
     }
     units = stretch.record.units
     return Response(
@@ -321,8 +317,8 @@ def _response_of(
         frequency[kept],
         values[kept],
         variance[kept],
-        2.0 * np.array(estimated.freedom)[kept],
-        None if modelled is None else _take_ratio(ratio, outputs, modelled)[0][kept],
+        2.0 * estimated.freedom[kept],
+        _take_ratio(ratio, outputs, modelled)[0][kept] if modelled.shape[1] else None,
         {reason: at for reason, at in left_out.items() if at.size},
     )
 

@@ -199,9 +199,7 @@ def draw(indices: xarray.Dataset) -> Figure:
         panel.set_axisbelow(True)
         panel.set_ylim(min(0.0, panel.get_ylim()[0]), max(1.0, panel.get_ylim()[1]))
         pictures.label(panel, name, "1")
-    panels[0].legend(
-        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1
-    )
+    pictures.legend_above(panels[0], 2)
     pictures.name_ticks(panels[-1].xaxis, x, parameters)
     panels[-1].set_xlabel("parameter")
     return figure

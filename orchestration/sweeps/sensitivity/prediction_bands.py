@@ -146,9 +146,7 @@ def draw(found: xarray.Dataset) -> Figure:
         pictures.label(over, name.removesuffix("_band"), unit)
         pictures.label(below, f"from {levels[middle]}", unit)
     pictures.logarithmic(panels, time)
-    panels[0].legend(
-        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, borderaxespad=0.1
-    )
+    pictures.legend_above(panels[0], 4)
     return figure
 
 

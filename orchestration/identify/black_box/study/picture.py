@@ -42,9 +42,7 @@ def _draw_over(
     figure, (over, below) = pictures.panels(2, title)
     over.plot(time, data.output, color=pictures.MEASURED, lw=2.0, label="measured")
     over.plot(time, simulated, color=pictures.FITTED, label=f"free run: {fit:.1f} % fit")
-    over.legend(
-        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.1
-    )
+    pictures.legend_above(over, 2)
     below.plot(time, data.output - simulated, color=pictures.MODEL)
     pictures.label(over, data.output_name, unit)
     pictures.label(below, "measured less free run", unit)
