@@ -23,7 +23,7 @@ from orchestration.identify.fitting import (
     FmuWithDifferences,
 )
 from orchestration.identify.grey_box import Fit, fit_records
-from orchestration.identify.metrics import fit_percent, rms
+from orchestration.identify.metrics import finite_or_none, fit_percent, rms
 from orchestration.identify.noise import WHITENESS_SAMPLES, Whiteness, whiteness
 from orchestration.records import Record, Source, read_record, read_runs, record_labels
 from orchestration.reporting import Displayable, one_line, option, write_page
@@ -59,6 +59,17 @@ class GoodnessOfFit:
     def residual(self) -> Array:
         """Measured minus simulated (n,), in the unit of the FMU."""
         return self.measured - self.simulated
+
+    def to_dict(self, unit: str) -> dict[str, Any]:
+        """Return the figures with their unit, ready for JSON: None for NaN."""
+        test = self.whiteness
+        return {
+            "fit_percent": finite_or_none(self.fit_percent),
+            "rms": finite_or_none(self.rms),
+            "unit": unit,
+            "white": test.is_white if test else None,
+            "ljung_box_p": finite_or_none(test.p_value) if test else None,
+        }
 
 
 @dataclass(frozen=True)
@@ -238,11 +249,7 @@ class JointComparison(Displayable):
 
     def overview(self) -> Iterator[RenderableType]:
         """Yield the goodness of fit of each record, and the parameters once."""
-        for one in self.comparisons.values():
-            yield presentation.goodness(one)
-            yield ""
-        yield presentation.parameters(self.fit)
-        yield from presentation.coupled(self.fit)
+        yield presentation.overview(*self.comparisons.values())
 
     def __repr__(self) -> str:
         return one_line(f"JointComparison of {', '.join(self.comparisons)}: {self.fit!r}")
@@ -301,12 +308,10 @@ def compare(
     UserError
         If the FMU fails, or a parameter cannot be fitted.
     """
-    if names:
-        found = compare_fitted(
-            model, [record], dict(parameters or {}), names, progress=progress, workers=workers
-        )
-        return next(iter(found.comparisons.values()))
     given = dict(parameters or {})
+    if names:
+        found = compare_fitted(model, [record], given, names, progress=progress, workers=workers)
+        return next(iter(found.comparisons.values()))
     model = with_measured(model, record)
     progress(f"simulating {source_of(model).name} over {record.time.size} samples")
     before = _assess(model, fit_data(model, record), given)
@@ -392,12 +397,12 @@ def fit_model(
     """
     names = _checked_names(model, names)
     moved = _checked_names(model, [*names, *assumptions.ties])
-    constant = {name: value for name, value in given.items() if name in model.inputs}
+    fixed = dict(given)
+    constant = {name: fixed.pop(name) for name in given if name in model.inputs}
     data = []
     for record in records:
         held = {name: np.full(record.time.size, value) for name, value in constant.items()}
         data.append(record._replace(inputs=held | dict(record.inputs)))
-    fixed = {name: value for name, value in given.items() if name not in constant}
     if model.cls is not None:
         fit = fit_records(model.cls, data, names, numeric(fixed), assumptions)
         assert fit.likelihood is not None

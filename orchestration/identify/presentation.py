@@ -11,7 +11,6 @@ from rich.table import Table
 from rich.text import Text
 
 from fmus.kit.units import format_difference, format_value
-from orchestration.identify.metrics import finite_or_none
 from orchestration.reporting import plain_table
 
 if TYPE_CHECKING:
@@ -21,23 +20,25 @@ if TYPE_CHECKING:
     from orchestration.identify.grey_box import Fit
 
 
-def overview(comparison: Comparison) -> Group:
+def overview(*comparisons: Comparison) -> Group:
     """Return the text of ``ppy compare``, without warnings.
 
-    It has every output of every run, then fitted parameters.
+    It has every output of every run of each record, then fitted parameters.
 
     Parameters
     ----------
-    comparison : Comparison
+    *comparisons : Comparison
+        Of one fit.
 
     Returns
     -------
     Group
     """
-    parts: list[RenderableType] = [goodness(comparison)]
-    if comparison.fit is not None:
-        parts += [Text(), parameters(comparison.fit), *coupled(comparison.fit)]
-    return Group(*parts)
+    parts: list[RenderableType] = []
+    for one in comparisons:
+        parts += [goodness(one), Text()]
+    fit = comparisons[0].fit
+    return Group(*parts[:-1]) if fit is None else Group(*parts, parameters(fit), *coupled(fit))
 
 
 def goodness(comparison: Comparison) -> Group:
@@ -133,17 +134,12 @@ def frame(comparison: Comparison) -> pandas.DataFrame:
     """Return a row for every output and run: fit, RMS error with its unit, whiteness."""
     import pandas
 
-    rows = {}
-    for output in comparison.before:
-        for label, run in runs(comparison).items():
-            goodness = run[output]
-            rows[output, label] = {
-                "fit_percent": goodness.fit_percent,
-                "rms": goodness.rms,
-                "unit": comparison.model.outputs[output].unit,
-                "white": goodness.whiteness.is_white if goodness.whiteness else None,
-            }
-    table = pandas.DataFrame.from_dict(rows, orient="index")
+    rows = {
+        (output, label): run[output].to_dict(comparison.model.outputs[output].unit)
+        for output in comparison.before
+        for label, run in runs(comparison).items()
+    }
+    table = pandas.DataFrame.from_dict(rows, orient="index").drop(columns="ljung_box_p")
     return table.rename_axis(["output", "run"])
 
 
@@ -160,17 +156,8 @@ def figures(comparison: Comparison) -> dict[str, Any]:
     """
 
     def output_figures(run: Mapping[str, GoodnessOfFit]) -> dict[str, Any]:
-        rows = {}
-        for name, goodness in run.items():
-            test = goodness.whiteness
-            rows[name] = {
-                "fit_percent": finite_or_none(goodness.fit_percent),
-                "rms": finite_or_none(goodness.rms),
-                "unit": comparison.model.outputs[name].unit,
-                "white": test.is_white if test else None,
-                "ljung_box_p": finite_or_none(test.p_value) if test else None,
-            }
-        return rows
+        outputs = comparison.model.outputs
+        return {name: goodness.to_dict(outputs[name].unit) for name, goodness in run.items()}
 
     record = comparison.record
     result: dict[str, Any] = {

@@ -66,7 +66,7 @@ def identify(options: IdentifyCommand) -> None:
         posterior = _sampled(found.fit, options["posterior"])
         figures = one_or_all.to_dict()
         with standard_output_for(options["json"]):
-            _show(one_or_all, found.fit)
+            _show(found)
             if posterior is not None:
                 out.print(Group(*posterior.overview()))
                 figures["fitted"]["posterior"] = posterior.to_dict()
@@ -114,18 +114,13 @@ def _sampled(fit: Fit, count: int | None) -> Posterior | None:
         return fit.posterior(count, progress=tell)
 
 
-def _show(found: Comparison | JointComparison, fit: Fit) -> None:
+def _show(found: JointComparison) -> None:
     """Print what was found, and what is doubtful about it."""
-    from rich.console import Group
-
-    from orchestration.identify import JointComparison, overview
+    from orchestration.identify import overview
     from orchestration.reporting.console import out, warn
 
-    if isinstance(found, JointComparison):
-        out.print(Group(*found.overview()))
-    else:
-        out.print(overview(found))
-    for warning in fit.all_warnings:
+    out.print(overview(*found.comparisons.values()))
+    for warning in found.fit.all_warnings:
         warn(warning)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,6 +33,7 @@ def draw_profile(profile: Profile) -> Figure:
 def draw_posterior(posterior: Posterior) -> Figure:
     """Draw the samples of every pair of parameters, and their histograms on the diagonal."""
     names = [*posterior.samples]
+    shown = {name: _displayed(posterior.declared[name], x) for name, x in posterior.samples.items()}
     cells = [[f"{row}\n{column}" for column in names] for row in names]
     figure, axes = pictures.mosaic(cells, "posterior of the parameters, with 95 % intervals")
     for i, row in enumerate(names):
@@ -40,28 +42,19 @@ def draw_posterior(posterior: Posterior) -> Figure:
             if j > i:
                 axis.set_axis_off()
                 continue
-            x = _shown_samples(posterior, column)
+            x = shown[column]
             if i == j:
                 axis.hist(x, bins=40, color=pictures.FITTED, alpha=0.6)
                 for end in np.quantile(x, (0.025, 0.975)):
                     axis.axvline(end, color="black", lw=0.8, ls=":")
                 axis.set_yticks([])
             else:
-                axis.plot(x, _shown_samples(posterior, row), ".", ms=2, color=pictures.FITTED)
+                axis.plot(x, shown[row], ".", ms=2, color=pictures.FITTED)
             if i == len(names) - 1:
                 axis.set_xlabel(_axis_title(column, posterior.declared[column]))
             if j == 0 and i > 0:
                 axis.set_ylabel(_axis_title(row, posterior.declared[row]))
     return figure
-
-
-def _shown_samples(posterior: Posterior, name: str) -> Array:
-    """Return the samples (n,) of a parameter in its display unit."""
-    declared = posterior.declared[name]
-    shown: Array = convert(
-        posterior.samples[name], declared.unit, declared.display or declared.unit
-    )
-    return shown
 
 
 def _axis_title(name: str, declared: Described) -> str:
@@ -90,18 +83,19 @@ def draw_profiles(profiles: Sequence[Profile]) -> Figure:
 
 def _draw_profile(profile: Profile, axis: Axes) -> None:
     """Draw one profile."""
+    shown = partial(_displayed, profile.declared)
     low, high = _axis_ends(profile)
     wide = profile.logarithmic and high > _WIDE * low
     even = np.geomspace(low, high, 400) if wide else np.linspace(low, high, 400)
     _draw_deviance(profile, axis, even)
     axis.axhline(LEVEL, color="black", lw=0.8, ls=":", label=f"95 % of chi-square, {LEVEL:.2f}")
-    estimate = _displayed(profile, profile.estimate)
+    estimate = shown(profile.estimate)
     axis.plot(estimate, 0.0, "k^", ms=6, clip_on=False, label="estimate")
     for interval, name, colour, height in (
         (profile.ellipse, "ellipse", pictures.MODEL, 1.12 * LEVEL),
         (profile.interval, "profile", pictures.FITTED, 1.28 * LEVEL),
     ):
-        bar = [_displayed(profile, float(np.clip(end, low, high))) for end in interval]
+        bar = [shown(float(np.clip(end, low, high))) for end in interval]
         label = f"95 % interval of the {name}"
         axis.plot(bar, [height] * 2, color=colour, lw=3, solid_capstyle="butt", label=label)
         for end, x, marker in zip(interval, bar, "<>", strict=True):
@@ -109,7 +103,7 @@ def _draw_profile(profile: Profile, axis: Axes) -> None:
                 axis.plot(x, height, marker, color=colour, ms=7, clip_on=False)
     if wide:
         axis.set_xscale("log")
-    axis.set_xlim(_displayed(profile, low), _displayed(profile, high))
+    axis.set_xlim(shown(low), shown(high))
     axis.set_ylim(0.0, _TOP * LEVEL)
     axis.set_ylabel("deviance above\nthe estimate's [1]")
     axis.set_xlabel(_axis_title(profile.name, profile.declared))
@@ -117,9 +111,10 @@ def _draw_profile(profile: Profile, axis: Axes) -> None:
 
 def _draw_deviance(profile: Profile, axis: Axes, even: Array) -> None:
     """Draw the deviance, and the parabola of the ellipse, at values (n,) of the parameter, SI."""
+    shown = partial(_displayed, profile.declared)
     if np.isfinite(profile.standard_error) and profile.standard_error > 0.0:
         axis.plot(
-            _displayed(profile, even),
+            shown(even),
             profile.parabola(even),
             color=pictures.MODEL,
             ls="--",
@@ -128,15 +123,20 @@ def _draw_deviance(profile: Profile, axis: Axes, even: Array) -> None:
         )
     values = np.union1d(even, profile.values)
     deviance = _deviance_at(profile, values)
-    axis.plot(_displayed(profile, values), deviance, color=pictures.FITTED, lw=1.5, label="profile")
-    fitted = _displayed(profile, profile.values)
+    axis.plot(
+        shown(values),
+        deviance,
+        color=pictures.FITTED,
+        lw=1.5,
+        label="profile",
+    )
+    fitted = shown(profile.values)
     axis.plot(fitted, profile.deviance, ".", color=pictures.FITTED)
 
 
-def _displayed(profile: Profile, value: Any) -> Any:
-    """Return a value of the parameter, SI, in its display unit."""
-    unit = profile.declared.unit
-    return convert(value, unit, profile.declared.display or unit)
+def _displayed(declared: Described, value: Any) -> Any:
+    """Return a value of a parameter, SI, in its display unit."""
+    return convert(value, declared.unit, declared.display or declared.unit)
 
 
 def _deviance_at(profile: Profile, values: Array) -> Array:
@@ -147,11 +147,9 @@ def _deviance_at(profile: Profile, values: Array) -> Array:
     from scipy.interpolate import PchipInterpolator
 
     signed = np.sign(profile.values - profile.estimate) * np.sqrt(np.maximum(profile.deviance, 0.0))
-    if profile.logarithmic:
-        curve = PchipInterpolator(np.log(profile.values), signed, extrapolate=False)
-        return curve(np.log(values)) ** 2
-    curve = PchipInterpolator(profile.values, signed, extrapolate=False)
-    return curve(values) ** 2
+    scale = np.log if profile.logarithmic else np.asarray
+    curve = PchipInterpolator(scale(profile.values), signed, extrapolate=False)
+    return curve(scale(values)) ** 2
 
 
 def _axis_ends(profile: Profile) -> tuple[float, float]:
