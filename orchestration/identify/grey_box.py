@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from itertools import count as counting
+from math import log, sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,7 +36,7 @@ from orchestration.identify.fitting import (
     fit_from_starts,
     fit_in_noise,
 )
-from orchestration.identify.metrics import finite_or_none
+from orchestration.identify.metrics import finite_or_none, rms
 from orchestration.identify.noise import Autoregression, fit_autoregression
 from orchestration.identify.uncertainty import (
     LEVEL,
@@ -60,7 +61,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 # standard error of a logarithm whose parameter is hardly determined
-_VAGUE = float(np.log(10.0) / ndtri(0.975))
+_VAGUE = log(10.0) / float(ndtri(0.975))
 _COUPLED = 0.9  # correlation beyond which an interval of one parameter alone is misleading
 # standard errors of a residual's size beyond which it is larger than noise that is known
 _CLEARLY = 3.0
@@ -411,7 +412,7 @@ class Likelihood:
         warnings = []
         for i, name in enumerate(self.problem.names):
             at = self.coordinate(i)
-            half = float(np.sqrt(LEVEL)) * at.standard_error
+            half = sqrt(LEVEL) * at.standard_error
             for word, side in (("below", -half), ("above", half)):
                 if 0.0 < half < np.inf and self._is_flat(at, self.fitted.q + side * at.tangent):
                     warnings.append(
@@ -668,7 +669,7 @@ def _noise_warnings(problem: Problem, fitted: FitResult) -> Iterator[str]:
         spread = np.std(y[problem.present[output]])
         if _effective_samples(residual) < _FEW and np.std(residual) > 1e-6 * spread:
             yield f"the residual of {output} varies slowly: the intervals are too narrow"
-        ratio = float(np.sqrt(np.mean(fitted.innovation[output] ** 2)))
+        ratio = rms(fitted.innovation[output])
         known = output in problem.assumptions.noise
         if known and ratio > 1.0 + _CLEARLY / np.sqrt(2.0 * len(residual)):
             yield (

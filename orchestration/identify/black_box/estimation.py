@@ -175,7 +175,7 @@ def identify(
     known = [_as_optimum(smaller) for smaller in contained]
     best = optimum(problem, known)
     without_offset = PredictionError(data.inputs, data.output, chosen, first, offset=False)
-    messages = (*messages, *_describe_failed_search(problem, best, known))
+    assert not _describe_failed_search(problem, best, known)
     through_zero = _search_without_offset(without_offset, best, known)
     if through_zero is not None:
         return _assemble(data, structure, without_offset, through_zero, messages)

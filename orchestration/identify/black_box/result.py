@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import log
 
 import numpy as np
 
@@ -71,7 +72,7 @@ class Identification:
 
     @property
     def _log_loss(self) -> float:
-        return float(np.log(max(self.loss, _LEAST)))
+        return log(max(self.loss, _LEAST))
 
     @property
     def aic(self) -> float:
@@ -88,7 +89,7 @@ class Identification:
         The symbols are those of `aic`.
         """
         samples = len(self.residual)
-        return self._log_loss + self.count * float(np.log(samples)) / samples
+        return self._log_loss + self.count * log(samples) / samples
 
     @property
     def fit(self) -> float:

@@ -13,6 +13,7 @@ the admissible set because it went straight there.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import exp
 from typing import NamedTuple
 
 import numpy as np
@@ -72,7 +73,7 @@ class ReducedPredictionError:
         # of such a memory like one that is unstable: poles and zeros of the noise
         # model keep that much inside the unit circle (decision 57). A path of such a time constant
         # shows in the response to its input.
-        within_record = float(np.exp(-1.0 / max(problem.samples, 1)))
+        within_record = exp(-1.0 / max(problem.samples, 1))
         self._radii = (*(1.0 for _ in n.nf), within_record, within_record)
         self._last: tuple[bytes, _Projection] | None = None
 

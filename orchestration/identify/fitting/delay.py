@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from threading import Lock
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +23,7 @@ from orchestration.identify.fitting.block_simulation import BlockwiseModel
 from orchestration.identify.fitting.simulation_input import SimulationInput
 
 _NEARBY = 1e-3  # of a sample: step of the derivative by time
+_KEPT = 64  # compiled models
 
 
 class DelayedModel:
@@ -232,33 +233,9 @@ def _earlier_instants(time: Array, delay: float) -> _EarlierInstants:
     return _EarlierInstants(then, np.where(before, then, near), before)
 
 
-_Key = tuple[type[Component], tuple[type[Effect], ...]]
-_KEPT = 64  # compiled models
-_MORE = 3  # derivatives that a model may have beyond those that are wanted, and serve as well
-_compiled_models: dict[_Key, list[CompiledModel]] = {}
-_models_lock = Lock()  # not held while a model is compiled, so that others are compiled meanwhile
-
-
+@lru_cache(_KEPT)
 def _compiled(
     base: type[Component], effects: tuple[type[Effect], ...], names: tuple[str, ...]
 ) -> CompiledModel:
-    """Return a compiled model with derivatives by `names`, and by at most `_MORE` other parameters.
-
-    It is compiled once for all fits. If it has any derivatives, it also has those by the few start
-    values of the states of effects, because some fits search these.
-    """
-    key = (base, effects)
-    with _models_lock:
-        for model in _compiled_models.get(key, []):
-            if set(names) <= set(model.names) and len(model.names) <= len(names) + _MORE:
-                return model
-    layout = stack(base, *effects).layout if effects else base.layout
-    starts = [layout.start_of[s.name] for e in effects for s in e.layout.states]
-    more = [name for name in starts if name not in names] if names else []
-    compiled_names = [*names, *more] if len(more) <= _MORE else list(names)
-    model = CompiledModel(stack(base, *effects) if effects else base, compiled_names)
-    with _models_lock:
-        if sum(map(len, _compiled_models.values())) >= _KEPT:
-            del _compiled_models[next(iter(_compiled_models))]
-        _compiled_models.setdefault(key, []).append(model)
-    return model
+    """Return a compiled model with derivatives by `names`; it is compiled once for all fits."""
+    return CompiledModel(stack(base, *effects) if effects else base, names)

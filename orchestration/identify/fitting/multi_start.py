@@ -7,6 +7,7 @@ best of them (Rinnooy Kan and Timmer, Mathematical Programming 39, 1987).
 
 from __future__ import annotations
 
+from math import log
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +23,7 @@ _STARTS = 5  # searches, unless their number is given
 _DRAWN = 4  # points drawn for each search that begins at one of them
 # half the width, in searched coordinates, over which points are drawn where a range is wider: a
 # factor of ten in a logarithm, three sizes else
-_REACH = {True: float(np.log(10.0)), False: 3.0}
+_REACH = {True: log(10.0), False: 3.0}
 _ROUNDING = 1e-6  # of what an output moves by: a residual that is no larger leaves nothing
 _DEEPER = 1.0  # fall of the deviance beyond which a minimum is another one
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import log
 from typing import NamedTuple
 
 import numpy as np
@@ -278,7 +279,7 @@ def _end_pass(problem: Problem, minimum: Minimum) -> _Pass:
     innovation = {name: residual[name] / model.deviation for name, model in noise.items()}
     deviance = float(sum(model.deviance(innovation[name]) for name, model in noise.items()))
     parameters = len(minimum.q) + sum(model.parameters for model in noise.values())
-    bic = deviance + parameters * float(np.log(problem.samples))
+    bic = deviance + parameters * log(problem.samples)
     return _Pass(minimum, residual, noise, innovation, bic)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import log
 from typing import Any
 
 import numpy as np
@@ -34,9 +35,9 @@ _STEPS = 3e5
 _STRAYED = 30.0
 _EDGE = 1e-3  # of a sample, how close a delay comes to where it would show another sample's input
 # searched coordinate from which a search goes on where another took a positive value to zero
-_SMALLEST = float(np.log(np.finfo(float).tiny))
+_SMALLEST = log(np.finfo(float).tiny)
 # of a logarithm, short of where its number is infinite, and products with it too
-_HIGHEST = 0.5 * float(np.log(np.finfo(float).max))
+_HIGHEST = 0.5 * log(np.finfo(float).max)
 # distance, in searched coordinates, from the ends of a range at which a search starts
 _NUDGE = 0.1
 
@@ -60,7 +61,7 @@ class Scale:
     def position(self, value: float) -> float:
         """Return the searched coordinate of a value."""
         if self.logarithmic:
-            return min(float(np.log(value)), _HIGHEST) if value > 0.0 else -np.inf
+            return min(log(value), _HIGHEST) if value > 0.0 else -np.inf
         return value / self.size
 
     def slope(self, q: float) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from fmus.kit import UserError
 from fmus.kit.arrays import Array, Signals
 from orchestration.identify.fitting.problem import Problem
+from orchestration.identify.metrics import rms
 from orchestration.identify.noise import noise_std
 
 _FINE = 1e-4  # of the spread of an output: least noise that it is weighted by
@@ -33,7 +34,7 @@ def pooled_error(residual: Signals, scales: Mapping[str, float]) -> float:
         See `error_scales`.
     """
     scaled = np.concatenate([residual[output] / scale for output, scale in scales.items()])
-    return float(np.sqrt(np.mean(scaled**2)))
+    return rms(scaled)
 
 
 def error_at(problem: Problem, q: Array) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 from scipy.linalg import toeplitz
@@ -57,7 +58,7 @@ def fit_autoregression(values: Array) -> Autoregression:
     highest = min(_ORDER, n // 10)
     covariance = np.array([values[: n - lag] @ values[lag:] for lag in range(highest + 1)]) / n
     coefficients, variance = yule_walker(covariance, n)
-    return Autoregression(coefficients, float(np.sqrt(variance)))
+    return Autoregression(coefficients, sqrt(variance))
 
 
 def yule_walker(covariance: Array, n: int) -> tuple[Array, float]:

@@ -7,12 +7,13 @@ each sample by its likelihood (Lange, Little, Taylor: J. Amer. Statist. Assoc. 8
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import comb, inf
+from math import comb, inf, log, pi
 
 import numpy as np
 from scipy.special import ndtri
 
 from fmus.kit.arrays import Array, Mask
+from orchestration.identify.metrics import rms
 from orchestration.identify.noise.tails import heavy_tails, student_log_density
 
 # least deviation, for records without noise: values over it must still have a fourth power
@@ -64,8 +65,8 @@ class Noise:
             shape = float(innovation @ innovation)
         else:
             density = float(2.0 * student_log_density(innovation, self.freedom).sum())
-            shape = -density - n * float(np.log(2.0 * np.pi))
-        return shape + 2.0 * n * float(np.log(self.deviation))
+            shape = -density - n * log(2.0 * pi)
+        return shape + 2.0 * n * log(self.deviation)
 
 
 def estimate_noise(residual: Array, undisturbed: Mask, freedom: float | None = None) -> Noise:
@@ -100,7 +101,7 @@ def estimate_noise(residual: Array, undisturbed: Mask, freedom: float | None = N
 
 
 def _estimate_gaussian(residual: Array) -> Noise:
-    return Noise(max(float(np.sqrt(np.mean(residual**2))), _LEAST))
+    return Noise(max(rms(residual), _LEAST))
 
 
 def _estimate_freedom(innovation: Array, undisturbed: Mask) -> float:

@@ -13,6 +13,7 @@ from scipy.ndimage import median_filter
 from scipy.special import gammaln, ndtri, poch
 
 from fmus.kit.arrays import Array
+from orchestration.identify.metrics import rms
 
 # degrees of freedom that are tried; below 2 there is no variance, and 25 are almost Gaussian
 _FREEDOMS = np.array([2.2, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 25.0])
@@ -48,7 +49,7 @@ def heavy_tails(innovation: Array, freedom: float | None = None) -> tuple[float,
     scale : float
         Of the t distribution, or the standard deviation where it is Gaussian.
     """
-    size = float(np.sqrt(np.mean(innovation**2))) if innovation.size else 0.0
+    size = rms(innovation) if innovation.size else 0.0
     if freedom is not None and freedom < inf and size > 0.0:
         return freedom, float(_fit_scales(innovation, np.array([freedom]))[1][0])
     if freedom == inf or len(innovation) < _FEW or not size > 0.0 or not _is_heavy(innovation):
@@ -143,7 +144,7 @@ def _estimate_freedom(innovation: Array) -> float:
     power = float(np.mean(innovation**2))
     log_likelihoods, _ = _fit_scales(innovation, _FREEDOMS)
     best = int(np.argmax(log_likelihoods))
-    gaussian = -0.5 * n * (1.0 + float(np.log(2.0 * np.pi * power)))
+    gaussian = -0.5 * n * (1.0 + log(2.0 * pi * power))
     if 2.0 * (log_likelihoods[best] - gaussian) < _PENALTIES * np.log(n):
         return inf
     return float(_FREEDOMS[best])

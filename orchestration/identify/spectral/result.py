@@ -108,16 +108,21 @@ class FrequencyResponse(Displayable):
         UserError
             If it cannot be written.
         """
-        names: dict[str, None] = {}  # ordered
+        # by column; a column in the unit of the response has none of its own
+        headings: dict[str, str] = {}
         for response in self.responses.values():
-            names |= dict.fromkeys(response.columns())
+            for name in response.columns():
+                unit = response.unit_of(name)
+                headings[name] = f"{name} [{unit}]" if unit in ("Hz", "deg") else name
         text = io.StringIO()
         rows = csv.writer(text, lineterminator="\n")
-        rows.writerow(["response", "unit", *(_heading(name) for name in names)])
+        rows.writerow(["response", "unit", *headings.values()])
         for ratio, response in self.responses.items():
             columns = response.columns()
             for k in range(response.frequency.size):
-                cells = [repr(float(columns[name][k])) if name in columns else "" for name in names]
+                cells = [
+                    repr(float(columns[name][k])) if name in columns else "" for name in headings
+                ]
                 rows.writerow([ratio, response.unit, *cells])
         files.write(Path(path), text.getvalue().encode())
         return Path(path)
@@ -135,13 +140,6 @@ class FrequencyResponse(Displayable):
             "responses": {name: one.to_dict() for name, one in self.responses.items()},
             "notes": [*self.notes],
         }
-
-
-def _heading(column: str) -> str:
-    """Return the heading of a column; a column in the unit of the response has none of its own."""
-    units = {"frequency": "Hz", "phase": "deg", "model_phase": "deg"}
-    unit = units.get(column.removesuffix("_low").removesuffix("_high"))
-    return f"{column} [{unit}]" if unit else column
 
 
 def _table(response: Response) -> Table:

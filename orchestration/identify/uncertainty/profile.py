@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from math import log, sqrt
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,7 +40,7 @@ Refit = Callable[[Array], tuple[Array, float]]
 # that is less
 _FIRST = 0.25
 _SHORTEST = 1e-9  # first step, in searched coordinates
-_FARTHEST = float(np.log(1e6))  # in a logarithm, beyond which an end is taken to be open
+_FARTHEST = log(1e6)  # in a logarithm, beyond which an end is taken to be open
 _SIZES = 1e3  # likewise, in sizes of a parameter that is not searched in its logarithm
 _WIDTHS = 100.0  # or in halves of the ellipse's interval, if that is farther
 _BETTER = 0.1  # fall of the deviance below that of the estimate that is worth a warning
@@ -217,21 +218,22 @@ def profile_likelihood(
         Its interval is the part about the estimate: there may be others, where the deviance has
         several minima.
     """
-    half = float(np.sqrt(LEVEL)) * coordinate.standard_error
+    half = sqrt(LEVEL) * coordinate.standard_error
     centre = q[coordinate.index]
-    ends = _search_ends(centre, half, coordinate)
     step = max(_FIRST * min(half, 1.0), _SHORTEST)
-    below = trace(refit, q, coordinate.index, coordinate.tangent, -1.0 * step, ends[0])
-    above = trace(refit, q, coordinate.index, coordinate.tangent, 1.0 * step, ends[1])
-    points = np.array([point[coordinate.index] for point in (*below.points, *above.points)])
-    deviance = np.concatenate([below.deviance, above.deviance])
+    warnings: list[str] = []
+    sides = []
+    for word, away, end in zip(
+        ("below", "above"), (-step, step), _search_ends(centre, half, coordinate), strict=True
+    ):
+        side = trace(refit, q, coordinate.index, coordinate.tangent, away, end)
+        warnings += _end_warnings(word, name, declared, side, end, coordinate)
+        sides.append(side)
+    points = np.array([point[coordinate.index] for side in sides for point in side.points])
+    deviance = np.concatenate([side.deviance for side in sides])
     values = np.array([coordinate.value(x) for x in points])
     order = np.unique(points, return_index=True)[1]
-    warnings = [
-        *_end_warnings("below", name, declared, below, ends[0], coordinate),
-        *_end_warnings("above", name, declared, above, ends[1], coordinate),
-        *_better_warnings(name, declared, values, deviance),
-    ]
+    below, above = (side.crossing for side in sides)
     estimate = coordinate.value(centre)
     size = 1.0 if coordinate.logarithmic else coordinate.value(centre + 1.0) - estimate
     return Profile(
@@ -240,16 +242,16 @@ def profile_likelihood(
         values=values[order],
         deviance=LEVEL * deviance[order],
         interval=(
-            declared.min if below.crossing is None else coordinate.value(below.crossing),
-            declared.max if above.crossing is None else coordinate.value(above.crossing),
+            declared.min if below is None else coordinate.value(below),
+            declared.max if above is None else coordinate.value(above),
         ),
-        open=(below.crossing is None, above.crossing is None),
+        open=(below is None, above is None),
         ellipse=(coordinate.value(centre - half), coordinate.value(centre + half)),
         standard_error=size * coordinate.standard_error,
         logarithmic=coordinate.logarithmic,
         declared=declared,
-        fits=below.fits + above.fits,
-        warnings=tuple(warnings),
+        fits=sum(side.fits for side in sides),
+        warnings=(*warnings, *_better_warnings(name, declared, values, deviance)),
     )
 
 
@@ -412,4 +414,4 @@ def _find_crossing(refit: Refit, side: Side, near: Array, far: Array, i: int) ->
 
 def _square_root(deviance: float) -> float:
     """Return the square root of a deviance, zero for one below zero."""
-    return float(np.sqrt(max(deviance, 0.0)))
+    return sqrt(max(deviance, 0.0))
