@@ -15,7 +15,6 @@ from orchestration.cli.command import command
 from orchestration.cli.commands.options import IdentifyCommand, MeasuringOptions
 from orchestration.cli.options import JsonOption, RecordsArgument
 from orchestration.cli.outputs import (
-    JSON,
     Outputs,
     standard_output_for,
     typed_command,
@@ -127,7 +126,7 @@ def characterise(options: CharacteriseCommand) -> None:
     if not paths:
         raise UserError(f"{', '.join(map(str, options['records']))}: there is no record in it")
     read = {f"the record {path}": path for path in paths}
-    Outputs(read, {"--json": options["json"]}, {"--json": JSON}, {"--out": folder}).check()
+    Outputs(read, {"--json": options["json"]}, folders={"--out": folder}).check()
     model, records, given = open_runs(cast("IdentifyCommand", {**options, "records": paths}))
     with progress() as tell:
         found = work(model, records, given, tell)
@@ -148,7 +147,7 @@ def thesis(options: ThesisCommand) -> None:
 
     out = options["out"]
     path = options["json"]
-    Outputs(writes={"--out": page.target(out), "--json": path}, endings={"--json": JSON}).check()
+    Outputs(writes={"--out": page.target(out), "--json": path}).check()
     with standard_output_for(path):
         page.run(out)
         written = [
@@ -176,7 +175,7 @@ def cycles(options: CyclesCommand) -> None:
 
     name = options["experiment"]
     path = options["json"]
-    Outputs(writes={"--json": path}, endings={"--json": JSON}).check()
+    Outputs(writes={"--json": path}).check()
     experiment = read(name, options["settings"]).model_copy(update={"variants": {}})
     with standard_output_for(path):
         found = forecast(experiment, name)

@@ -14,6 +14,8 @@ Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 Signals = Mapping[str, Array]
 """Values by name, over time or over samples: of shape (n,) each."""
+Interval = tuple[float, float]
+"""Both ends of an interval or a range, the lower one first."""
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 

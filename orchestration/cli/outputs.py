@@ -23,6 +23,8 @@ _FORMATS = {
     "--json": JSON,
     "--junit": XML,
     "--plot": PICTURE,
+    "--profile-plot": PICTURE,
+    "--corner": PICTURE,
     "--report": PAGE,
     "--experiment": (".toml",),
     "--effect-out": (".py",),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fmus.kit import UserError
+from fmus.kit.arrays import Interval
 from fmus.kit.errors import find
 from orchestration.fmu import Model, Signal
 from orchestration.fmu.signal import read_amount, read_quantity
@@ -63,7 +64,7 @@ def read_assumptions(model: Model, options: Mapping[str, Any]) -> Assumptions:
     )
 
 
-def _bounds(value: Any, signal: Signal, where: str) -> tuple[float, float]:
+def _bounds(value: Any, signal: Signal, where: str) -> Interval:
     low, high = _two_amounts(value, "..", where, "0.1..2ohm")
     return (
         read_amount(low, signal.unit, where) if low.strip() else signal.min,
@@ -71,7 +72,7 @@ def _bounds(value: Any, signal: Signal, where: str) -> tuple[float, float]:
     )
 
 
-def _prior(value: Any, signal: Signal, where: str) -> tuple[float, float]:
+def _prior(value: Any, signal: Signal, where: str) -> Interval:
     if isinstance(value, str):
         value = value.replace("±", "+-").replace("+/-", "+-")
     mean, deviation = _two_amounts(value, "+-", where, "0.43+-0.05ohm")

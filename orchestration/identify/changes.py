@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from fmus.kit.arrays import Interval
 from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.units import format_value
 from orchestration.identify.metrics import finite_or_none
@@ -47,8 +48,8 @@ class Change:
     name: str
     before: float
     after: float
-    before_interval: tuple[float, float]
-    after_interval: tuple[float, float]
+    before_interval: Interval
+    after_interval: Interval
     changed: bool
     uncertain: bool
     gain: float | None
@@ -75,7 +76,7 @@ class Change:
         """
         return self._may_be_neutral(self.before_interval), self._may_be_neutral(self.after_interval)
 
-    def _may_be_neutral(self, interval: tuple[float, float]) -> bool:
+    def _may_be_neutral(self, interval: Interval) -> bool:
         """Return whether an interval includes the value at which the effect does nothing."""
         low, high = interval
         return self.neutral is not None and low <= self.neutral <= high
@@ -97,7 +98,7 @@ class Change:
         return figures
 
 
-def _with_interval(value: float, interval: tuple[float, float]) -> dict[str, Any]:
+def _with_interval(value: float, interval: Interval) -> dict[str, Any]:
     """Return a value with its interval, ready for JSON."""
     return {"value": value, "ci95": [finite_or_none(end) for end in interval]}
 

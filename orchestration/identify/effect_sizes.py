@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmus.kit import Effect, Size
+from fmus.kit.arrays import Interval
 from fmus.kit.declare import ParameterDeclaration
 from fmus.kit.units import Described, format_prefixed, write_prefixed
 from orchestration.identify.metrics import finite_or_none
@@ -41,7 +42,7 @@ class FittedSize(NamedTuple):
 
     size: Size
     value: float
-    interval: tuple[float, float] | None
+    interval: Interval | None
     unit: str
     text: str
 
@@ -109,7 +110,7 @@ def _through(size: Size, *values: float) -> float:
         return float(size.quantity(*map(np.float64, values)))
 
 
-def with_interval(value: float, interval: tuple[float, float], write: Writer) -> str:
+def with_interval(value: float, interval: Interval, write: Writer) -> str:
     """Return a value with its 95 % interval as text, with the significant digits only.
 
     An interval without length, as of a record without noise, is left out.

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array, Signals
+from fmus.kit.arrays import Array, Interval, Signals
 from fmus.kit.units import Described, format_range, format_value
 from orchestration.identify import presentation
 from orchestration.identify.fitting import (
@@ -243,7 +243,7 @@ class Fit(Displayable):
         return of_record
 
     @property
-    def intervals(self) -> dict[str, tuple[float, float]]:
+    def intervals(self) -> dict[str, Interval]:
         """95 % confidence intervals by name, SI; infinite where not determined."""
         return {name: e.interval for name, e in self.estimates.items()}
 

@@ -7,8 +7,6 @@ from orchestration.api.options import AgeKeywords
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import AgeCommand
 from orchestration.cli.outputs import (
-    JSON,
-    PAGE,
     Outputs,
     standard_output_for,
     typed_command,
@@ -26,7 +24,6 @@ def age(options: AgeCommand) -> None:
 
     from orchestration.api import age as work
     from orchestration.cli.models import model_file
-    from orchestration.reporting import pictures
     from orchestration.reporting.console import out, progress, wrote
 
     Outputs(
@@ -35,7 +32,7 @@ def age(options: AgeCommand) -> None:
             **{f"record {k}": path for k, path in enumerate(options["records"], 1)},
         },
         {f"--{name}": options[name] for name in ("out", "json", "plot", "report")},
-        {"--out": (".csv",), "--json": JSON, "--plot": pictures.FORMATS, "--report": PAGE},
+        {"--out": (".csv",)},
     ).check()
     with progress() as tell:
         keywords = only(AgeKeywords, {**options, "progress": tell})

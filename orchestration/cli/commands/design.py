@@ -8,7 +8,7 @@ from orchestration.cli.command import command
 from orchestration.cli.commands.linearise import model_or_system, show
 from orchestration.cli.commands.options import DesignCommand
 from orchestration.cli.commands.sweep import ranges_of
-from orchestration.cli.outputs import JSON, Outputs, standard_output_for
+from orchestration.cli.outputs import Outputs, standard_output_for
 
 
 @command(DesignCommand)
@@ -20,7 +20,6 @@ def design(options: DesignCommand) -> None:
     """
     from orchestration.api import design as work
     from orchestration.cli.models import model_file
-    from orchestration.reporting import pictures
     from orchestration.reporting.console import progress, wrote
 
     name = options["model"]
@@ -29,8 +28,7 @@ def design(options: DesignCommand) -> None:
     Outputs(
         {"the model": model_file(name), "the fit": options["fitted"]},
         {"--json": options["json"], "--plot": plot},
-        {"--json": JSON, "--plot": pictures.FORMATS},
-        {"--out": folder} if folder else {},
+        folders={"--out": folder} if folder else {},
     ).check()
     chosen = only(DesignKeywords, options)
     chosen["over"] = ranges_of(options["over"]) or None

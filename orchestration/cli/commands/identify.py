@@ -10,8 +10,6 @@ from orchestration.cli.command import command
 from orchestration.cli.commands.options import IdentifyCommand
 from orchestration.cli.isolation import isolating
 from orchestration.cli.outputs import (
-    JSON,
-    PAGE,
     Outputs,
     standard_output_for,
     typed_command,
@@ -29,7 +27,6 @@ def identify(options: IdentifyCommand) -> None:
     from rich.console import Group
 
     from orchestration.cli.models import model_file
-    from orchestration.reporting import pictures
     from orchestration.reporting.console import out, wrote
 
     profiled = _profiled(options)
@@ -49,14 +46,7 @@ def identify(options: IdentifyCommand) -> None:
             "--corner": options["corner"],
             "--report": options["report"],
         },
-        {
-            "--ssv": (".ssv",),
-            "--json": JSON,
-            "--plot": pictures.FORMATS,
-            "--profile-plot": pictures.FORMATS,
-            "--corner": pictures.FORMATS,
-            "--report": PAGE,
-        },
+        {"--ssv": (".ssv",)},
     ).check()
     with isolating(options["isolate"]):
         found = _fitted(options, profiled)

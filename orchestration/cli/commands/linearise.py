@@ -12,7 +12,7 @@ from orchestration.api.options import LineariseKeywords, MappingOption, source_o
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import LineariseCommand
 from orchestration.cli.commands.sweep import ranges_of
-from orchestration.cli.outputs import JSON, Outputs, standard_output_for, write_json
+from orchestration.cli.outputs import Outputs, standard_output_for, write_json
 from orchestration.reporting import flag
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ def linearise(options: LineariseCommand) -> None:
     """Linearise a component, an FMU or a system about an operating point, or cut a loop of it."""
     from orchestration.api import linearise as work
     from orchestration.cli.models import model_file
-    from orchestration.reporting import pictures
     from orchestration.reporting.console import progress
 
     name = options["model"]
@@ -38,7 +37,7 @@ def linearise(options: LineariseCommand) -> None:
             "the fit": options["fitted"],
         },
         {"--json": options["json"], "--mat": options["mat"], "--plot": options["plot"]},
-        {"--json": JSON, "--mat": _MAT, "--plot": pictures.FORMATS},
+        {"--mat": _MAT},
     ).check()
     stated = stated_of(MappingOption, options)
     if stated and options["input_file"] is None:

@@ -19,7 +19,7 @@ from orchestration.cli.commands.options import (
     SystemArgument,
 )
 from orchestration.cli.options import platform_list
-from orchestration.cli.outputs import Outputs
+from orchestration.cli.outputs import PICTURE, Outputs
 
 if TYPE_CHECKING:
     from orchestration.fmu import Signal, Value
@@ -98,13 +98,12 @@ def _show_connections(system: System) -> None:
 def draw(options: DrawSystemCommand) -> None:
     """Draw a system: members as boxes, connections as arrows."""
     from orchestration.reporting.console import wrote
-    from orchestration.reporting.pictures import FORMATS
     from orchestration.system import check
     from orchestration.system import draw as work
 
     name = options["name"]
     path = options["out"] or _named_after(name, ".png")
-    Outputs({"the system": Path(name)}, {"--out": path}, {"--out": FORMATS}).check()
+    Outputs({"the system": Path(name)}, {"--out": path}, {"--out": PICTURE}).check()
     with _opened(name) as system:
         check(system)
         work(system, path)

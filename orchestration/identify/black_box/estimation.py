@@ -17,7 +17,6 @@ from orchestration.identify.black_box.result import Identification, Parameter
 from orchestration.identify.black_box.search import (
     Optimum,
     cost_near,
-    is_contained,
     optimum,
     refine,
 )
@@ -30,7 +29,6 @@ _HOPELESS_PENALTIES = 10.0
 # sum of the coefficients of A, relative to that of their absolute values, below which A has a root
 # at one
 _INTEGRATES = 1e-9
-_ROUNDING = 1e-6  # relative difference of losses that two ways to compute one may have
 
 
 def arx(data: InputOutputData, na: int, nb: Count, nk: Count = 1) -> Identification:
@@ -175,23 +173,10 @@ def identify(
     known = [_as_optimum(smaller) for smaller in contained]
     best = optimum(problem, known)
     without_offset = PredictionError(data.inputs, data.output, chosen, first, offset=False)
-    assert not _describe_failed_search(problem, best, known)
     through_zero = _search_without_offset(without_offset, best, known)
     if through_zero is not None:
         return _assemble(data, structure, without_offset, through_zero, messages)
     return _assemble(data, structure, problem, best, messages)
-
-
-def _describe_failed_search(
-    problem: PredictionError, best: Optimum, contained: Sequence[Optimum]
-) -> list[str]:
-    """Return a message for each nested model whose loss is lower: the search has failed then."""
-    return [
-        f"a model with {smaller.orders} has a lower loss, although this one contains it: the search"
-        " failed, please report it"
-        for smaller in contained
-        if is_contained(smaller, problem) and best.cost > smaller.cost * (1.0 + _ROUNDING)
-    ]
 
 
 def _as_optimum(identification: Identification) -> Optimum:

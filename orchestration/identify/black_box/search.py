@@ -39,7 +39,6 @@ _DRAWS = 4  # for each path, for the noise model and of all roots, in a round
 _SPREADS = (0.5, 1.0, 2.0)  # of coordinates drawn anywhere: poles of 0.46, 0.76 and 0.96
 _OSCILLATING = 0.5  # share of pairs of roots that are drawn complex
 _NEGLIGIBLE = 1e-4  # relative difference of costs that makes no difference
-_SAME = 1e-9  # coefficients that differ by less are the same
 _ROUGH = 1e-7  # share of the cost that a step promises, below which minima are compared
 
 
@@ -93,22 +92,6 @@ def optimum(problem: PredictionError, contained: Sequence[Optimum] = ()) -> Opti
         if not is_lower and (is_only_minimum or k + 1 >= _ROUNDS):
             break
     return _follow_to_end(reduced, best.theta)
-
-
-def is_contained(other: Optimum, problem: PredictionError) -> bool:
-    """Return whether a model is nested in those searched, with errors over the same samples.
-
-    It is not if its A becomes a factor of D, but is not stable enough for a noise model.
-    """
-    if not (problem.orders.contains(other.orders) and problem.samples == other.samples):
-        return False
-    reduced = ReducedPredictionError(problem)
-    lifted = lift(other, problem.orders)
-    restored = reduced.polynomials(reduced.coordinates(lifted))
-    return all(
-        np.allclose(own[: len(given)], given, rtol=0.0, atol=_SAME)
-        for own, given in zip(restored, lifted, strict=True)
-    )
 
 
 def cost_near(problem: PredictionError, near: Coefficients) -> float:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array, Signals
+from fmus.kit.arrays import Array, Interval, Signals
 from fmus.kit.units import format_range, format_value
 from orchestration.identify.noise import Noise
 
@@ -50,9 +50,9 @@ class Assumptions:
     """
 
     each: Sequence[str] = ()
-    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    bounds: Mapping[str, Interval] = field(default_factory=dict)
     scales: Mapping[str, str] = field(default_factory=dict)
-    priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    priors: Mapping[str, Interval] = field(default_factory=dict)
     ties: Mapping[str, tuple[float, str]] = field(default_factory=dict)
     noise: Mapping[str, float] = field(default_factory=dict)
     weights: Mapping[str, Array] = field(default_factory=dict)

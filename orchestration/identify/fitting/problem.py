@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from fmus.kit import Component, UserError
-from fmus.kit.arrays import Array, Signals
+from fmus.kit.arrays import Array, Interval, Signals
 from fmus.kit.units import format_range
 from orchestration.identify.fitting.any_fmu import FmuWithDifferences
 from orchestration.identify.fitting.assumptions import NO_ASSUMPTIONS, Assumptions, prior_row
@@ -267,7 +267,7 @@ class Problem:
             values[name] = min(max(scale.value(x), declared.min), declared.max)
         return values
 
-    def intervals(self, q: Array, standard_errors: Array) -> dict[str, tuple[float, float]]:
+    def intervals(self, q: Array, standard_errors: Array) -> dict[str, Interval]:
         """Return 95 % confidence intervals by name; infinite where a standard error is."""
         half = float(ndtri(0.975)) * standard_errors
         ends = zip(self.names, self.scales, q - half, q + half, strict=True)

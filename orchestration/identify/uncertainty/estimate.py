@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array, Mask
+from fmus.kit.arrays import Array, Interval, Mask
 from orchestration.identify.metrics import finite_or_none
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class Estimate:
 
     value: float
     nominal: float
-    interval: tuple[float, float]
+    interval: Interval
     unit: str
 
     def to_dict(self) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Interval
 from fmus.kit.units import Described, convert
 from orchestration.identify.uncertainty.posterior import Posterior
 from orchestration.identify.uncertainty.profile import LEVEL, Profile
@@ -152,7 +152,7 @@ def _deviance_at(profile: Profile, values: Array) -> Array:
     return curve(scale(values)) ** 2
 
 
-def _axis_ends(profile: Profile) -> tuple[float, float]:
+def _axis_ends(profile: Profile) -> Interval:
     """Return ends of the axis that show both intervals; where they are open, the last fits."""
     inside = profile.values[profile.deviance <= LEVEL]
     low = min(_finite_ends(profile, 0, float(inside.min())))

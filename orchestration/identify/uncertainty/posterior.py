@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Interval
 from fmus.kit.extras import require
 from fmus.kit.units import Described, format_value
 from orchestration.identify.uncertainty.profile import Coordinate
@@ -64,7 +64,7 @@ class Posterior(Displayable):
     warnings: tuple[str, ...]
 
     @property
-    def intervals(self) -> dict[str, tuple[float, float]]:
+    def intervals(self) -> dict[str, Interval]:
         """95 % credible intervals with equal tails by name, SI."""
         return {
             name: (float(np.quantile(x, 0.025)), float(np.quantile(x, 0.975)))

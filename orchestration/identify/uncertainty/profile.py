@@ -24,7 +24,7 @@ from scipy.optimize import brentq
 from scipy.special import chdtri
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, Interval
 from fmus.kit.units import Described, format_value
 from orchestration.identify.metrics import finite_or_none
 from orchestration.reporting import Displayable, one_line, option
@@ -85,9 +85,9 @@ class Profile(Displayable):
     estimate: float
     values: Array
     deviance: Array
-    interval: tuple[float, float]
+    interval: Interval
     open: tuple[bool, bool]
-    ellipse: tuple[float, float]
+    ellipse: Interval
     standard_error: float
     logarithmic: bool
     declared: Described
@@ -193,7 +193,7 @@ class Side:
     deviance: list[float]
     crossing: float | None = None
     failed: bool = False
-    between: tuple[float, float] | None = None
+    between: Interval | None = None
     fits: int = 0
 
 
@@ -255,7 +255,7 @@ def profile_likelihood(
     )
 
 
-def _search_ends(centre: float, half: float, coordinate: Coordinate) -> tuple[float, float]:
+def _search_ends(centre: float, half: float, coordinate: Coordinate) -> Interval:
     """Return the coordinates beyond which a profile is not followed.
 
     Parameters
