@@ -85,7 +85,8 @@ class Option(NamedTuple):
         Longer meaning for Python; `help` by default.
     default : object
         Default value, or a function that returns it when a command is made; `REQUIRED` if there
-        is none. Unless given it is False, no names, or None, by the type.
+        is none. Unless given it is False, no names, or None, by the type; an argument that
+        cannot be None is required.
     form : Form
         Unless given it is that of the type.
     flag : str
@@ -216,7 +217,9 @@ def _completed(name: str, kind: Any, *parts: Form | Option) -> Option:
     option = cast(Option, parts[-1])
     form = cast(Form, parts[0]) if len(parts) > 1 else option.form
     default = option.default
-    if default is None and (kind is bool or get_origin(kind) is Sequence):
+    if default is None and option.argument and not _is_union(kind):
+        default = REQUIRED
+    elif default is None and (kind is bool or get_origin(kind) is Sequence):
         default = False if kind is bool else ()
     return option._replace(
         default=default,

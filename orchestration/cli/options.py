@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, TypedDict
 
 from fmus.kit import registry
-from orchestration.api.declaration import REQUIRED, Form, Option
+from orchestration.api.declaration import Form, Option
 from orchestration.api.forms import File, Names, Number, Seconds, names_among, seconds
 
 # --- how values are written ----------------------------------------------------------------------
@@ -74,7 +74,7 @@ class ModelArgument(TypedDict):
 
     model: Annotated[
         str,
-        Option(_MODEL, default=REQUIRED, metavar="MODEL", complete="component", argument=True),
+        Option(_MODEL, metavar="MODEL", complete="component", argument=True),
     ]
 
 
@@ -93,7 +93,6 @@ class RunnableArgument(TypedDict):
         str,
         Option(
             _RUNNABLE,
-            default=REQUIRED,
             metavar="MODEL|SYSTEM",
             complete="component",
             argument=True,
@@ -178,7 +177,6 @@ class RecordArgument(TypedDict):
         Path,
         Option(
             "Measured record: CSV, Parquet, TDMS, MAT or LabVIEW text.",
-            default=REQUIRED,
             argument=True,
         ),
     ]
@@ -192,7 +190,6 @@ class RecordsArgument(TypedDict):
         Option(
             "Measured records: CSV, Parquet, TDMS, MAT or LabVIEW text. Several have one set of"
             " parameters.",
-            default=REQUIRED,
             metavar="RECORD...",
             argument=True,
         ),

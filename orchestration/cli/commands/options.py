@@ -70,6 +70,17 @@ from orchestration.cli.options import (
     tolerances,
 )
 
+_Models = Annotated[
+    list[str] | None,
+    Option(
+        "Components, path/to/file.py:Class, or FMUs built from these; default all components.",
+        metavar="[MODEL]...",
+        complete="component",
+        argument=True,
+    ),
+]
+_NoKeys = Annotated[bool, Option("Everybody on this machine may drive the rig, without a key.")]
+
 # --- components and FMUs -------------------------------------------------------------------------
 
 
@@ -87,7 +98,6 @@ class InfoCommand(LaidOverOption, ReadingOptions, JsonOption, ReportOption):
         Option(
             "A component (see ppy list), path/to/file.py:Class, an .fmu file; a record; or a"
             " diagnosis (.json), which is shown as it was.",
-            default=REQUIRED,
             metavar="MODEL|RECORD|DIAGNOSIS",
             complete="component",
             argument=True,
@@ -109,7 +119,7 @@ class CheckCommand(JsonOption, JunitOption):
 
     fmus: Annotated[
         list[Path],
-        Option("FMU files, ours or anybody's.", default=REQUIRED, metavar="FMU...", argument=True),
+        Option("FMU files, ours or anybody's.", metavar="FMU...", argument=True),
     ]
     accept: Annotated[
         File,
@@ -131,15 +141,7 @@ class CheckCommand(JsonOption, JunitOption):
 class BuildCommand(LaidOverOption, SettingsOption, PlatformsOption):
     """Options of ``ppy build``."""
 
-    names: Annotated[
-        list[str] | None,
-        Option(
-            "Components, path/to/file.py:Class, or FMUs built from these; default all components.",
-            metavar="[MODEL]...",
-            complete="component",
-            argument=True,
-        ),
-    ]
+    names: _Models
     runtime: Annotated[
         str,
         Option(
@@ -164,15 +166,7 @@ class BuildCommand(LaidOverOption, SettingsOption, PlatformsOption):
 class ExportModelicaCommand(LaidOverOption, SettingsOption):
     """Options of ``ppy export modelica``."""
 
-    names: Annotated[
-        list[str] | None,
-        Option(
-            "Components, path/to/file.py:Class, or FMUs built from these; default all components.",
-            metavar="[MODEL]...",
-            complete="component",
-            argument=True,
-        ),
-    ]
+    names: _Models
     out: Annotated[Path, Option("Folder that gets the package.", default=Path("modelica"))]
     fmus: Annotated[
         bool,
@@ -195,7 +189,6 @@ class NewCommand(ModelOption):
         str,
         Option(
             "component, effect or backend.",
-            default=REQUIRED,
             metavar="KIND",
             argument=True,
             choices=("component", "effect", "backend"),
@@ -205,7 +198,6 @@ class NewCommand(ModelOption):
         str,
         Option(
             "In small letters, such as dry_friction.",
-            default=REQUIRED,
             metavar="NAME",
             argument=True,
         ),
@@ -582,7 +574,6 @@ class AgeCommand(
         list[Path],
         Option(
             "Measured records in the order of use; a folder stands for its files, by name.",
-            default=REQUIRED,
             metavar="RECORD|FOLDER...",
             argument=True,
         ),
@@ -751,7 +742,6 @@ class SystemArgument(TypedDict):
         str,
         Option(
             "A system (see ppy system list) or its file.",
-            default=REQUIRED,
             metavar="NAME_OR_SSP",
             complete="system",
             argument=True,
@@ -793,7 +783,7 @@ class CheckSystemCommand(TypedDict):
 
     file: Annotated[
         Path,
-        Option("System, ours or anybody's.", default=REQUIRED, metavar="FILE.ssp", argument=True),
+        Option("System, ours or anybody's.", metavar="FILE.ssp", argument=True),
     ]
 
 
@@ -908,7 +898,6 @@ class LogCommand(TypedDict):
         list[Path],
         Option(
             "Files of one log, the oldest first.",
-            default=REQUIRED,
             metavar="FILE...",
             argument=True,
         ),
@@ -968,7 +957,7 @@ class ArchiveCommand(JsonOption):
 
     folder: Annotated[
         Path,
-        Option("Folder of the archive.", default=REQUIRED, metavar="FOLDER", argument=True),
+        Option("Folder of the archive.", metavar="FOLDER", argument=True),
     ]
     since: Annotated[
         str | None,
@@ -998,12 +987,7 @@ class BridgeCommand(TypedDict):
             "On this machine; the two above it are taken, too.", default=PORT, least=1, most=65533
         ),
     ]
-    no_keys: Annotated[
-        bool,
-        Option(
-            "Everybody on this machine may drive the rig, without a key.",
-        ),
-    ]
+    no_keys: _NoKeys
 
 
 class KeysCommand(TypedDict):
@@ -1011,9 +995,7 @@ class KeysCommand(TypedDict):
 
     folder: Annotated[
         Path,
-        Option(
-            "Where the key files go, or are.", default=REQUIRED, metavar="FOLDER", argument=True
-        ),
+        Option("Where the key files go, or are.", metavar="FOLDER", argument=True),
     ]
     client: Annotated[
         str | None,
@@ -1082,12 +1064,7 @@ class ServeCommand(TypedDict):
             "Key file of the server, of ppy rig keys.",
         ),
     ]
-    no_keys: Annotated[
-        bool,
-        Option(
-            "Everybody on this machine may drive the rig, without a key.",
-        ),
-    ]
+    no_keys: _NoKeys
     log: Annotated[
         File,
         Option(

@@ -71,12 +71,21 @@ class Row:
         title = _Trial(self.structure, self.path_orders, 0)
         return f"{title}, {self.validation_fit:.1f} % on unseen data: {'; '.join(doubts)}"
 
-    def order_cells(self, inputs: int) -> list[str]:
-        """Write the orders as cells of a table: one for each input, and that of the noise model."""
+    @property
+    def cells(self) -> list[str]:
+        """Cells of a table: fits, criteria, an order for each input, that of the noise model."""
+        inputs = len(self.identification.model.input_names)
         paths = [str(order) for order in self.path_orders]
-        blank = [""] * (inputs - len(paths))
-        noise = "constant" if self.noise_order is None else str(self.noise_order)
-        return [*paths, *blank, noise]
+        return [
+            self.structure,
+            f"{self.fit:.1f}",
+            f"{self.validation_fit:.1f}",
+            f"{self.aic:.2f}",
+            f"{self.bic:.2f}",
+            *paths,
+            *[""] * (inputs - len(paths)),
+            "constant" if self.noise_order is None else str(self.noise_order),
+        ]
 
 
 @dataclass(frozen=True)
@@ -145,6 +154,13 @@ class OrderSearch:
             self.best, key=lambda row: (-round(row.validation_fit, 1), self._criterion(row))
         )
 
+    def lines(self, rows: Sequence[Row] | None = None) -> list[list[str]]:
+        """Return the head and the cells of rows; by default of the best of every structure."""
+        inputs = self.rows[0].identification.model.input_names
+        head = ["Model type", "% fit ID data", "% fit validation data", "AIC", "BIC"]
+        orders = [f"{name} model order" for name in inputs]
+        return [[*head, *orders, "Noise model order"], *(row.cells for row in rows or self.best)]
+
     def table(self, rows: Sequence[Row] | None = None) -> str:
         """Lay rows out like the thesis' table 3-2, with BIC in a column of its own.
 
@@ -158,13 +174,7 @@ class OrderSearch:
         str
             Lines of equal length.
         """
-        inputs = self.rows[0].identification.model.input_names
-        head = ["Model type", "% fit ID data", "% fit validation data", "AIC", "BIC"]
-        lines = [[*head, *(f"{name} model order" for name in inputs), "Noise model order"]]
-        for row in self.best if rows is None else rows:
-            fits = [f"{row.fit:.1f}", f"{row.validation_fit:.1f}"]
-            criteria = [f"{row.aic:.2f}", f"{row.bic:.2f}"]
-            lines.append([row.structure, *fits, *criteria, *row.order_cells(len(inputs))])
+        lines = self.lines(rows)
         widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
         aligned = [
             [cell.rjust(width) for cell, width in zip(line, widths, strict=True)] for line in lines

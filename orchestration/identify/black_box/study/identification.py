@@ -118,12 +118,10 @@ class BlackBox(Displayable):
     def overview(self) -> Iterator[RenderableType]:
         """Yield the sentence, a table of the models and the coefficients, for notebooks."""
         yield self.sentence
-        frame = self.to_frame()
-        models = plain_table("the best of every structure", *frame.columns, right=frame.columns[1:])
-        for row in frame.itertuples(index=False):
-            models.add_row(
-                *(f"{cell:.4g}" if isinstance(cell, float) else str(cell) for cell in row)
-            )
+        head, *rows = self.search.lines()
+        models = plain_table("the best of every structure", *head, right=head[1:])
+        for row in rows:
+            models.add_row(*row)
         yield models
         chosen = self.chosen.identification
         columns = ("value", "standard error")

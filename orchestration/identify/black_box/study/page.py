@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from orchestration.identify.black_box.order_search import Row
 from orchestration.identify.black_box.study.identification import BlackBox
 from orchestration.identify.black_box.study.picture import (
     draw_correlations,
@@ -80,17 +79,9 @@ def _add_structures(page: Page, result: BlackBox) -> None:
         " denominators."
     )
     inputs = result.estimation.input_names
-    head = ["model", "fit, identified", "fit, unseen", "AIC", "BIC"]
-    head += [f"order from {name}" for name in inputs]
-    head += ["noise order"]
-    page.table(head, [_cells(row, len(inputs)) for row in result.search.best])
-
-
-def _cells(row: Row, inputs: int) -> list[str]:
-    """Return the cells of one model in the table of structures."""
-    percents = [f"{row.fit:.1f} %", f"{row.validation_fit:.1f} %"]
-    criteria = [f"{row.aic:.2f}", f"{row.bic:.2f}"]
-    return [row.structure, *percents, *criteria, *row.order_cells(inputs)]
+    head = ["model", "fit [%], identified", "fit [%], unseen", "AIC", "BIC"]
+    orders = [f"order from {name}" for name in inputs]
+    page.table([*head, *orders, "noise order"], [row.cells for row in result.search.best])
 
 
 def _add_chosen_model(page: Page, result: BlackBox) -> None:
