@@ -391,16 +391,15 @@ class Likelihood:
             colour makes it rise too fast.
         """
         problem = self.problem
-        noise = self.fitted.noise
+        inside = np.clip(start, *problem.bounds())
         problem.held = [i]
         try:
-            q, deviance = fit_in_noise(problem, np.clip(start, *problem.bounds()), noise, trials)
+            q, deviance = fit_in_noise(problem, inside, self.fitted.noise, trials)
         finally:
             problem.held = []
         white = self.white_covariance[i, i]
         colour = float(self.spread.matrix[i, i] / white) if white > 0.0 else 1.0
-        least = problem.deviance(noise, self.fitted.residual)
-        return q, (deviance - least) / (colour * LEVEL)
+        return q, (deviance - self.fitted.deviance) / (colour * LEVEL)
 
     def narrow_warnings(self) -> list[str]:
         """Return a warning for each end of an interval that is clearly too narrow.
@@ -554,19 +553,19 @@ def fit_records(
     spread = _coloured_covariance(problem, fitted)
     ties = dict(problem.assumptions.ties)
     intervals = problem.intervals(fitted.q, spread.standard_errors)
-    estimates = {}
-    for name in problem.names:
-        unit = problem.declared[name].unit
-        estimates[name] = Estimate(fitted.values[name], problem.start[name], intervals[name], unit)
+    declared = {name: problem.declared[name] for name in (*problem.names, *ties)}
     return Fit(
-        estimates=estimates,
+        estimates={
+            name: Estimate(value, problem.start[name], intervals[name], declared[name].unit)
+            for name, value in fitted.values.items()
+        },
         evaluations=problem.evaluations,
         warnings=[
             *_search_warnings(problem, searches),
             *_weak_warnings(problem, fitted, spread),
             *_noise_warnings(problem, fitted),
         ],
-        declared={name: problem.declared[name] for name in (*problem.names, *ties)},
+        declared=declared,
         correlations=spread.correlations(problem.names),
         logarithmic=tuple(
             name
@@ -575,7 +574,7 @@ def fit_records(
         ),
         likelihood=Likelihood(cls, problem, fitted, spread),
         samples=problem.samples,
-        deviance=problem.deviance(fitted.noise, fitted.residual),
+        deviance=fitted.deviance,
         searches=searches.made,
         ties=ties,
     )

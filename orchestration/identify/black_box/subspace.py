@@ -18,7 +18,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import block_diag
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array, single_threaded
+from fmus.kit.arrays import Array, Mask, single_threaded
 from orchestration.identify.black_box.data import InputOutputData, check_varies
 from orchestration.identify.black_box.excitation import check_excitation
 from orchestration.identify.black_box.gauss_newton import minimise
@@ -100,7 +100,7 @@ def _best_horizon(
     level = float(data.output.mean())
     # a state-space model without direct feedthrough has a delay of one sample already
     later = [max(delay - 1, 0) for delay in delays]
-    direct = [delay == 0 for delay in delays]
+    direct = np.equal(delays, 0)
     u = _delayed(data.inputs - operating_point, later)
     y = data.output - level
     begin = max(first, *later)
@@ -168,9 +168,7 @@ def _estimate_observability(u: Array, y: Array, order: int, horizon: int) -> Arr
     return directions[:, :order] * np.sqrt(singular[:order])
 
 
-def _realise(
-    u: Array, y: Array, observability: Array, direct: list[bool]
-) -> tuple[_Realisation, float]:
+def _realise(u: Array, y: Array, observability: Array, direct: Mask) -> tuple[_Realisation, float]:
     """Return A, B, C, D and K of an observability matrix and data, and the offset of the output.
 
     A and C are read off the matrix by its shift structure, the others fitted to the output.
@@ -180,7 +178,7 @@ def _realise(
     u : ndarray, shape (n, m)
     y : ndarray, shape (n,)
     observability : ndarray, shape (horizon, order)
-    direct : list of bool, length m
+    direct : ndarray of bool, shape (m,)
         Inputs that act directly on the output.
     """
     order = observability.shape[1]
@@ -190,38 +188,35 @@ def _realise(
         # stable by construction: zeros after the horizon, to which no unstable state could decay
         a = solve_least_squares(observability, np.vstack([observability[1:], np.zeros(order)]))
     # with A and C, the simulation is linear in B, D, the offset and the initial state
+    inputs = u.shape[1]
     paths = [states(a.T, np.outer(column, c), np.zeros(order)) for column in u.T]
-    through = u[:, np.flatnonzero(direct)]
+    through = u[:, direct]
     columns = np.hstack([*paths, through, np.ones((len(y), 1)), free_responses(a, c, len(y))])
     solution = solve_least_squares(columns, y)
-    size = order * len(paths)
-    b = solution[:size].reshape(len(paths), order).T
-    d = np.zeros(len(paths))
-    d[np.flatnonzero(direct)] = solution[size : size + through.shape[1]]
-    offset = float(solution[size + through.shape[1]])
+    of_paths, of_through, offset, _ = np.split(
+        solution, np.cumsum([order * inputs, through.shape[1], 1])
+    )
+    d = np.zeros(inputs)
+    d[direct] = of_through
     gain = kalman_gain(a, c, y - columns @ solution)
-    return _Realisation(a, b, c, d, gain), offset
+    return _Realisation(a, of_paths.reshape(inputs, order).T, c, d, gain), float(offset[0])
 
 
 def _with_delays(matrices: _Realisation, later: list[int]) -> _Realisation:
     """Return matrices with shift registers that delay every input by ``later`` samples."""
     a, b, c, d, k = matrices
-    registers = [np.eye(lag, k=-1) for lag in later if lag]
-    if not registers:
-        return matrices
     n = len(a)
-    size = sum(later)
-    extended = block_diag(a, *registers)
-    entry = np.zeros((n + size, b.shape[1]))
-    position = n
+    none = np.zeros(sum(later))
+    extended = block_diag(a, *(np.eye(lag, k=-1) for lag in later if lag))
+    entry = np.vstack([b, np.zeros((len(none), b.shape[1]))])
+    end = n
     for i, lag in enumerate(later):
+        end += lag
         if lag:
-            extended[:n, position + lag - 1] = b[:, i]
-            entry[position, i] = 1.0
-            position += lag
-        else:
-            entry[:n, i] = b[:, i]
-    return _Realisation(extended, entry, np.r_[c, np.zeros(size)], d, np.r_[k, np.zeros(size)])
+            extended[:n, end - 1] = b[:, i]
+            entry[:n, i] = 0.0
+            entry[end - lag, i] = 1.0
+    return _Realisation(extended, entry, np.r_[c, none], d, np.r_[k, none])
 
 
 def kalman_gain(a: Array, c: Array, disturbance: Array) -> Array:

@@ -161,9 +161,11 @@ class FmuWithDifferences:
         """Return derivatives (n, m), one for each parameter, by steps that suit the FMU."""
         at = point.parameters
         for name in self._names:
-            if not self._has_valid_step(name, at[name]):
-                step = self._choose_step(point, outputs_here, name)
-                self._steps[name] = (self._scale_of(name, at[name]), step)
+            size = self._scale_of(name, at[name])
+            before, _ = self._steps.get(name, (inf, 0.0))
+            # a step holds where the parameter is of about the size at which it was chosen
+            if not 1.0 / _SIZE_RATIO <= size / before <= _SIZE_RATIO:
+                self._steps[name] = size, self._choose_step(point, outputs_here, name)
         steps = [(name, self._steps[name][1]) for name in self._names]
         return self._slopes(point, outputs_here, steps)
 
@@ -184,23 +186,11 @@ class FmuWithDifferences:
         """Return the size of a parameter, to which steps are relative."""
         return abs(value) or self._declared[name].nominal
 
-    def _has_valid_step(self, name: str, value: float) -> bool:
-        """Return whether a step was chosen where the parameter was of about the same size."""
-        if name not in self._steps:
-            return False
-        before, _ = self._steps[name]
-        return 1.0 / _SIZE_RATIO <= self._scale_of(name, value) / before <= _SIZE_RATIO
-
     def _choose_step(self, point: SimulationInput, outputs_here: Array, name: str) -> float:
         """Return the relative step whose derivatives change least from the next longer one."""
         slopes = self._slopes(point, outputs_here, [(name, step) for step in _LADDER])
         scale = np.where(outputs_here.std(axis=0) > 0.0, outputs_here.std(axis=0), 1.0)
-        changes = np.array(
-            [
-                float(np.linalg.norm((longer - shorter) / scale))
-                for longer, shorter in pairwise(slopes)
-            ]
-        )
+        changes = np.array([np.linalg.norm((a - b) / scale) for a, b in pairwise(slopes)])
         # a step too short for the FMU's numbers has no effect, and then no change either
         usable = np.isfinite(changes) & [bool(slope.any()) for slope in slopes[1:]]
         return float(_LADDER[1 + int(np.argmin(np.where(usable, changes, np.inf)))])
@@ -213,15 +203,13 @@ class FmuWithDifferences:
         They are from one side where the FMU fails on the other, and NaN where it fails on both.
         """
         at = point.parameters
-        sides = [self._sides(name, at[name], step) for name, step in steps]
-        points = []
-        for (name, _), pair in zip(steps, sides, strict=True):
-            points += [{**at, name: x} for x in pair]
+        sides = [(name, *self._sides(name, at[name], step)) for name, step in steps]
+        points = [{**at, name: x} for name, *ends in sides for x in ends]
         outputs = iter(self._run_all(point, points))
         slopes = []
-        for (name, _), (low, high) in zip(steps, sides, strict=True):
-            below = (low, next(outputs))
-            above = (high, next(outputs))
+        for name, low, high in sides:
+            below = low, next(outputs)
+            above = high, next(outputs)
             slopes.append(_difference_quotient(below, (at[name], outputs_here), above))
         return slopes
 

@@ -70,13 +70,9 @@ def fit_from_starts(problem: Problem, start: Array, count: int | None) -> Search
         except UserError:
             continue
         made += 1
-        if _deviance(problem, found) < _deviance(problem, best) - _DEEPER:
+        if found.deviance < best.deviance - _DEEPER:
             best = found
-    return Searches(best, made, _deviance(problem, first) - _deviance(problem, best))
-
-
-def _deviance(problem: Problem, fitted: FitResult) -> float:
-    return problem.deviance(fitted.noise, fitted.residual)
+    return Searches(best, made, first.deviance - best.deviance)
 
 
 def _is_white(problem: Problem, fitted: FitResult) -> bool:

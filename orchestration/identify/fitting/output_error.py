@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmus.kit.arrays import Array, Mask, Signals
+from fmus.kit.arrays import Array, Mask
 from orchestration.identify.fitting.any_fmu import FmuWithDifferences
 from orchestration.identify.fitting.least_squares import Minimum, minimise
 from orchestration.identify.fitting.problem import Problem
@@ -41,39 +41,55 @@ _CURVED = 0.1  # of the expected curvature, below which the observed one is chan
 
 
 @dataclass(frozen=True)
-class FitResult:
-    """Fitted parameters, noise, residuals and their statistics.
+class _Pass:
+    """The end of a pass, and the noise that is estimated from the residual there.
 
     Attributes
     ----------
     q : ndarray, shape (p,)
         Searched coordinates.
-    values : dict of str to float
-        Parameters by name, SI.
+    converged : bool
+        True if the search ended by itself.
     noise : dict of str to Noise
         By output, of the residual.
     residual : dict of str to ndarray, shape (m,)
-        Measured minus simulated.
+        Measured minus simulated, SI.
     innovation : dict of str to ndarray, shape (m,)
         The residual over its deviation.
+    deviance : float
+        Minus twice the log likelihood, up to a constant.
+    bic : float
+        Bayesian information criterion.
+    """
+
+    q: Array
+    converged: bool
+    noise: dict[str, Noise]
+    residual: dict[str, Array]
+    innovation: dict[str, Array]
+    deviance: float
+    bic: float
+
+
+@dataclass(frozen=True)
+class FitResult(_Pass):
+    """Fitted parameters, noise, residuals and their statistics.
+
+    Attributes
+    ----------
+    values : dict of str to float
+        Parameters by name, SI.
     weights : dict of str to ndarray, shape (m,)
         Weights of innovations; about 1, and small for outliers in heavy tails.
     information : ndarray, shape (p, p)
         Of all innovations on the searched coordinates (Fisher).
-    converged : bool
-        True if the search ended by itself.
     covariance : Covariance
         Of the searched coordinates.
     """
 
-    q: Array
     values: dict[str, float]
-    noise: dict[str, Noise]
-    residual: dict[str, Array]
-    innovation: dict[str, Array]
     weights: dict[str, Array]
     information: Array
-    converged: bool
     covariance: Covariance
 
 
@@ -105,8 +121,7 @@ def fit_output_error(problem: Problem, start: Array) -> FitResult:
     best = _iterate(problem, _one_pass(problem, begin, size))
     # tails are estimated by more than the likelihood: passes may end less likely than they begin
     if at_start and at_start.bic < best.bic:
-        converged = best.minimum.converged
-        best = replace(at_start, minimum=at_start.minimum._replace(converged=converged))
+        best = replace(at_start, converged=best.converged)
     return _assess(problem, best)
 
 
@@ -230,29 +245,6 @@ def _whitened_slopes(problem: Problem, q: Array, noise: Mapping[str, Noise]) -> 
     return stacked
 
 
-@dataclass(frozen=True)
-class _Pass:
-    """The end of a pass, and the noise that is estimated from the residual there.
-
-    Attributes
-    ----------
-    minimum : Minimum
-    residual : dict of str to ndarray, shape (n,)
-        Measured minus simulated, by output, SI.
-    noise : dict of str to Noise
-    innovation : dict of str to ndarray, shape (m,)
-        The residual over its deviation.
-    bic : float
-        Bayesian information criterion.
-    """
-
-    minimum: Minimum
-    residual: dict[str, Array]
-    noise: dict[str, Noise]
-    innovation: dict[str, Array]
-    bic: float
-
-
 def _one_pass(problem: Problem, q: Array, noise: Mapping[str, Noise]) -> _Pass:
     """Fit in noise that is given, from a point, and estimate the noise at the end."""
     return _end_pass(problem, _minimise(problem, q, noise))
@@ -266,7 +258,7 @@ def _iterate(problem: Problem, first: _Pass) -> _Pass:
     fitted = first
     for _ in range(_PASSES - 1):
         before = fitted
-        fitted = _one_pass(problem, before.minimum.q, before.noise)
+        fitted = _one_pass(problem, before.q, before.noise)
         if before.bic - fitted.bic < _SETTLED:
             return min(before, fitted, key=lambda f: f.bic)
     return fitted
@@ -277,10 +269,10 @@ def _end_pass(problem: Problem, minimum: Minimum) -> _Pass:
     residual = problem.evaluate(minimum.q)[0]
     noise = problem.noise(residual)
     innovation = {name: residual[name] / model.deviation for name, model in noise.items()}
-    deviance = float(sum(model.deviance(innovation[name]) for name, model in noise.items()))
     parameters = len(minimum.q) + sum(model.parameters for model in noise.values())
+    deviance = problem.deviance(noise, residual)
     bic = deviance + parameters * log(problem.samples)
-    return _Pass(minimum, residual, noise, innovation, bic)
+    return _Pass(minimum.q, minimum.converged, noise, residual, innovation, deviance, bic)
 
 
 def _pass_at_start(problem: Problem, q: Array) -> _Pass | None:
@@ -290,26 +282,22 @@ def _pass_at_start(problem: Problem, q: Array) -> _Pass | None:
 
 def _assess(problem: Problem, end: _Pass) -> FitResult:
     """Return the result of a fit, with the covariance of its parameters."""
-    q = end.minimum.q
-    noise = end.noise
     innovation = end.innovation
-    weights = {
-        output: tails.weights(innovation[output], model.freedom) for output, model in noise.items()
-    }
-    jacobian = _whitened_slopes(problem, q, noise)
-    score = np.concatenate([weights[output] * innovation[output] for output in noise])
-    curvature = _curvature(noise, innovation)
+    noise = end.noise.items()
+    weights = {o: tails.weights(innovation[o], model.freedom) for o, model in noise}
+    jacobian = _whitened_slopes(problem, end.q, end.noise)
+    curvature = _Curvature(
+        np.concatenate([np.full_like(innovation[o], model.information) for o, model in noise]),
+        np.concatenate([tails.curvature(innovation[o], model.freedom) for o, model in noise]),
+    )
+    score = np.concatenate([weights[o] * innovation[o] for o in weights])
+    is_given = np.concatenate([np.full_like(innovation[o], o in problem.given) for o in weights])
     information = weighted_square(jacobian, curvature.expected)
-    is_given = np.concatenate([np.full_like(innovation[o], o in problem.given) for o in noise])
     return FitResult(
-        q,
-        problem.values(q),
-        noise,
-        end.residual,
-        innovation,
-        weights,
-        information,
-        converged=end.minimum.converged,
+        **vars(end),
+        values=problem.values(end.q),
+        weights=weights,
+        information=information,
         covariance=_covariance(jacobian, score, curvature, information, is_given > 0.0),
     )
 
@@ -319,17 +307,6 @@ class _Curvature(NamedTuple):
 
     expected: Array
     observed: Array
-
-
-def _curvature(noise: Mapping[str, Noise], innovation: Signals) -> _Curvature:
-    """Return the curvature of the loss at the innovations of all outputs."""
-    expected = [
-        np.full_like(innovation[output], model.information) for output, model in noise.items()
-    ]
-    observed = [
-        tails.curvature(innovation[output], model.freedom) for output, model in noise.items()
-    ]
-    return _Curvature(np.concatenate(expected), np.concatenate(observed))
 
 
 def _covariance(

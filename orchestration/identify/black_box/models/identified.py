@@ -9,14 +9,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmus.kit import UserError
+from fmus.kit import UserError, quoting
 from fmus.kit.arrays import Array
+from fmus.kit.extras import optional
 from orchestration.identify.black_box.data import InputOutputData, input_index
 from orchestration.identify.black_box.orders import whole
 from orchestration.identify.black_box.polynomials import Roots, columns_of, filtered, s_plane
 from orchestration.identify.metrics import fit_percent
 
 _RUNS_AWAY = 1e100  # larger than any signal, but its square is still a number
+
+
+def _control() -> Any:
+    """Return python-control, which takes a second to load."""
+    with optional():
+        import control
+
+    return control
 
 
 @dataclass(frozen=True)
@@ -106,22 +115,43 @@ class IdentifiedModel(ABC):
         """Return the zeros in z of the path from an input, without those of delays."""
 
     @abstractmethod
+    def _path(self, i: int) -> tuple[Array, Array]:
+        """Return numerator and denominator in z of the path from input i."""
+
+    @abstractmethod
+    def _noise_path(self) -> tuple[Array, Array]:
+        """Return numerator and denominator in z of the path from white noise."""
+
+    @abstractmethod
+    def matrices(self) -> tuple[Array, Array, Array, Array]:
+        """Return A, B, C and D of the paths from all inputs."""
+
     def transfer_function(self, which: int | str = 0) -> Any:
         """Return the path from an input as a discrete `control.TransferFunction`.
 
         Signals are deviations from the offsets.
         """
+        i = self._index(which)
+        names = self._names_in_control(self.input_names[i])
+        return _control().TransferFunction(*self._path(i), self.step, **names)
 
-    @abstractmethod
     def noise_transfer_function(self) -> Any:
         """Return the path from white noise as a discrete `control.TransferFunction`."""
+        names = self._names_in_control("e")
+        return _control().TransferFunction(*self._noise_path(), self.step, **names)
 
-    @abstractmethod
     def state_space(self) -> Any:
         """Return the paths from all inputs as one discrete `control.StateSpace`.
 
         Signals are deviations from the offsets.
         """
+        names = self._names_in_control(*self.input_names)
+        return _control().StateSpace(*self.matrices(), self.step, **names)
+
+    def _names_in_control(self, *inputs: str) -> dict[str, Any]:
+        """Return the names of signals as arguments of a system of python-control."""
+        outputs = quoting.control([self.output_name])
+        return {"inputs": quoting.control(inputs), "outputs": outputs}
 
     def simulate(
         self, inputs: ArrayLike, output: ArrayLike | None = None, before: ArrayLike | None = None

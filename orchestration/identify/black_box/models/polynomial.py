@@ -6,15 +6,13 @@ Sources: Ljung, eq. 4.33, with a denominator for every input; thesis, eq. 3.14.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag
 from scipy.signal import tf2ss
 
-from fmus.kit import UserError, quoting
+from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from fmus.kit.extras import optional
 from orchestration.identify.black_box.models.identified import IdentifiedModel
 from orchestration.identify.black_box.orders import Orders
 from orchestration.identify.black_box.polynomials import Roots, filtered, roots, without_part_in
@@ -107,44 +105,16 @@ class PolynomialModel(IdentifiedModel):
         """Return the zeros in z of the path from an input, without those of delays."""
         return roots(self.b[self._index(which)])
 
-    def transfer_function(self, which: int | str = 0) -> Any:
-        """Return the path from an input as a discrete `control.TransferFunction`."""
-        i = self._index(which)
-        return self._as_control(self.b[i], self._denominator(i), self.input_names[i])
+    def _path(self, i: int) -> tuple[Array, Array]:
+        return _in_z(self.b[i], self._denominator(i))
 
-    def noise_transfer_function(self) -> Any:
-        """Return the path from white noise as a discrete `control.TransferFunction`."""
-        return self._as_control(self.c, np.convolve(self.a, self.d), "e")
+    def _noise_path(self) -> tuple[Array, Array]:
+        return _in_z(self.c, np.convolve(self.a, self.d))
 
-    def _as_control(self, numerator: Array, denominator: Array, name: str) -> Any:
-        """Return the path from a signal as a discrete `control.TransferFunction`."""
-        # imported here, because that takes a second
-        with optional():
-            import control
-
-        return control.TransferFunction(
-            *_in_z(numerator, denominator),
-            self.step,
-            inputs=quoting.control([name]),
-            outputs=quoting.control([self.output_name]),
-        )
-
-    def state_space(self) -> Any:
-        """Return the paths from all inputs as one discrete `control.StateSpace`."""
-        with optional():
-            import control
-
-        paths = [tf2ss(*_in_z(b, self._denominator(i))) for i, b in enumerate(self.b)]
-        a, b, c, d = zip(*paths, strict=True)
-        return control.StateSpace(
-            block_diag(*a),
-            block_diag(*b),
-            np.hstack(c),
-            np.hstack(d),
-            self.step,
-            inputs=quoting.control(self.input_names),
-            outputs=quoting.control([self.output_name]),
-        )
+    def matrices(self) -> tuple[Array, Array, Array, Array]:
+        """Return A, B, C and D of the paths from all inputs."""
+        a, b, c, d = zip(*(tf2ss(*self._path(i)) for i in range(len(self.b))), strict=True)
+        return block_diag(*a), block_diag(*b), np.hstack(c), np.hstack(d)
 
 
 def _free_responses(samples: int, denominators: list[Array], numerator: Array) -> Array:

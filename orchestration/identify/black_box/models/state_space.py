@@ -6,15 +6,12 @@ Source: Ljung, eq. 4.91.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.linalg import eigvals, schur
 from scipy.signal import lfilter
 
-from fmus.kit import quoting
 from fmus.kit.arrays import Array
-from fmus.kit.extras import optional
 from orchestration.identify.black_box.models.identified import IdentifiedModel
 from orchestration.identify.black_box.polynomials import Roots, without_part_in
 
@@ -87,49 +84,25 @@ class StateSpaceModel(IdentifiedModel):
         finite = np.abs(above) < _INFINITE * np.abs(below)
         return above[finite] / below[finite]
 
-    def transfer_function(self, which: int | str = 0) -> Any:
-        """Return the path from an input as a discrete `control.TransferFunction`."""
-        i = self._index(which)
-        return self._transfer(self.b[:, i], self.d[i], self.input_names[i])
+    def _path(self, i: int) -> tuple[Array, Array]:
+        return self._quotient(self.b[:, i], self.d[i])
 
-    def noise_transfer_function(self) -> Any:
-        """Return the path from white noise as a discrete `control.TransferFunction`."""
-        return self._transfer(self.k, 1.0, "e")
+    def _noise_path(self) -> tuple[Array, Array]:
+        return self._quotient(self.k, 1.0)
 
-    def _transfer(self, column: Array, feedthrough: float, name: str) -> Any:
-        """Return the path of a column of B, or of K, as a discrete `control.TransferFunction`."""
-        # imported here, because that takes a second
-        with optional():
-            import control
-
+    def _quotient(self, column: Array, feedthrough: float) -> tuple[Array, Array]:
+        """Return numerator and denominator in z of the path of a column of B, or of K."""
         # from the impulse response, in which samples before a delay are exactly zero
         count = len(self.a)
         denominator = np.real(np.poly(self.a))
         later = states(self.a, np.zeros((count, count)), column) @ self.c
         response = np.concatenate([[feedthrough], later])
         numerator = np.convolve(denominator, response)[: len(denominator)]
-        return control.TransferFunction(
-            np.trim_zeros(numerator, "f"),
-            denominator,
-            self.step,
-            inputs=quoting.control([name]),
-            outputs=quoting.control([self.output_name]),
-        )
+        return np.trim_zeros(numerator, "f"), denominator
 
-    def state_space(self) -> Any:
-        """Return the paths from all inputs as one discrete `control.StateSpace`."""
-        with optional():
-            import control
-
-        return control.StateSpace(
-            self.a,
-            self.b,
-            self.c[np.newaxis],
-            self.d[np.newaxis],
-            self.step,
-            inputs=quoting.control(self.input_names),
-            outputs=quoting.control([self.output_name]),
-        )
+    def matrices(self) -> tuple[Array, Array, Array, Array]:
+        """Return A, B, C and D of the paths from all inputs."""
+        return self.a, self.b, self.c[np.newaxis], self.d[np.newaxis]
 
 
 def states(a: Array, drive: Array, start: Array) -> Array:

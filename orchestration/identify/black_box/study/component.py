@@ -35,7 +35,8 @@ def source(model: IdentifiedModel, name: str, units: Mapping[str, str], doc: str
     str
         Contents of a file for ``ppy build file.py:Class``.
     """
-    output_amounts, state_amounts = _amounts(model)
+    a, b, c, d = model.matrices()
+    state_amounts = np.hstack([a, b])
     states = [f"state_of_model_{i + 1}" for i in range(len(state_amounts))]
     signals = (*model.input_names, model.output_name)
     *inputs, output = identifiers(signals)
@@ -59,7 +60,7 @@ def source(model: IdentifiedModel, name: str, units: Mapping[str, str], doc: str
         f"    @Output({unit[output]!a})",
         f"    def {output}(self):",
         '        """Output of the identified model."""',
-        *_return_statement([f"self.{output}_mean"], factors, output_amounts),
+        *_return_statement([f"self.{output}_mean"], factors, np.hstack([c, d])[0]),
     ]
     for x, amounts in zip(states, state_amounts, strict=True):
         lines += [
@@ -69,19 +70,6 @@ def source(model: IdentifiedModel, name: str, units: Mapping[str, str], doc: str
             *_return_statement([], factors, amounts),
         ]
     return "\n".join(lines) + "\n"
-
-
-def _amounts(model: IdentifiedModel) -> tuple[Array, Array]:
-    """Return the amounts of states and inputs in the output and in next states: rows of matrices.
-
-    They are C and D, (n + m,), and A and B, (n, n + m).
-    """
-    system = model.state_space()
-    a, b, c, d = (
-        np.atleast_2d(np.asarray(matrix, dtype=float))
-        for matrix in (system.A, system.B, system.C, system.D)
-    )
-    return np.hstack([c, d])[0], np.hstack([a, b])
 
 
 def _declarations(
