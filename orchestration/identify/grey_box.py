@@ -592,8 +592,7 @@ def _problem_of(
         return JointProblem(cls, records, names, fixed, assumptions)
     if assumptions.each:
         raise UserError(f"each {', '.join(assumptions.each)}: there is only one record")
-    time, inputs, measured, _ = records[0]
-    return Problem(cls, time, inputs, measured, names, fixed, assumptions=assumptions)
+    return Problem(cls, *records[0][:3], names, fixed, assumptions=assumptions)
 
 
 def _check_problem(problem: Problem) -> None:

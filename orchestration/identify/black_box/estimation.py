@@ -12,6 +12,7 @@ from orchestration.identify.black_box.data import InputOutputData, check_varies
 from orchestration.identify.black_box.excitation import check_excitation
 from orchestration.identify.black_box.models import PolynomialModel
 from orchestration.identify.black_box.orders import Count, Orders, orders
+from orchestration.identify.black_box.polynomials import integrates
 from orchestration.identify.black_box.prediction_error import Coefficients, PredictionError
 from orchestration.identify.black_box.result import Identification, Parameter
 from orchestration.identify.black_box.search import (
@@ -26,9 +27,6 @@ from orchestration.identify.uncertainty import Covariance, parameter_covariance,
 # A model without an offset is not searched if it costs more than so many times what BIC grants for
 # one parameter.
 _HOPELESS_PENALTIES = 10.0
-# sum of the coefficients of A, relative to that of their absolute values, below which A has a root
-# at one
-_INTEGRATES = 1e-9
 
 
 def arx(data: InputOutputData, na: int, nb: Count, nk: Count = 1) -> Identification:
@@ -289,10 +287,8 @@ def _make_model(
     )
     if problem.offset:
         # the constant is that of the whole equation; the output's is the constant over A at rest
-        gain = parts.a.sum()
-        integrates = abs(gain) <= _INTEGRATES * np.abs(parts.a).sum()
-        level = float(data.output.mean()) + (0.0 if integrates else parts.offset / gain)
-        return replace(model, output_offset=level)
+        above = 0.0 if integrates(parts.a) else parts.offset / parts.a.sum()
+        return replace(model, output_offset=float(data.output.mean()) + above)
     static = model.static_output(mean)
     if np.isfinite(static):
         return replace(model, output_offset=static)

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from operator import index
 
+import numpy as np
+
 from fmus.kit import UserError
 from orchestration.identify.black_box.data import InputOutputData
 
@@ -68,19 +70,11 @@ class Orders:
         ``y = B/A u + C/A e``.
         """
         shared = other.na if self.na < other.na else 0  # order of A as a factor of F and D
-        denominators = [(self.nd, other.nd), *zip(self.nf, other.nf, strict=True)]
-        return (
-            self.na + shared >= other.na
-            and self.nc >= other.nc
-            and all(order >= other_order + shared for order, other_order in denominators)
-            and all(
-                delay <= other_delay for delay, other_delay in zip(self.nk, other.nk, strict=True)
-            )
-            and all(
-                b + k >= other_b + other_k
-                for b, k, other_b, other_k in zip(self.nb, self.nk, other.nb, other.nk, strict=True)
-            )
-        )
+        denominators = np.subtract([self.nd, *self.nf], [other.nd, *other.nf]) >= shared
+        delays = np.less_equal(self.nk, other.nk)
+        ends = np.add(self.nb, self.nk) >= np.add(other.nb, other.nk)
+        is_large = self.na + shared >= other.na and self.nc >= other.nc
+        return is_large and bool(denominators.all() and delays.all() and ends.all())
 
     def nested_structures(self) -> tuple[Orders, ...]:
         """Return the largest orders of simpler structures that are nested in these.

@@ -12,6 +12,8 @@ from fmus.kit.arrays import Array
 
 Roots = NDArray[np.complex128]
 _INSIDE = 1.0 - 1e-7  # largest modulus of a pole that is called stable
+# sum of the coefficients, relative to that of their absolute values, below which a root is at one
+_AT_ONE = 1e-9
 _REFLECTED = 0.995  # largest modulus of a root after its reflection
 _AT_ORIGIN = 1e-9  # modulus of a root in z that is a delay, and has no place in the s-plane
 
@@ -31,6 +33,11 @@ def is_stable(polynomial: Array) -> bool:
     return bool(
         np.isfinite(polynomial).all() and np.abs(roots(polynomial)).max(initial=0.0) < _INSIDE
     )
+
+
+def integrates(polynomial: Array) -> bool:
+    """Return whether a denominator has a root at one."""
+    return bool(abs(polynomial.sum()) <= _AT_ONE * np.abs(polynomial).sum())
 
 
 def stabilised(polynomial: Array) -> Array:

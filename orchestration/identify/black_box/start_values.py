@@ -75,8 +75,7 @@ def noise_numerator(problem: PredictionError) -> Array:
     e = _fit_long_model(problem).innovations[problem.first :]
     # with F, C and D of one, regressors of A, B and the offset are the slopes of minus the error
     slopes = problem.linear_slopes(problem.coefficients(np.zeros(problem.size)))
-    past = [_delayed(e, k + 1) for k in range(problem.orders.nc)]
-    columns = np.column_stack([-slopes.T, *past])
+    columns = np.column_stack([-slopes.T, *_past(e, problem.orders.nc)])
     solution = solve_least_squares(columns, problem.present_output)
     return stabilised(monic(solution[len(slopes) :]))
 
@@ -106,9 +105,14 @@ def _fit_long_model(problem: PredictionError) -> _LongModel:
 def _regressors(problem: PredictionError, i: int, signal: Array, inputs: Array) -> Array:
     """Return the regressors of ``F y = B u``: a delayed signal and the input (n, nf + nb)."""
     n = problem.orders
-    past = [-_delayed(signal, k + 1) for k in range(n.nf[i])]
+    past = _past(-signal, n.nf[i])
     driving = [_delayed(inputs, n.nk[i] + k) for k in range(n.nb[i])]
-    return np.stack([*past, *driving], axis=1)
+    return np.column_stack([*past, *driving])
+
+
+def _past(values: Array, count: int) -> list[Array]:
+    """Return a signal (n,) delayed by one sample to `count` samples."""
+    return [_delayed(values, lag) for lag in range(1, count + 1)]
 
 
 def _delayed(values: Array, lag: int) -> Array:
@@ -167,8 +171,8 @@ def hannan_rissanen(v: Array, nc: int, nd: int) -> tuple[Array, Array]:
     if not nc + nd:
         return _ONE, _ONE
     e = innovations(v, nc + nd)
-    columns = [-_delayed(v, k + 1) for k in range(nd)] + [_delayed(e, k + 1) for k in range(nc)]
-    solution = solve_least_squares(np.stack(columns, axis=1), v)
+    columns = np.column_stack([*_past(-v, nd), *_past(e, nc)])
+    solution = solve_least_squares(columns, v)
     return stabilised(monic(solution[nd:])), stabilised(monic(solution[:nd]))
 
 
@@ -182,5 +186,5 @@ def innovations(v: Array, order: int) -> Array:
         That of the noise model to be started; the autoregression is several times as long.
     """
     long = max(1, min(max(_LONG_LEAST, _LONG_TIMES * order), len(v) // _LONG_SAMPLES))
-    past = np.stack([_delayed(v, k + 1) for k in range(long)], axis=1)
+    past = np.column_stack(_past(v, long))
     return v - past @ solve_least_squares(past[long:], v[long:])

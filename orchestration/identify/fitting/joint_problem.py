@@ -133,10 +133,10 @@ def _member(
     assumptions: Assumptions,
 ) -> Problem:
     """Return the problem of one record, in which some outputs may be missing."""
-    time, inputs, measured, _ = record
-    noise = {output: d for output, d in assumptions.noise.items() if output in measured}
+    known = assumptions.noise.items()
+    noise = {output: deviation for output, deviation in known if output in record.measured}
     assumptions = replace(assumptions, noise=noise)
-    return Problem(cls, time, inputs, measured, names, fixed, assumptions=assumptions)
+    return Problem(cls, *record[:3], names, fixed, assumptions=assumptions)
 
 
 def _joined(parts: Sequence[Mapping[str, NDArray[Number]]]) -> dict[str, NDArray[Number]]:

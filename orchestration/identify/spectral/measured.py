@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import NamedTuple
 
@@ -224,7 +224,8 @@ def _choose_stretch(
     size = record.time.size
     common = math.lcm(*filter(None, periods.values()))
     if 2 * common > size:
-        return _Stretch(record, step, list(inputs), outputs, dict.fromkeys(inputs, 0), size)
+        periods = dict.fromkeys(inputs, 0)
+        common = 1
     return _Stretch(record, step, list(inputs), outputs, periods, size - size % common)
 
 
@@ -268,7 +269,7 @@ def _share_by_smoothness(spectra: Spectra) -> Spectra:
         return spectra
     counts = [0 if i in shared else n for i, n in enumerate(spectra.periods)]
     stride = max(spectra.periods[i] for i in shared)
-    return Spectra(spectra.inputs, spectra.outputs, spectra.measured, counts, stride)
+    return replace(spectra, periods=counts, stride=stride)
 
 
 def _lines_in(

@@ -15,12 +15,14 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.identify.black_box.models.identified import IdentifiedModel
 from orchestration.identify.black_box.orders import Orders
-from orchestration.identify.black_box.polynomials import Roots, filtered, roots, without_part_in
+from orchestration.identify.black_box.polynomials import (
+    Roots,
+    filtered,
+    integrates,
+    roots,
+    without_part_in,
+)
 from orchestration.identify.black_box.prediction_error import Coefficients, PredictionError
-
-# sum of the coefficients of a denominator, relative to that of their absolute values, below which
-# it has a root at one
-_INTEGRATES = 1e-9
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,7 @@ class PolynomialModel(IdentifiedModel):
         level = 0.0
         for i, (b, u) in enumerate(zip(self.b, deviations, strict=True)):
             denominator = self._denominator(i)
-            if abs(denominator.sum()) <= _INTEGRATES * np.abs(denominator).sum():
+            if integrates(denominator):
                 level += 0.0 if u == 0.0 else np.inf
             else:
                 level += float(u * b.sum() / denominator.sum())
