@@ -27,6 +27,7 @@ from orchestration.identify.uncertainty import Covariance, parameter_covariance,
 # A model without an offset is not searched if it costs more than so many times what BIC grants for
 # one parameter.
 _HOPELESS_PENALTIES = 10.0
+_THROUGH_ZERO = ", and zero where all inputs are, as far as the data tell"
 
 
 def arx(data: InputOutputData, na: int, nb: Count, nk: Count = 1) -> Identification:
@@ -240,7 +241,7 @@ def _assemble(
         residual=residual,
         converged=best.converged,
         messages=(
-            _describe_offset(model, problem.offset),
+            model.describe_operating_point() + ("" if problem.offset else _THROUGH_ZERO),
             *messages,
             *_describe_doubts(model, best.converged),
         ),
@@ -293,12 +294,6 @@ def _make_model(
     if np.isfinite(static):
         return replace(model, output_offset=static)
     return replace(model, input_offsets=0.0 * mean)
-
-
-def _describe_offset(model: PolynomialModel, estimated: bool) -> str:
-    """Describe the operating point about which the model is linear, and its source."""
-    text = model.describe_operating_point()
-    return text if estimated else f"{text}, and zero where all inputs are, as far as the data tell"
 
 
 def _describe_doubts(model: PolynomialModel, converged: bool) -> list[str]:
