@@ -7,7 +7,7 @@ with the states, and their derivatives, that the block before ended with.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -25,28 +25,16 @@ class BlockwiseModel:
     Parameters
     ----------
     model : CompiledModel
-    names : sequence of str
-        Those p of the model's parameters by which derivatives are kept, in this order.
     measured : collection of str, optional
         Outputs and states of which a simulation in blocks has derivatives; all unless given.
     """
 
-    def __init__(
-        self,
-        model: CompiledModel,
-        names: Sequence[str],
-        measured: Collection[str] | None = None,
-    ):
+    def __init__(self, model: CompiledModel, measured: Collection[str] | None = None):
         self._model = model
         self._measured = measured
-        columns = [model.names.index(name) for name in names]
-        # a slice of the first ones, as they usually are, is no copy
-        in_order = columns == list(range(len(columns)))
-        self._columns: slice | list[int] = slice(len(columns)) if in_order else columns
-        self._width = len(columns)
 
     def run(self, given: SimulationInput) -> Trajectory:
-        """Simulate a record as `CompiledModel.run` does, with the derivatives that are wanted.
+        """Simulate a record as `CompiledModel.run` does.
 
         With discrete states it is in one piece: a block would begin in the middle of their sample
         period.
@@ -67,9 +55,7 @@ class BlockwiseModel:
         """
         if len(given.time) > LONGEST and not self._model.layout.discretes:
             return self.run_in_blocks(given)
-        ran = self._simulate_piece(given)
-        kept = {name: slopes[:, self._columns] for name, slopes in ran.sensitivities.items()}
-        return replace(ran, sensitivities=kept)
+        return self._simulate_piece(given)
 
     def run_in_blocks(self, given: SimulationInput) -> Trajectory:
         """Simulate like `run`, however short the record is, with derivatives of measured outputs.
@@ -87,7 +73,7 @@ class BlockwiseModel:
             for name, values in whole.signals.items():
                 values[rows] = ran.signals[name]
             for name, slopes in whole.sensitivities.items():
-                slopes[rows] = ran.sensitivities[name][:, self._columns]
+                slopes[rows] = ran.sensitivities[name]
             start |= self._end_as_start(ran)
         return replace(whole, steps=given.effort * n - steps_left)
 
@@ -102,7 +88,7 @@ class BlockwiseModel:
         kept = [name for name in names if self._measured is None or name in self._measured]
         return Trajectory(
             {name: np.empty(n) for name in names},
-            {name: np.empty((n, self._width)) for name in kept},
+            {name: np.empty((n, len(self._model.names))) for name in kept},
         )
 
     def _end_as_start(self, block: Trajectory) -> dict[str, float]:

@@ -63,7 +63,7 @@ class DelayedModel:
         self._names = list(sensitivities)
         names = tuple(name for name in sensitivities if name not in of_delays)
         model = _compiled(base, others, names)
-        self._undelayed = BlockwiseModel(model, names, measured)
+        self._undelayed = BlockwiseModel(model, measured)
         self._known = {p.name for p in model.layout.parameters}
 
     def run(self, given: SimulationInput) -> Trajectory:

@@ -29,7 +29,7 @@ _BLOCK = 2_048  # rows of a Jacobian that are decomposed at once: as many as the
 
 
 class SearchEndedError(UserError):
-    """A search cannot go on: there is no time left, or nowhere to go."""
+    """A search cannot go on: there is nowhere to go."""
 
 
 class Minimum(NamedTuple):
@@ -164,8 +164,8 @@ class _Search:
             point[free] += size * (steps - start)
             return point
 
-        # SciPy's first call needs no simulation: there may be no time for one, and a Jacobian may
-        # cost as many as there are coordinates
+        # SciPy's first call needs no simulation, of which a Jacobian may cost as many as there are
+        # coordinates
         residual = _first_known(self._rows, lambda steps: self._residual_at(point_at(steps)))
         triangle = _first_known(
             first_triangle, lambda steps: self._triangle_at(point_at(steps), self._last)
