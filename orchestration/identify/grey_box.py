@@ -45,7 +45,6 @@ from orchestration.identify.uncertainty import (
     Estimate,
     Posterior,
     Profile,
-    correlation_matrix,
     estimates_frame,
     joint_distribution,
     parameter_covariance,
@@ -210,7 +209,12 @@ class Fit(Displayable):
     @property
     def correlation_matrix(self) -> Array:
         """Correlations (p, p) of the estimates, in their order."""
-        return correlation_matrix([*self.estimates], self.correlations)
+        names = [*self.estimates]
+        matrix = np.eye(len(names))
+        for (one, other), r in self.correlations.items():
+            i, j = names.index(one), names.index(other)
+            matrix[[i, j], [j, i]] = r
+        return matrix
 
     @property
     def coupled(self) -> dict[tuple[str, str], float]:

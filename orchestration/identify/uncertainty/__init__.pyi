@@ -5,7 +5,6 @@ from .covariance import sandwich_covariance as sandwich_covariance
 from .covariance import weighted_square as weighted_square
 from .estimate import Distribution as Distribution
 from .estimate import Estimate as Estimate
-from .estimate import correlation_matrix as correlation_matrix
 from .estimate import estimates_frame as estimates_frame
 from .estimate import is_significantly_different as is_significantly_different
 from .estimate import joint_distribution as joint_distribution

@@ -176,16 +176,8 @@ def joint_distribution(
         )
     ends[log] = np.log(ends[log])
     errors = (ends[:, 2] - ends[:, 0]) / (2.0 * ndtri(0.975))
-    covariance = correlation_matrix(names, correlations) * np.outer(errors, errors)
-    return Distribution(names, log, ends[:, 1], covariance)
-
-
-def correlation_matrix(
-    names: Sequence[str], correlations: Mapping[tuple[str, str], float]
-) -> Array:
-    """Return the matrix (p, p) of correlations of pairs, in the order of the names."""
     matrix = np.eye(len(names))
     for (one, other), value in correlations.items():
         i, j = names.index(one), names.index(other)
         matrix[[i, j], [j, i]] = value
-    return matrix
+    return Distribution(names, log, ends[:, 1], matrix * np.outer(errors, errors))
