@@ -41,7 +41,7 @@ _CURVED = 0.1  # of the expected curvature, below which the observed one is chan
 
 
 @dataclass(frozen=True)
-class _Pass:
+class Pass:
     """The end of a pass, and the noise that is estimated from the residual there.
 
     Attributes
@@ -72,7 +72,7 @@ class _Pass:
 
 
 @dataclass(frozen=True)
-class FitResult(_Pass):
+class FitResult(Pass):
     """Fitted parameters, noise, residuals and their statistics.
 
     Attributes
@@ -245,12 +245,12 @@ def _whitened_slopes(problem: Problem, q: Array, noise: Mapping[str, Noise]) -> 
     return stacked
 
 
-def _one_pass(problem: Problem, q: Array, noise: Mapping[str, Noise]) -> _Pass:
+def _one_pass(problem: Problem, q: Array, noise: Mapping[str, Noise]) -> Pass:
     """Fit in noise that is given, from a point, and estimate the noise at the end."""
     return _end_pass(problem, _minimise(problem, q, noise))
 
 
-def _iterate(problem: Problem, first: _Pass) -> _Pass:
+def _iterate(problem: Problem, first: Pass) -> Pass:
     """Repeat passes until BIC falls by less than `_SETTLED`; return the best pass.
 
     Each begins where the last one ended, with the noise that was estimated there.
@@ -264,7 +264,7 @@ def _iterate(problem: Problem, first: _Pass) -> _Pass:
     return fitted
 
 
-def _end_pass(problem: Problem, minimum: Minimum) -> _Pass:
+def _end_pass(problem: Problem, minimum: Minimum) -> Pass:
     """Return the pass that ends at a point, with the noise estimated from the residual there."""
     residual = problem.evaluate(minimum.q)[0]
     noise = problem.noise(residual)
@@ -272,15 +272,15 @@ def _end_pass(problem: Problem, minimum: Minimum) -> _Pass:
     parameters = len(minimum.q) + sum(model.parameters for model in noise.values())
     deviance = problem.deviance(noise, residual)
     bic = deviance + parameters * log(problem.samples)
-    return _Pass(minimum.q, minimum.converged, noise, residual, innovation, deviance, bic)
+    return Pass(minimum.q, minimum.converged, noise, residual, innovation, deviance, bic)
 
 
-def _pass_at_start(problem: Problem, q: Array) -> _Pass | None:
+def _pass_at_start(problem: Problem, q: Array) -> Pass | None:
     """Return a pass without a search; None if its point cannot be simulated."""
     return None if error_at(problem, q) == np.inf else _end_pass(problem, Minimum(q, False))
 
 
-def _assess(problem: Problem, end: _Pass) -> FitResult:
+def _assess(problem: Problem, end: Pass) -> FitResult:
     """Return the result of a fit, with the covariance of its parameters."""
     innovation = end.innovation
     noise = end.noise.items()
