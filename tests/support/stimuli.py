@@ -78,7 +78,8 @@ STIMULI = {
     "foot_displacement_driven": (
         0.3,
         0.0047,
-        {"an_displacement": (-2e-4, 2e-4, 3.0), "leg_force_y": (0.0, 0.5, 7.0)},
+        # held in the air: after an impact of taut springs the solvers of two tools give up
+        {"an_displacement": (-2e-4, 2e-4, 3.0), "leg_force_y": (2.9, 0.2, 7.0)},
     ),
     "foot_free": (0.3, 0.0047, {"an_tension": (2.0, 2.0, 3.0), "leg_force_y": (0.0, 0.5, 7.0)}),
 }
