@@ -880,16 +880,30 @@ def piece_ends(record: Record, most: int) -> list[int]:
     return [int(end) for end in np.linspace(0, len(record.time), count + 1)]
 
 
+def with_free_starts(problem: Problem) -> Problem:
+    """Return a problem of which records begin anywhere, but for start states that are held.
+
+    What happened before its first sample no record tells: a load may have been there long before,
+    and a prior near the declared states would tell a stiffness by it.
+    """
+    wide = _WIDE_START * problem.model.nominal_states
+    starts = tuple(
+        replace(s, deviation=np.where(problem.known_starts, s.deviation, wide))
+        for s in problem.starts
+    )
+    return replace(problem, starts=starts)
+
+
 def vague(problem: Problem) -> Problem:
     """Return a problem of which priors hold nothing but what no sample tells."""
-    return replace(problem, vagueness=_VAGUE)
+    return replace(with_free_starts(problem), vagueness=_VAGUE)
 
 
 def by_least_squares(fitted: Fit) -> Fit:
     """Return a fit in which priors hold those parameters alone of which no sample says anything.
 
     Where the model misses something slow, few samples are independent, and the fit of a search
-    stays near nominal. Start states are as near to the declared ones as before.
+    stays near nominal.
     """
     problem, ends = vague(fitted.problem), fitted
     for _ in range(_ROUNDS):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,12 @@ from fmus.kit.law_terms import LawTerm, law_term_effect
 from fmus.kit.symbolic import list_laws
 from fmus.kit.titles import law_title, within_sentence
 from fmus.kit.units import measure_alike
-from orchestration.diagnosis.fitting import Fit, final_curvature, prior_deviations
+from orchestration.diagnosis.fitting import (
+    Fit,
+    final_curvature,
+    prior_deviations,
+    with_free_starts,
+)
 from orchestration.diagnosis.terms import (
     FORMS,
     MEMORIES,
@@ -177,8 +182,11 @@ def estimates(fitted: Fit, terms: Mapping[str, Term]) -> dict[str, Estimate]:
 
 
 def covariance_of(fitted: Fit) -> Array:
-    """Return the covariance of the searched coordinates, in the order of the curvature."""
-    curvature = final_curvature(fitted)
+    """Return the covariance of the searched coordinates, in the order of the curvature.
+
+    Start states are free in it, in deviations of `with_free_starts`.
+    """
+    curvature = final_curvature(replace(fitted, problem=with_free_starts(fitted.problem)))
     size = np.sqrt(np.diag(curvature))
     covariance = np.linalg.pinv(curvature / np.outer(size, size), hermitian=True)
     return np.asarray(covariance / np.outer(size, size))
@@ -227,7 +235,7 @@ def _estimate(parameter: TermParameter, value: float, ends: tuple[float, float])
 
 def _start_states(fitted: Fit, deviation: Array) -> dict[str, Estimate]:
     """Return the start states; with several records the record stands behind an @."""
-    problem = fitted.problem
+    problem = with_free_starts(fitted.problem)
     model = problem.model
     nx = len(model.states)
     result = {}
