@@ -13,7 +13,7 @@ from fmus.kit.arrays import single_threaded
 from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.engine import Diagnosis, diagnose
 from orchestration.diagnosis.extension import extended_component
-from orchestration.diagnosis.fitting import by_least_squares, vague
+from orchestration.diagnosis.fitting import by_least_squares, vague, with_free_starts
 from orchestration.diagnosis.joint import (
     Difference,
     Joint,
@@ -170,11 +170,15 @@ def _joined(before: Diagnosis, later: Diagnosis, options: Options) -> Subject | 
     hold = options.held_of(model)
     smooth = any(before.subject.problem.records[0].smooth)
     subject = subject_of(model, records, (), hold, options.given, smooth, local=local)
-    if subject is not None and options.recalibrates:
-        base = by_least_squares(subject.base)
-        problem = vague(subject.problem)
-        subject = replace(subject, problem=problem, base=replace(base, problem=problem))
-    if subject is None or before.observer is None:
+    if subject is None:
+        return None
+    if options.recalibrates:  # by all samples, as each by itself
+        subject = subject.complete() or subject
+        base, problem = by_least_squares(subject.base), vague(subject.problem)
+    else:
+        base, problem = subject.base, with_free_starts(subject.problem)
+    subject = replace(subject, problem=problem, base=replace(base, problem=problem))
+    if before.observer is None:
         return subject
     return predicted(subject) or subject
 
@@ -254,6 +258,7 @@ def _changes(selected: Selected) -> tuple[Change, ...]:
                 "" if isinstance(one, str) else one.name,
                 None if isinstance(one, str) else 0.0,
                 selected.bounds[one],
+                one in selected.stayed,
             )
         )
     return tuple(sorted(changes, key=lambda change: not change.changed))

@@ -24,6 +24,7 @@ from orchestration.diagnosis.fitting import (
     final_curvature,
     fit,
     mean_squares,
+    variance_of,
     weights_of,
 )
 from orchestration.diagnosis.search import Found, Ranked
@@ -34,7 +35,7 @@ from orchestration.identify.uncertainty import is_significantly_different
 
 _ROUNDS = 6  # of a fit, each in the noise that the one before left
 _STEPS = 40  # of each
-_LOWER = 0.01  # share of the misfit, by which it has to fall for another round
+_LOWER = 0.01  # share of the noise, by which it has to fall for another round
 Difference = str | Term  # a parameter, or a term whose strength, may be another in a later record
 
 
@@ -141,8 +142,8 @@ class Joint:
             fitted = fit(problem, self.terms, points, weights, _STEPS)
             if fitted is None:
                 break
-            is_settled = best is not None and fitted.misfit > (1.0 - _LOWER) * best.misfit
-            if best is None or fitted.misfit < best.misfit:
+            is_settled = best is not None and _noise(fitted) > (1.0 - _LOWER) * _noise(best)
+            if best is None or _noise(fitted) < _noise(best):
                 best = fitted
             if is_settled:
                 break
@@ -162,6 +163,15 @@ class Joint:
         told = [name for fitted in alone for name in _told(fitted)]
         own = [name for name in names if name in told and name not in problem.local.each]
         return [*self.terms, *own]
+
+
+def _noise(fitted: Fit) -> float:
+    """Return the geometric mean of what a fit leaves in each output, in spreads.
+
+    The likelihood falls with it, where the noise of each output is unknown (Bard: Nonlinear
+    Parameter Estimation, 1974, chapter 4). In a sum of squares the noisiest output would decide.
+    """
+    return float(np.exp(0.5 * np.nanmean(np.log(variance_of(fitted.errors)))))
 
 
 def _told(fitted: Fit) -> list[str]:
@@ -224,6 +234,8 @@ class Selected:
         no more than chance does.
     bounds : Mapping of Difference to float
         By how much each differs at most where all may, as `largest_difference` says.
+    stayed : frozenset of Difference
+        Those that differ significantly nowhere, and at most by what would be noticed.
     """
 
     joint: Joint
@@ -236,6 +248,7 @@ class Selected:
     doubtful: frozenset[Difference]
     gains: Mapping[Difference, float]
     bounds: Mapping[Difference, float]
+    stayed: frozenset[Difference]
 
 
 @dataclass
@@ -274,7 +287,7 @@ class Selection:
             one: largest_difference(self.joint, self.separate.fit, self.all, one)
             for one in self.all
         }
-        stayed = {one for one in bounds if not is_significantly_different(bounds[one], 0.0)}
+        stayed = {one for one in self.all if self._stayed(one, bounds[one])}
         chosen: tuple[Difference, ...] = ()
         rivals: dict[Difference, list[Difference]] = {}
         while rest := [one for one in self.all if one not in chosen]:
@@ -310,6 +323,7 @@ class Selection:
             frozenset(doubtful - stayed),
             self._gains if self._is_telling() else {},
             bounds,
+            frozenset(stayed - sure),
         )
 
     def _judged(self, differences: Sequence[Difference]) -> Judged | None:
@@ -369,13 +383,17 @@ class Selection:
         return needed and self._differs(chosen, one)
 
     def _differs(self, differences: Sequence[Difference], one: Difference) -> bool:
-        """Return whether a difference is significant and noticeable; an untried one may be."""
+        """Return whether a difference is significant; an untried one may be."""
         judged = self._judged(differences)
         if judged is None:
             return self.is_over()
         order = self._fits[frozenset(differences)][0]
-        change, error = difference(self.joint, judged.fit, order, one)
-        return is_significantly_different(change, error)
+        return _is_significant(self.joint, judged.fit, order, one)
+
+    def _stayed(self, one: Difference, bound: float) -> bool:
+        """Return whether one is known to differ by little where all may, if it does at all."""
+        is_small = not is_significantly_different(bound, 0.0)
+        return is_small and not _is_significant(self.joint, self.separate.fit, self.all, one)
 
     def _rivals_of(
         self, chosen: Sequence[Difference], one: Difference, near: Sequence[Difference]
@@ -458,6 +476,14 @@ def difference(
     variance = covariance[0, 0] + covariance[1, 1] - 2.0 * covariance[0, 1]
     size = 1.0 if isinstance(one, str) else max(abs(before), abs(after)) or 1.0
     return float(after - before) / size, float(np.sqrt(max(variance, 0.0))) / size
+
+
+def _is_significant(
+    joint: Joint, fitted: Fit, differences: Sequence[Difference], one: Difference
+) -> bool:
+    """Return whether a value differs by many standard errors, however little that is."""
+    change, error = difference(joint, fitted, differences, one)
+    return is_significantly_different(change, error, noticeable=0.0)
 
 
 def largest_difference(

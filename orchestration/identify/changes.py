@@ -43,6 +43,8 @@ class Change:
         Value at which that effect does nothing, if this is its strength.
     bound : float
         Largest change within 95 %, as a share of the value; infinite if nothing is known.
+    unchanged : bool
+        True if it does not differ significantly, and its largest change would not be noticed.
     """
 
     name: str
@@ -57,11 +59,7 @@ class Change:
     effect: str = ""
     neutral: float | None = None
     bound: float = math.inf
-
-    @property
-    def unchanged(self) -> bool:
-        """True if not even its largest change would be noticed."""
-        return not self.changed and not is_significantly_different(self.bound, 0.0)
+    unchanged: bool = False
 
     @property
     def unit(self) -> str:
@@ -88,6 +86,7 @@ class Change:
             "unit": self.unit,
             "changed": self.changed,
             "uncertain": self.uncertain,
+            "unchanged": self.unchanged,
             "gain": self.gain,
             "bound": finite_or_none(self.bound),
         }
@@ -156,7 +155,11 @@ def _describe_change(change: Change) -> str:
     if lacking_before != lacking_after:
         return f"{change.effect} {'appeared' if lacking_before else 'vanished'}"
     name = _changed_name(change)
-    return f"{name}, times {change.after / change.before:.3g}" if change.before else name
+    if not change.before:
+        return name
+    ratio = change.after / change.before
+    digits = 3 if is_significantly_different(ratio - 1.0, 0.0) else 5
+    return f"{name}, times {ratio:.{digits}g}"
 
 
 def _changed_name(change: Change) -> str:

@@ -23,8 +23,8 @@ from orchestration.reporting.html import format_ends
 _HEADLINE = 80  # characters of causes in a headline, which is of two lines with all around them
 _NAMES = 4  # of parameters in a headline
 CHANGES_MEANING = (
-    "Changed is what differs significantly and noticeably, and without which the model is worse on"
-    " fitted samples and on others; unchanged, what differs at most by the bound (95 %); uncertain,"
+    "Changed is what differs significantly, and without which the model is worse on fitted samples"
+    " and on others; unchanged, what does not, and differs at most by the bound (95 %); uncertain,"
     " what differs but is not needed there, or does as well in place of another. Gain is its share"
     " of the squared error that letting all values"
     " differ takes off."

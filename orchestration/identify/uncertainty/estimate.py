@@ -18,20 +18,24 @@ if TYPE_CHECKING:
     import pandas
 
 SIGNIFICANT = 5.0  # standard errors by which a parameter counts as another than nominal
-NOTICEABLE = 0.02  # relative difference below which a change is not reported
+NOTICEABLE = 0.02  # relative difference below which a parameter counts as nominal, or as unchanged
 # eigenvalue below zero of a matrix of correlations that may have been written with seven digits
 _ROUNDING = 1e-6
 
 
-def is_significantly_different(change: float, standard_error: float) -> bool:
+def is_significantly_different(
+    change: float, standard_error: float, noticeable: float = NOTICEABLE
+) -> bool:
     """Return whether a parameter differs from nominal both significantly and noticeably.
 
     Parameters
     ----------
     change, standard_error : float
         In a searched coordinate: of the logarithm, or relative to the size of the parameter.
+    noticeable : float
+        Largest change that counts as none.
     """
-    return bool(abs(change) > NOTICEABLE and abs(change) > SIGNIFICANT * standard_error)
+    return bool(abs(change) > noticeable and abs(change) > SIGNIFICANT * standard_error)
 
 
 @dataclass(frozen=True)

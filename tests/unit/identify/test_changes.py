@@ -26,6 +26,7 @@ def test_a_change_is_a_row_with_its_verdict(changed, uncertain, verdict):
     [
         (1e-4, False, "unchanged, within 0.01 %"),
         (0.019, False, "unchanged, within 1.9 %"),
+        (0.019, False, "not claimed, within 1.9 %"),
         (0.3, False, "not claimed, within 30.0 %"),
         (0.3, True, "uncertain"),
         (1.5, False, "not claimed"),
@@ -33,10 +34,12 @@ def test_a_change_is_a_row_with_its_verdict(changed, uncertain, verdict):
 )
 def test_what_stayed_is_unchanged_within_its_bound(bound, uncertain, verdict):
     ends = (0.9, 1.1), (0.9, 1.1)
-    one = Change("C", 1.0, 1.0, *ends, False, uncertain, None, DECLARED["C"], bound=bound)
+    unchanged = verdict.startswith("unchanged")
+    one = Change(
+        "C", 1.0, 1.0, *ends, False, uncertain, None, DECLARED["C"], "", None, bound, unchanged
+    )
     assert change_rows([one])[0][-1] == verdict
-    assert one.unchanged == verdict.startswith("unchanged")
-    assert one.to_dict()["bound"] == bound
+    assert (one.to_dict()["bound"], one.to_dict()["unchanged"]) == (bound, unchanged)
     said = "Nothing changed beyond noise. Unchanged: C within 0.01 %."
     assert bound > 1e-3 or describe_changes([one]) == said
 
@@ -60,6 +63,15 @@ def change(name, changed=False, uncertain=False):
 )
 def test_what_is_uncertain_is_not_said_to_be_unchanged(found, told):
     assert describe_changes(found) == told
+
+
+@pytest.mark.parametrize(
+    ("ratio", "told"), [(1.0195, "1.0195"), (0.9982, "0.9982"), (0.947, "0.947"), (2.0, "2")]
+)
+def test_a_change_is_told_with_its_size_however_small(ratio, told):
+    ends = (0.99, 1.01), (0.99 * ratio, 1.01 * ratio)
+    one = Change("R1", 1.0, ratio, *ends, True, False, 0.5, DECLARED["R1"])
+    assert describe_changes([one]) == f"What changed: R1, times {told}."
 
 
 @pytest.mark.parametrize(
