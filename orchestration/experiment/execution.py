@@ -316,15 +316,13 @@ def _unpaid_work(prepared: Preparation, data: ExperimentResult) -> Iterator[str]
     table = prepared.experiment.work_loop
     if table is None or table.coupling is None or data.time[-1] < table.period:
         return
-    reaction = table.coupling.reaction
-    start = prepared.subject.parameters[reaction].start
-    value = float(prepared.settings.get(reaction, start))
-    work = work_loop.unpaid_work(data, table, value)
-    if abs(work) > _SMALLEST_WORK:
-        yield (
-            f"{1e6 * work:.3g} uJ of the work that the charge does on the load in the last cycle"
-            f" are paid for by no current, as {reaction} = {value:g} V/N"
-        )
+    work, paid = work_loop.works_of_charge(data, table)
+    if abs(work - paid) <= _SMALLEST_WORK:
+        return
+    told = f"{1e6 * (work - paid):.3g} uJ of it are paid for by no current"
+    if paid > work:
+        told = f"the current pays {1e6 * (paid - work):.3g} uJ more than that"
+    yield f"the charge does {1e6 * work:.3g} uJ of work on the load in the last cycle; {told}"
 
 
 def _restore(

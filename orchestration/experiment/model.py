@@ -94,12 +94,13 @@ UNITS_OF_LOOP = {
     "voltage": "V",
     "charge_length": "m",
     "charge": "C",
+    "reaction": "V",
 }
 """Units of the signals of a work loop, by the key of its tables."""
 
 
 class CouplingTable(ValueTable):
-    """Length that the charge makes, and the parameter by which the load acts on the voltage."""
+    """Length that the charge makes, and the voltage of the films that the load makes."""
 
     charge_length: str
     charge: str

@@ -134,9 +134,6 @@ def prepare(
         known(complete.over, signals, "over: nothing recorded", where)
     if complete.work_loop:
         _check_work_loop(complete.work_loop, time, inputs, signals, where)
-        if complete.work_loop.coupling:
-            about = "work_loop.coupling.reaction: no parameter"
-            known(complete.work_loop.coupling.reaction, subject.parameters, about, where)
     return Preparation(complete, subject, time, settings, inputs, noise, record)
 
 

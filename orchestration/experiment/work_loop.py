@@ -168,11 +168,11 @@ def tracked_loops(data: xarray.Dataset, table: WorkLoopTable) -> dict[str, Track
     return loops
 
 
-def unpaid_work(data: xarray.Dataset, table: WorkLoopTable, reaction: float) -> float:
-    """Return the work of the charge on the load in the last cycle that no current pays for, in J.
+def works_of_charge(data: xarray.Dataset, table: WorkLoopTable) -> tuple[float, float]:
+    """Return the work of the charge on the load in the last cycle, and what the current pays, J.
 
-    The charge lengthens the films by x under the load F. A voltage ``reaction F`` on the charge Q
-    takes the energy from the current: what is left is the integral of ``-F (dx + reaction dQ)``.
+    The charge lengthens the films by x under the load F, which does the work ``-F dx`` on it. A
+    voltage v of the films that the load makes takes ``v dQ`` from the current.
 
     Parameters
     ----------
@@ -180,14 +180,12 @@ def unpaid_work(data: xarray.Dataset, table: WorkLoopTable, reaction: float) -> 
         Result of a run.
     table : WorkLoopTable
         With a coupling.
-    reaction : float
-        In V/N; zero for a one-way coupling.
     """
     last = data.isel(time=data.time.values >= data.time.values[-1] - table.period)
-    force, length, charge = (
-        _signal_of(last, table, key) for key in ("force", "charge_length", "charge")
+    force, length, charge, voltage = (
+        _signal_of(last, table, key) for key in ("force", "charge_length", "charge", "reaction")
     )
-    return -float(np.trapezoid(force, length + reaction * charge))
+    return -float(np.trapezoid(force, length)), float(np.trapezoid(voltage, charge))
 
 
 def overtaken(loops: Mapping[str, TrackedLoop]) -> Iterator[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...kit import Parameter, Preset, Size, State, Term, absolute, exp
+from ...kit import Output, Parameter, Preset, Size, State, Term, absolute, exp, where
 from ...kit.curves import tanhc
 from .base import ActuatorEffect
 
@@ -31,7 +31,8 @@ class ForceToVoltage(ActuatorEffect):
     """Load that changes the voltage of the films: ``V_C = Q/C + s F``.
 
     Relaxes assumption 5, that the coupling is unidirectional (section 3.1.3, fig. 3-3); ``s = 0``
-    is the base model.
+    is the base model. The reciprocal coupling adds ``-alpha F``, the reaction to the elongation
+    ``alpha Q``.
     """
 
     id = "force_to_voltage"
@@ -50,17 +51,30 @@ class ForceToVoltage(ActuatorEffect):
         display="mV/N",
         doc="voltage of the films per tensile load (s)",
     )
+    # boolean, so that no fit takes it beside s, which acts alike
+    reciprocal = Parameter(
+        False,
+        "1",
+        type="boolean",
+        doc="whether the load also acts by -alpha, so that the current pays for the elongation",
+    )
+
+    @Output("V", measured=False)
+    def load_voltage(self) -> Any:
+        """Voltage of the films that the load makes: s F, less alpha F if reciprocal."""
+        reaction = where(self.reciprocal, self.alpha, 0.0)
+        return (self.voltage_per_force - reaction) * self.load()
 
     def capacitor_voltage(self) -> Any:
-        """Voltage behind R1, s F more."""
-        return super().capacitor_voltage() + self.voltage_per_force * self.load()
+        """Voltage behind R1, more by that of the load."""
+        return super().capacitor_voltage() + self.load_voltage()
 
     presets = {
         "reciprocal": Preset(
-            {"voltage_per_force": -6.8e-5},
+            {"reciprocal": 1.0},
             doc=(
-                "reciprocal coupling, s = -alpha: the current pays for the work that the charge"
-                " does on the load, so that energy is conserved; of alpha by default, set s with it"
+                "reciprocal coupling, whatever alpha is: the current pays for the work that the"
+                " charge does on the load, so that energy is conserved"
             ),
         ),
     }

@@ -98,9 +98,8 @@ def paper(v):
     poles = [((2 * k - 1) * math.pi / 2) ** 2 for k in range(1, 6)]
     part = p["diffusion_share"] * resistance
     rest = resistance - part * sum(2.0 / pole for pole in poles)
-    behind = (
-        films + p["double_layer_resistance"] * p["faradaic_current"] + p["voltage_per_force"] * load
-    )
+    loaded = (p["voltage_per_force"] - p["reciprocal"] * p["alpha"]) * load
+    behind = films + p["double_layer_resistance"] * p["faradaic_current"] + loaded
     behind += part * sum(
         2.0 / pole * p[f"diffusion_current_{k}"] for k, pole in enumerate(poles, 1)
     )
@@ -140,6 +139,7 @@ def paper(v):
         for k, pole in enumerate(poles, 1)
     }
     found |= {
+        "load_voltage": loaded,
         "force_margin": p["force_limit"] - load,
         "compression_margin": p["compression_limit"] + pull,
         "displacement_margin": p["displacement_limit"] - abs(elongation),
