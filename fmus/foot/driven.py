@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..kit import Input, Output, PowerPort, State, maximum
+from ..kit import Input, Output, Parameter, PowerPort, State, maximum
 from .free import FootFree
 from .kinematics import ACTUATORS
 
@@ -30,6 +30,19 @@ def _flow(actuator: str) -> Any:
         nominal=1e-4,
         display="mm",
         doc=f"elongation of the {actuator} actuator's dashpot",
+    )
+
+
+def _compression_limit(actuator: str) -> Any:
+    return Parameter(
+        0.0,
+        "N",
+        min=0,
+        max=1e9,
+        source="thesis section 3.1.2: used in tension only, films buckle under small compression",
+        fitted=False,
+        tunable=True,
+        doc=f"compression above which the films of {actuator} are slack",
     )
 
 
@@ -54,16 +67,23 @@ class FootDisplacementDriven(FootFree):
         _displacement, ACTUATORS
     )
     an_flow, po_flow, do_flow, pl_flow = map(_flow, ACTUATORS)
+    an_compression_limit, po_compression_limit, do_compression_limit, pl_compression_limit = map(
+        _compression_limit, ACTUATORS
+    )
 
-    def spring_tension(self, place: int) -> Any:
-        """Tension of a spring k at its elongation, zero while the actuator is slack."""
+    def spring_force(self, place: int) -> Any:
+        """Force of a spring k at its elongation, as if the films could push."""
         name = ACTUATORS[place]
         elongation = (
             self.length_changes()[place]
             - getattr(self, f"{name}_displacement")
             - getattr(self, f"{name}_flow")
         )
-        return maximum(getattr(self, f"k_{name}") * elongation, 0.0)
+        return getattr(self, f"k_{name}") * elongation
+
+    def spring_tension(self, place: int) -> Any:
+        """Tension of a spring, zero while the actuator is slack."""
+        return maximum(self.spring_force(place), 0.0)
 
     @property
     def an_tension(self) -> Any:
@@ -120,3 +140,23 @@ class FootDisplacementDriven(FootFree):
     def pl_force(self) -> Any:
         """Tension in the pl actuator."""
         return self.pl_tension
+
+    @Output("N", measured=False)
+    def an_compression_margin(self) -> Any:
+        """Compression of an that is left to its limit, negative while it is slack."""
+        return self.an_compression_limit + self.spring_force(0)
+
+    @Output("N", measured=False)
+    def po_compression_margin(self) -> Any:
+        """Compression of po that is left to its limit, negative while it is slack."""
+        return self.po_compression_limit + self.spring_force(1)
+
+    @Output("N", measured=False)
+    def do_compression_margin(self) -> Any:
+        """Compression of do that is left to its limit, negative while it is slack."""
+        return self.do_compression_limit + self.spring_force(2)
+
+    @Output("N", measured=False)
+    def pl_compression_margin(self) -> Any:
+        """Compression of pl that is left to its limit, negative while it is slack."""
+        return self.pl_compression_limit + self.spring_force(3)

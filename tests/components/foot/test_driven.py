@@ -28,18 +28,19 @@ def drawn(seed):
     return values, flows, displacements, springs
 
 
-def tensions(values, flows, displacements):
-    """Of springs between the points of the attachments."""
+def spring_forces(values, flows, displacements):
+    """Of springs between the points of the attachments, as if they could push."""
     lengths = np.array(lengths_at(values["ankle_angle_start"], values["mtp_angle_start"]))
     free = np.add([*flows.values()], [*displacements.values()])
-    return np.maximum(K * (lengths - REFERENCE - free), 0.0)
+    return K * (lengths - REFERENCE - free)
 
 
 def test_it_moves_as_the_free_foot_under_tensions_of_springs_between_points():
     slack = 0
     for seed in range(100):
         values, flows, displacements, springs = drawn(seed)
-        pulls = tensions(values, flows, displacements)
+        forces = spring_forces(values, flows, displacements)
+        pulls = np.maximum(forces, 0.0)
         foot = FootDisplacementDriven(**values, **flows, **displacements, **springs)
         given = {f"{a}_tension": float(pull) for a, pull in zip(ACTUATORS, pulls, strict=True)}
         free = FootFree(**values, **given)
@@ -48,6 +49,8 @@ def test_it_moves_as_the_free_foot_under_tensions_of_springs_between_points():
         rates = [getattr(free, state.rate)() for state in FootFree.layout.states]
         found = [getattr(foot, state.rate)() for state in FootFree.layout.states]
         assert found == pytest.approx(rates, rel=1e-7, abs=1e-6)
+        margins = [getattr(foot, f"{a}_compression_margin")() for a in ACTUATORS]
+        assert margins == pytest.approx(forces, abs=1e-9)
         slack += np.count_nonzero(pulls == 0.0)
     assert 100 < slack < 300
 

@@ -2,6 +2,7 @@
 energy is never made, and results do not depend on the communication step.
 """
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,8 @@ import ppy_rig as ppy
 from fmus.foot.systems import FOOT_STANCE
 from fmus.kit.record import CompiledModel
 from orchestration import master
+from orchestration.experiment import read
+from orchestration.experiment.execution import run
 from orchestration.experiment.waveforms import square_wave
 from orchestration.fmu import Fmu
 from orchestration.master.reference import fuse
@@ -83,6 +86,37 @@ def test_films_stay_within_what_they_bear(stance):
         tension = stance[f"foot.{name}_force"].to_numpy()
         assert 0.15 < tension.min() < tension.max() < 2.5
         assert np.abs(stance[f"{name}.voltage"].to_numpy()).max() < 1.25
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("settings", "tension", "is_beyond", "told"),
+    [
+        # 161 g, which the body carries and lifts as it does the 31 g
+        (
+            ["foot.leg_mass=0.15", f"inputs.leg_force_x.levels={[5.19 * f for f in LOADED[1]]}"],
+            "po",
+            lambda pull: pull <= 0.0,
+            r"foot\.po_compression reaches .*, first at (\S+) s: compression above which the films"
+            " of po are slack",
+        ),
+        # dashpots that have flowed to 1.5 N more in po, and to what balances it in an
+        (
+            ["foot.po_flow_start=0.00413", "foot.an_flow_start=-0.00308"],
+            "an",
+            lambda pull: pull > 3.0,
+            r"an\.force reaches .*, beyond an\.force_limit = 3 N, first at (\S+) s: load above",
+        ),
+    ],
+)
+def test_a_run_says_when_a_film_is_slack_or_overloaded(settings, tension, is_beyond, told):
+    notes = []
+    made = run(read("foot_stance", settings), note=notes.append)
+    time = made["time"].to_numpy()
+    first = time[is_beyond(made[f"foot.{tension}_force"].to_numpy())][0]
+    remarks = [line for line in notes if "_limit" in line]
+    assert len(remarks) == 1
+    assert float(re.match(told, remarks[0])[1]) == pytest.approx(first, abs=5.1e-3)
 
 
 @pytest.mark.slow
