@@ -10,9 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict, cast
 from fmus.kit import UserError
 from fmus.kit.extras import require
 from orchestration.api.declaration import Option
-from orchestration.api.forms import Texts
 from orchestration.cli.command import command
-from orchestration.cli.commands.options import IdentifyCommand, MeasuringOptions
+from orchestration.cli.commands.options import (
+    ExperimentSettingsOption,
+    IdentifyCommand,
+    MeasuringOptions,
+)
 from orchestration.cli.options import JsonOption, RecordsArgument
 from orchestration.cli.outputs import (
     Outputs,
@@ -66,7 +69,7 @@ class ThesisCommand(PageOption, JsonOption, total=False):
     """Options of ``ppy thesis``."""
 
 
-class CyclesCommand(JsonOption, total=False):
+class CyclesCommand(ExperimentSettingsOption, JsonOption, total=False):
     """Options of ``ppy system cycles``."""
 
     experiment: Annotated[
@@ -77,13 +80,6 @@ class CyclesCommand(JsonOption, total=False):
             metavar="NAME|FILE.toml",
             complete="experiment",
             argument=True,
-        ),
-    ]
-    settings: Annotated[
-        Texts,
-        Option(
-            "Over the file: actuator.b1=1.2e6, inputs.force.amplitude=0.3N.",
-            flag="--set",
         ),
     ]
 

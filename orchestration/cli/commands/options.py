@@ -263,7 +263,24 @@ class SimulateCommand(
     ]
 
 
+class ExperimentSettingsOption(TypedDict):
+    """Changes of the experiment that is run."""
+
+    settings: Annotated[
+        Sequence[str],
+        Option(
+            "Over the file: duration=20s, R1=610mohm, inputs.current.value=1, or parameters of a"
+            " file: specimen.toml, MEMBER@specimen.toml.",
+            flag="--set",
+            alias="--params",
+            metavar="KEY=VALUE",
+            form=ASSIGNMENTS,
+        ),
+    ]
+
+
 class RunCommand(
+    ExperimentSettingsOption,
     ReportOption,
     JsonOption,
     JunitOption,
@@ -290,17 +307,6 @@ class RunCommand(
             metavar="NAME|FILE.toml|SYSTEM.ssp|RESULT",
             complete="experiment",
             argument=True,
-        ),
-    ]
-    settings: Annotated[
-        Sequence[str],
-        Option(
-            "Over the file: duration=20s, R1=610mohm, inputs.current.value=1, or parameters of a"
-            " file: specimen.toml, MEMBER@specimen.toml.",
-            flag="--set",
-            alias="--params",
-            metavar="KEY=VALUE",
-            form=ASSIGNMENTS,
         ),
     ]
     out: Annotated[
@@ -908,7 +914,7 @@ class StatusCommand(ServerOptions, TimeoutOption, JsonOption):
     """Options of ``ppy rig status``."""
 
 
-class RecordRigCommand(ServerOptions):
+class RecordRigCommand(ExperimentSettingsOption, ServerOptions):
     """Options of ``ppy rig record``."""
 
     rate: Annotated[
@@ -919,13 +925,6 @@ class RecordRigCommand(ServerOptions):
         Seconds,
         Option(
             "Older values become gaps; default two steps.",
-        ),
-    ]
-    settings: Annotated[
-        Texts,
-        Option(
-            "Over the file: duration=20s, inputs.force=0.",
-            flag="--set",
         ),
     ]
     stimulus: Annotated[

@@ -123,6 +123,16 @@ def test_the_line_for_a_command_in_the_help_is_the_first_of_its_own_help():
         assert command.help.split("\n")[0] == line
 
 
+def test_every_command_that_sets_values_takes_a_file_of_them():
+    typed = {
+        name: {option for parameter in command.params for option in parameter.opts}
+        for name, command in EVERY.items()
+    }
+    with_values = [name for name, options in typed.items() if "--set" in options]
+    assert {"run", "simulate", "system cycles", "rig record"} <= set(with_values)
+    assert [name for name in with_values if "--params" not in typed[name]] == []
+
+
 OVEN = """
 from orchestration.cli.command import command
 from typing import TypedDict
