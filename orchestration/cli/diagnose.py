@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -34,7 +33,7 @@ from orchestration.cli.commands.options import (
     SystemOption,
 )
 from orchestration.cli.ending import end_interrupted
-from orchestration.cli.models import build_model, model_file, note_neutral
+from orchestration.cli.models import build_model, model_file, note_neutral, tell_repairs_of
 from orchestration.cli.options import IsolateOption, JsonOption, platform_list
 from orchestration.cli.outputs import Outputs, named, same_file, write_json
 from orchestration.fmu import Model
@@ -245,23 +244,9 @@ def open_judged(options: DiagnoseCommand | LawsCommand, check: Callable[[Model],
     check(declared)
     note_neutral(declared, options["settings"] or {})
     records, holdouts = held_out(options["records"], declared, options)
-    for record in (*records, *holdouts):
-        first = record is records[0] and not record.label
-        called = "" if first else f"{_title(record)}: "
-        # of a channel that is constant the diagnosis says what follows from it
-        tell_repairs(
-            [
-                replace(repair, message=f"{called}{repair.message}")
-                for repair in record.repairs
-                if repair.kind != "constant"
-            ]
-        )
+    # of a channel that is constant the diagnosis says what follows from it
+    tell_repairs_of((*records, *holdouts), unsaid=("constant",))
     return Judged(build_model(declared), records, holdouts)
-
-
-def _title(record: Record) -> str:
-    """Return the name of a record's file, with the label of the run if it has one."""
-    return f"{record.source.name}, run {record.label}" if record.label else record.source.name
 
 
 def check_files(options: DiagnoseCommand | LawsCommand, sources: Sequence[Path] = ()) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
         MeasuringOptions,
     )
     from orchestration.fmu import Model, Value
-    from orchestration.records import Record
+    from orchestration.records import Record, Repair
 
 
 class MeasuredModel(NamedTuple):
@@ -61,16 +62,38 @@ def _opened(
     runtime: str | None = None,
 ) -> tuple[Model, list[Record], dict[str, Value]]:
     from orchestration.api import as_measured, values_of
-    from orchestration.reporting.console import tell_repairs
 
     found = as_measured(options["model"], options["laid_over"], runtime)
     declared = found.with_options(options)
     parameters = values_of(declared, options["settings"], options["preset"])
     records = read(declared)
     for record in records:
-        tell_repairs(record.repairs)
         check_inputs(declared, record.signals, parameters)
+    tell_repairs_of(records)
     return build_model(declared, runtime), records, parameters
+
+
+def tell_repairs_of(records: Sequence[Record], unsaid: Collection[str] = ()) -> None:
+    """Print the repairs of records: those alike in one line, with the names of their files.
+
+    Parameters
+    ----------
+    records : sequence of Record
+    unsaid : collection of str
+        Kinds of repairs that are not printed.
+    """
+    from orchestration.reporting.console import tell_repairs
+
+    alike: dict[Repair, list[str]] = {}
+    for record in records:
+        run = f", run {record.label}" if record.label else ""
+        for repair in record.repairs:
+            if repair.kind not in unsaid:
+                alike.setdefault(repair, []).append(f"{record.source.name}{run}")
+    for repair, names in alike.items():
+        whole = f"all {len(names)} records" if len(names) == len(records) else ", ".join(names)
+        called = f"{whole}: " if len(records) > 1 else ""
+        tell_repairs([replace(repair, message=f"{called}{repair.message}")])
 
 
 def model_file(name: str) -> Path | None:

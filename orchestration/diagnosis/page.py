@@ -142,7 +142,8 @@ def _add_causes(page: Page, shown: view.DiagnosisView) -> None:
 def _add_changes(page: Page, changes: view.ChangesView) -> None:
     """Add what changed in a later record, and the diagnosis of that record by itself."""
     page.heading(f"What changed from {changes.before} to {changes.after}")
-    page.text(changes.text)
+    for line in changes.text.splitlines():
+        page.text(line)
     rows = []
     for (name, before, after, *rest, verdict), ends in zip(
         changes.rows, changes.intervals, strict=True

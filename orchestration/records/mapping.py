@@ -170,12 +170,17 @@ def match_columns(
 
 
 def _advice(table: Table, unmatched: Sequence[Column], missing: Mapping[str, str]) -> str:
-    """Return the end of a message with the option that probably maps the missing signals."""
+    """Return the end of a message: the probable mapping, and what each other column may be."""
     columns = {table.map_name(column): (column.unit or "", "") for column in unmatched}
-    proposal = propose(columns, missing).mapping
-    if proposal:
-        return f"; probably: {option('mapping', proposal)}"
-    return f"; say which column it is: {option('mapping', {'column': 'signal'})}"
+    proposal = propose(columns, missing)
+    begin = "probably" if proposal.mapping else "say which column it is"
+    advice = f"; {begin}: {option('mapping', proposal.mapping or {'column': 'signal'})}"
+    for column in columns:
+        fitting = [signal for signal, names in proposal.open.items() if column in names]
+        if fitting:
+            any_of_them = 1 < len(fitting) == len(proposal.open)
+            advice += f"; '{column}' may be {'any' if any_of_them else ' or '.join(fitting)}"
+    return advice
 
 
 def _stated_matches(

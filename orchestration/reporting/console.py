@@ -60,6 +60,7 @@ out = _Screen(soft_wrap=True, width=_WIDTH)
 err = _Screen(stderr=True)
 TEXT_WIDTH = 120  # columns of tables in a text
 _INTERVAL = 4.0  # s between two lines of progress without a terminal
+_STEADY = 0.03  # share of the parts after which their rate tells the remaining time
 _FIRST_PARTS = 4  # parts of a step that are printed without waiting for the interval
 _verbose = False
 
@@ -197,7 +198,7 @@ class Tell:
         # parts and time at the first report of the step: a continued sweep begins with parts done
         self._first_report: tuple[int, float] | None = None
         self._lines = 0  # printed lines of the step
-        self._step_start = self._part_start = self._last_line = monotonic()  # s
+        self._part_start = self._last_line = monotonic()  # s
 
     def __call__(self, text: str) -> None:
         """Begin a step."""
@@ -242,18 +243,18 @@ class Tell:
         self._text = ""
 
     def _print_progress(self) -> None:
-        """Print the parts done and the remaining time, estimated from the rate so far."""
+        """Print the parts done and the remaining time, estimated from the rate so far.
+
+        The time before the first report is no part of the rate: FMUs are built and loaded in it.
+        """
         if not self._text:  # the step ended while the timer ran out
             return
         now = monotonic()
         remaining = ""
-        first_part, start = self._first_report or (0, self._step_start)
-        if self._part == first_part:  # no part since the first report: take the rate before it
-            first_part = 0
-            start = self._step_start
-        if self._part:
-            seconds_per_part = (now - start) / (self._part - first_part)
-            seconds = round(seconds_per_part * (self._whole - self._part))
+        first_part, start = self._first_report or (self._part, now)
+        timed = self._part - first_part
+        if timed > _STEADY * (self._whole - first_part):
+            seconds = round((now - start) / timed * (self._whole - self._part))
             remaining = f", {timedelta(seconds=seconds)} left" if seconds else ""
         err.print(f"{self._text} ({self._part:,} of {self._whole:,}{remaining})", soft_wrap=True)
         self._last_line = now

@@ -168,7 +168,7 @@ def changes_view(changed: Changed) -> ChangesView:
     return ChangesView(
         before=wording.files(changed.before),
         after=names[-1],
-        text=" ".join(texts),
+        text="\n".join(texts),
         rows=tuple(tuple(cells) for _, cells in rows),
         intervals=tuple(_intervals(change) for change, _ in rows),
         verdict=changed.later.verdict,

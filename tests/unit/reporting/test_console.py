@@ -57,9 +57,30 @@ def test_time_left_follows_from_the_pace(told, monkeypatch):
     monkeypatch.setattr(console, "monotonic", lambda: clock[0])
     with console.progress() as tell:
         tell("fitting")
+        tell.done(0, 28, "fitting leakage")
         clock[0] += 60.0
         tell.done(7, 28, "fitting diffusion")
-    assert told()[1] == "fitting diffusion (7 of 28, 0:03:00 left)"
+    assert told()[2] == "fitting diffusion (7 of 28, 0:03:00 left)"
+
+
+def test_what_is_built_before_the_first_part_is_no_part_of_the_pace(told, monkeypatch):
+    """Seven of 1,501 points after 5 s of loading are no 18 minutes: 50 in 1 s have 29 s left."""
+    clock = [1000.0]
+    monkeypatch.setattr(console, "monotonic", lambda: clock[0])
+    with console.progress() as tell:
+        tell("running")
+        clock[0] += 5.0
+        tell.done(1, 1501, "point 1")
+        clock[0] += 0.02
+        tell.done(7, 1501, "point 7")
+        clock[0] += 0.98
+        tell.done(51, 1501, "point 51")
+    assert told() == [
+        "running",
+        "point 1 (1 of 1,501)",
+        "point 7 (7 of 1,501)",
+        "point 51 (51 of 1,501, 0:00:29 left)",
+    ]
 
 
 def test_what_was_done_before_is_no_part_of_the_pace(told, monkeypatch):
@@ -72,6 +93,7 @@ def test_what_was_done_before_is_no_part_of_the_pace(told, monkeypatch):
         clock[0] += 10.0
         tell.done(591, 600, "case 591")
         tell("drawing")
+        tell.done(0, 10, "figure 0")
         clock[0] += 10.0
         tell.done(5, 10, "figure 5")
     assert told() == [
@@ -79,6 +101,7 @@ def test_what_was_done_before_is_no_part_of_the_pace(told, monkeypatch):
         "case 590 (590 of 600)",
         "case 591 (591 of 600, 0:01:30 left)",
         "drawing",
+        "figure 0 (0 of 10)",
         "figure 5 (5 of 10, 0:00:10 left)",
     ]
 
