@@ -105,6 +105,9 @@ def test_several_later_records_are_in_the_history():
     history = result.to_dict()["history"]
     assert [one["file"] for one in history] == [str(second.source), str(third.source)]
     assert history[1]["comparison"] == result.to_dict()["comparison"]
+    lines = [line for line in str(result).splitlines() if ": Nothing" in line or ": What" in line]
+    assert len(lines) == 2, "a line for each record"
+    assert ": What changed: damping, times 2" in lines[1]
 
 
 def test_the_record_itself_is_no_later_one():

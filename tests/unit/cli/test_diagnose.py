@@ -103,7 +103,7 @@ def test_the_command_writes_a_report_of_another_record(tmp_path):
     ]
     done = ppy(*arguments, "--report=r.html", "--json=r.json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "repaired: other.csv: " in done.stderr
+    assert "repaired: all 2 records: " in done.stderr
     text = words_of((tmp_path / "r.html").read_text(encoding="utf-8"))
     assert "--holdout=other.csv" in text
     written = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))

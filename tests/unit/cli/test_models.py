@@ -12,10 +12,11 @@ import pytest
 from demonstrations.emulator.emulator import EmulatedRig
 from demonstrations.emulator.hidden_coupling import SaturatingStrain
 from demonstrations.emulator.physics import RigParameters
+from orchestration.cli import models
 from orchestration.fmu.archive import Archive
 from orchestration.fmu.model import find_model
 from orchestration.fmu.simulation import simulate
-from orchestration.records import read_record
+from orchestration.records import Record, Repair, read_record
 from tests.support.archive import anonymous, edited
 from tests.support.command import UNITS, here, measure, refused
 
@@ -528,3 +529,20 @@ def test_a_record_is_refused_before_anything_is_built(tmp_path, monkeypatch, arg
     text = "time [s],current [A],voltage [V]\n0,1,0\n1,jammed,1\n2,3,2\n"
     (tmp_path / "r.csv").write_text(text)
     refused(tmp_path, *arguments, parts=["r.csv", "row 3, column 'current': 'jammed'"])
+
+
+def test_repairs_alike_are_told_once_with_the_names_of_their_records(capsys):
+    def record(name, label, *repairs):
+        return Record(np.zeros(0), {}, {}, Path("folder", name), [*repairs], label)
+
+    utf, gap = Repair("encoding", "not UTF-8"), Repair("gap", "a gap", (3,))
+    dead = Repair("constant", "constant at 1 N")
+    records = [record("a.csv", "", utf, dead), record("b.csv", "2", utf, gap)]
+    models.tell_repairs_of(records)
+    assert capsys.readouterr().err.splitlines() == [
+        "noted: all 2 records: not UTF-8",
+        "noted: a.csv: constant at 1 N",
+        "noted: b.csv, run 2: a gap",
+    ]
+    models.tell_repairs_of(records[:1], unsaid=("constant",))
+    assert capsys.readouterr().err.splitlines() == ["noted: not UTF-8"]

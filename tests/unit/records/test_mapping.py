@@ -136,6 +136,20 @@ def test_the_map_that_a_refusal_advises_works_word_for_word(tmp_path, required):
     np.testing.assert_allclose(record.signals["current"], [0.1, 0.2])
 
 
+def test_columns_without_a_clear_signal_are_named_with_those_that_they_may_be(tmp_path):
+    path = write(tmp_path, "t [s],Strom [mA],U_cell [V],spring,pull\n0,1,2,3,4\n1,2,3,4,5\n")
+    signals = {"current": "A", "voltage": "V", "voltage_margin": "V", "load": "N"}
+    with pytest.raises(UserError) as refused:
+        read_record(path, signals)
+    advice = str(refused.value).partition("; probably: ")[2].split("; ")
+    assert "Strom" in advice[0]
+    assert advice[1:] == [
+        "'U_cell' may be voltage or voltage_margin",
+        "'spring' may be any",
+        "'pull' may be any",
+    ]
+
+
 @pytest.mark.parametrize("unit", ["blorg", "V"])
 def test_the_map_that_states_a_unit_works_word_for_word(tmp_path, unit):
     path = write(tmp_path, f"time [s],current [{unit}]\n0,1\n1,2\n")
