@@ -316,7 +316,11 @@ def _unpaid_work(prepared: Preparation, data: ExperimentResult) -> Iterator[str]
     table = prepared.experiment.work_loop
     if table is None or table.coupling is None or data.time[-1] < table.period:
         return
-    work, paid = work_loop.works_of_charge(data, table)
+    reaction, reciprocal, alpha = (
+        float(prepared.settings.get(name, prepared.subject.parameters[name].start))
+        for name in table.coupling.parameters.values()
+    )
+    work, paid = work_loop.works_of_charge(data, table, reaction - reciprocal * alpha)
     if abs(work - paid) <= _SMALLEST_WORK:
         return
     told = f"{1e6 * (work - paid):.3g} uJ of it are paid for by no current"

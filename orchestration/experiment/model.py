@@ -94,17 +94,26 @@ UNITS_OF_LOOP = {
     "voltage": "V",
     "charge_length": "m",
     "charge": "C",
-    "reaction": "V",
 }
 """Units of the signals of a work loop, by the key of its tables."""
 
 
 class CouplingTable(ValueTable):
-    """Length that the charge makes, and the voltage of the films that the load makes."""
+    """Length that the charge makes, and the parameters by which the load acts on the voltage.
+
+    Per load it is `reaction`, less `alpha` where `reciprocal`.
+    """
 
     charge_length: str
     charge: str
     reaction: str
+    reciprocal: str
+    alpha: str
+
+    @property
+    def parameters(self) -> dict[str, str]:
+        """Names of the parameters, by their key."""
+        return {key: getattr(self, key) for key in ("reaction", "reciprocal", "alpha")}
 
 
 class WorkLoopTable(ValueTable):

@@ -134,6 +134,10 @@ def prepare(
         known(complete.over, signals, "over: nothing recorded", where)
     if complete.work_loop:
         _check_work_loop(complete.work_loop, time, inputs, signals, where)
+        if complete.work_loop.coupling:
+            for key, name in complete.work_loop.coupling.parameters.items():
+                about = f"work_loop.coupling.{key}: no parameter"
+                known(name, subject.parameters, about, where)
     return Preparation(complete, subject, time, settings, inputs, noise, record)
 
 

@@ -168,11 +168,13 @@ def tracked_loops(data: xarray.Dataset, table: WorkLoopTable) -> dict[str, Track
     return loops
 
 
-def works_of_charge(data: xarray.Dataset, table: WorkLoopTable) -> tuple[float, float]:
+def works_of_charge(
+    data: xarray.Dataset, table: WorkLoopTable, reaction: float
+) -> tuple[float, float]:
     """Return the work of the charge on the load in the last cycle, and what the current pays, J.
 
-    The charge lengthens the films by x under the load F, which does the work ``-F dx`` on it. A
-    voltage v of the films that the load makes takes ``v dQ`` from the current.
+    The charge Q lengthens the films by x under the load F, which does the work ``-F dx`` on it. A
+    voltage ``reaction F`` takes ``reaction F dQ`` from the current.
 
     Parameters
     ----------
@@ -180,12 +182,14 @@ def works_of_charge(data: xarray.Dataset, table: WorkLoopTable) -> tuple[float, 
         Result of a run.
     table : WorkLoopTable
         With a coupling.
+    reaction : float
+        In V/N; zero for a one-way coupling.
     """
     last = data.isel(time=data.time.values >= data.time.values[-1] - table.period)
-    force, length, charge, voltage = (
-        _signal_of(last, table, key) for key in ("force", "charge_length", "charge", "reaction")
+    force, length, charge = (
+        _signal_of(last, table, key) for key in ("force", "charge_length", "charge")
     )
-    return -float(np.trapezoid(force, length)), float(np.trapezoid(voltage, charge))
+    return -float(np.trapezoid(force, length)), reaction * float(np.trapezoid(force, charge))
 
 
 def overtaken(loops: Mapping[str, TrackedLoop]) -> Iterator[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...kit import Output, Parameter, Preset, Size, State, Term, absolute, exp, where
+from ...kit import Parameter, Preset, Size, State, Term, absolute, exp, where
 from ...kit.curves import tanhc
 from .base import ActuatorEffect
 
@@ -59,7 +59,6 @@ class ForceToVoltage(ActuatorEffect):
         doc="whether the load also acts by -alpha, so that the current pays for the elongation",
     )
 
-    @Output("V", measured=False)
     def load_voltage(self) -> Any:
         """Voltage of the films that the load makes: s F, less alpha F if reciprocal."""
         reaction = where(self.reciprocal, self.alpha, 0.0)

@@ -139,7 +139,6 @@ def paper(v):
         for k, pole in enumerate(poles, 1)
     }
     found |= {
-        "load_voltage": loaded,
         "force_margin": p["force_limit"] - load,
         "compression_margin": p["compression_limit"] + pull,
         "displacement_margin": p["displacement_limit"] - abs(elongation),

@@ -80,17 +80,18 @@ def test_the_current_pays_for_the_work_of_the_charge_by_the_voltage_that_the_loa
         "F": ("N", force),
         "Q": ("C", charge),
         "x": ("mm", 0.03 * charge),
-        "v": ("mV", -0.03 * share * force),
     }
     variables = {
         name: ("time", values, {"units": unit}) for name, (unit, values) in signals.items()
     }
     data = xarray.Dataset(variables, {"time": time})
-    coupling = {"charge_length": "x", "charge": "Q", "reaction": "v"}
+    coupling = {"charge_length": "x", "charge": "Q"}
+    coupling |= dict.fromkeys(("reaction", "reciprocal", "alpha"), "s")
     others = dict.fromkeys(("reference", "length", "current", "voltage"), "x")
     table = WorkLoopTable(period=10.0, force="F", **others, coupling=coupling)
     work = np.pi * 0.4 * 6e-5
-    assert works_of_charge(data, table) == pytest.approx((work, share * work), rel=1e-5, abs=1e-15)
+    found = works_of_charge(data, table, -3e-5 * share)
+    assert found == pytest.approx((work, share * work), rel=1e-5, abs=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -210,7 +211,7 @@ def test_the_page_of_the_experiment_has_its_cycles_and_loops(made):
         ),
         (
             "coupling.reaction='actuator.s'",
-            "work_loop.reaction: no output recorded named 'actuator.s'",
+            "work_loop.coupling.reaction: no parameter named 'actuator.s'",
         ),
         ("coupling.charge='Q'", "work_loop.charge: no output recorded named 'Q'"),
         ("period='7 s'", "work_loop.period = 7 s: force is not the same again after that time"),
