@@ -126,17 +126,21 @@ def _read_held_force(record: Record, circuit: Mapping[str, float]) -> Estimates:
     """Read the Burgers parameters off the creep (eqs. 3.1 to 3.3)."""
     time, force = record.time, record.signals["force"]
     measured = record.signals["displacement"]
-    found = read_creep(time, force, measured)
     step = _switches(force)[0]
-    since = np.maximum(time - time[step], 0.0)
-    delayed = (1.0 - np.exp(-since / found.time_constant)) / found.k2
-    load = force - force[0]
-    curve = measured[:step].mean() + load * (1.0 / found.k1 + delayed + since / found.b1)
+    is_before = time < time[step]
+    before, after = force[is_before].mean(), force[~is_before].mean()
+    since = time - time[step]
 
     def read(displacement: Array) -> Sequence[float]:
         return [*read_creep(time, force, displacement).values.values()]
 
-    return _estimates(read, curve, measured, _BURGERS)
+    def draw(values: Sequence[float]) -> Array:
+        k1, b1, k2, b2 = values
+        crept = (after - before) * (1.0 / k1 - np.expm1(-np.maximum(since, 0.0) * k2 / b2) / k2)
+        curve = np.where(is_before, before / b1 * since, crept + after / b1 * since)
+        return np.asarray(curve + (measured - curve)[is_before].mean())
+
+    return _estimates(read, draw, measured, _BURGERS)
 
 
 def _read_held_voltage(record: Record, circuit: Mapping[str, float]) -> Estimates:
@@ -154,9 +158,11 @@ def _read_held_voltage(record: Record, circuit: Mapping[str, float]) -> Estimate
             raise UserError("current: does not fall towards a leakage while the voltage is held")
         return [level / (i[0] - end), level / end, float((i - end) @ held_for) / level]
 
-    R1, R2, C = read(current)
-    curve = level / R2 + level / R1 * np.exp(-(time - time[0]) / (R1 * C))
-    return _estimates(read, curve, current, CIRCUIT)
+    def draw(values: Sequence[float]) -> Array:
+        R1, R2, C = values
+        return np.asarray(level / R2 + level / R1 * np.exp(-(time - time[0]) / (R1 * C)))
+
+    return _estimates(read, draw, current, CIRCUIT)
 
 
 def _read_triangle(record: Record, circuit: Mapping[str, float]) -> Estimates:
@@ -195,12 +201,12 @@ def _read_prbs(record: Record, circuit: Mapping[str, float]) -> Estimates:
 
 def _estimates(
     read: Callable[[Array], Sequence[float]],
-    curve: Array,
+    draw: Callable[[Sequence[float]], Array],
     measured: Array,
     units: Mapping[str, str],
 ) -> Estimates:
     """Return what is read off a signal, with intervals, by the names that have units."""
-    return dict(zip(units, resampled(read, curve, measured, [*units.values()]), strict=True))
+    return dict(zip(units, resampled(read, draw, measured, [*units.values()]), strict=True))
 
 
 KINDS = (

@@ -3,7 +3,8 @@
 Eqs. 3.1 to 3.3 of the thesis give three of four parameters: k1, b1 and the ratio b2/k2. The fourth
 equation is that of the final elongation of the Kelvin element, F0/k2, by which the line of the
 steady creep is above the immediate elongation at the step (Findley, Lai, Onaran: Creep and
-Relaxation of Nonlinear Viscoelastic Materials, 1976).
+Relaxation of Nonlinear Viscoelastic Materials, 1976). F0 is the step, as the elements of k1, k2 and
+b2 are at rest under the load before it; the dashpot of b1 flows under the whole load at any time.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ class CreepReading:
     time_constant : float
         b2/k2 in seconds.
     load : float
-        Step of the load in N.
+        Size of the step of the load in N.
     held : float
         Time under load in seconds.
     warnings : tuple of str
@@ -69,7 +70,7 @@ def read_creep(time: ArrayLike, force: ArrayLike, displacement: ArrayLike) -> Cr
     force : array_like, shape (n,)
         N: one level, then another, from the first sample under load on.
     displacement : array_like, shape (n,)
-        m, at rest before the step.
+        m; the creep under a load before the step has ended, so that it only flows.
 
     Returns
     -------
@@ -79,17 +80,21 @@ def read_creep(time: ArrayLike, force: ArrayLike, displacement: ArrayLike) -> Cr
     Raises
     ------
     UserError
-        If the signals do not fit together or are not finite, the force is not one step, or the
-        displacement is not the creep of a Burgers body: immediate elongation, slower and slower
-        creep, and flow in the end.
+        If the signals do not fit together or are not finite, the force is not one step or nothing
+        is held after it, or the displacement is not the creep of a Burgers body: immediate
+        elongation, slower and slower creep, and flow in the end.
     """
     creep = _under_load(time, force, displacement)
     duration = float(creep.since[-1])
     immediate = _immediate_elongation(creep)
     flow, intercept = _steady_creep(creep)
-    delayed = intercept - immediate
     creep.check_positive(immediate, "does not elongate at once")
-    creep.check_positive(flow * duration, "does not flow in the end")
+    creep.check_positive(np.sign(creep.held) * flow * duration, "does not flow in the end")
+    b1 = creep.held / flow
+    # elongation is counted from the mean before the step, after which it flowed on until the step
+    flowed = (creep.held - creep.load) / b1 * creep.rested
+    delayed = intercept - immediate
+    immediate -= flowed
     creep.check_positive(delayed, "does not creep towards its flow")
     # F0/k2 exp(-t/tau), whose integral F0/k2 tau is robust to noise
     transient = intercept + flow * creep.since - creep.elongation
@@ -99,7 +104,7 @@ def read_creep(time: ArrayLike, force: ArrayLike, displacement: ArrayLike) -> Cr
     k2 = creep.load / delayed
     return CreepReading(
         k1=creep.load / immediate,
-        b1=creep.load / flow,
+        b1=b1,
         k2=k2,
         b2=time_constant * k2,
         time_constant=time_constant,
@@ -118,9 +123,13 @@ class _UnderLoad:
     since : ndarray, shape (n,)
         Seconds since the step.
     elongation : ndarray, shape (n,)
-        m, in the direction of the load.
+        m, in the direction of the step, from the mean before it.
     load : float
-        N, positive.
+        Size of the step, N.
+    held : float
+        Load after the step, N in its direction.
+    rested : float
+        Time from the samples before the step to it, mean, s.
     step : str
         Description of the step for messages.
     """
@@ -128,6 +137,8 @@ class _UnderLoad:
     since: Array
     elongation: Array
     load: float
+    held: float
+    rested: float
     step: str
 
     @property
@@ -153,11 +164,13 @@ class _UnderLoad:
 def _under_load(time: ArrayLike, force: ArrayLike, displacement: ArrayLike) -> _UnderLoad:
     """Return the part of a record after the step of the load; UserError if it is too short."""
     t, f, x = over_time(time, force=force, displacement=displacement)
-    step, load = _step(f)
+    step, load, held = _step(f)
     creep = _UnderLoad(
         since=t[step:] - t[step],
         elongation=np.sign(load) * (x[step:] - x[:step].mean()),
         load=abs(load),
+        held=np.sign(load) * held,
+        rested=float(t[step] - t[:step].mean()),
         step=f"{abs(load):g} N at {t[step]:g} s",
     )
     # each sample is of one of the two parts at most
@@ -169,19 +182,25 @@ def _under_load(time: ArrayLike, force: ArrayLike, displacement: ArrayLike) -> _
     return creep
 
 
-def _step(force: Array) -> tuple[int, float]:
-    """Return the index of the first sample of the new level, and the step in N."""
+def _step(force: Array) -> tuple[int, float, float]:
+    """Return the first sample of the new level, the step, and the load after it in N."""
     first = int(np.argmax(np.abs(np.diff(force)))) + 1
     before = force[:first]
     after = force[first:]
-    load = float(after.mean() - before.mean())
+    held = float(after.mean())
+    load = held - float(before.mean())
     varies = max(np.ptp(before), np.ptp(after))
     if load == 0.0 or varies > _STEADY * abs(load):
         raise UserError(
             f"force: a level before and another after one step are needed; about sample {first} it"
             f" changes by {load:.3g} N, and elsewhere by up to {varies:.3g} N"
         )
-    return first, load
+    if abs(held) <= _STEADY * abs(load):
+        raise UserError(
+            f"force: {held:.3g} N after a step of {load:.3g} N: under no load nothing flows, so"
+            " that b1 cannot be read"
+        )
+    return first, load, held
 
 
 def _immediate_elongation(creep: _UnderLoad) -> float:

@@ -65,23 +65,31 @@ def mean(values: ArrayLike, unit: str) -> GraphicalEstimate:
 
 
 def resampled(
-    read: Callable[[Array], Sequence[float]], curve: Array, measured: Array, units: Sequence[str]
+    read: Callable[[Array], Sequence[float]],
+    draw: Callable[[Sequence[float]], Array],
+    measured: Array,
+    units: Sequence[str],
 ) -> list[GraphicalEstimate]:
     """Return what is read off a measured curve, with intervals by resampling its noise.
 
     The residual is resampled in blocks, so that its colour counts (Kuensch, Ann. Statist. 17,
-    1989). An error that comes again in every reading does not widen an interval.
+    1989). A method that reads other numbers off a curve than it was drawn with is biased: the
+    interval reaches from that of the noise to where it is without the bias (Efron and Tibshirani,
+    An Introduction to the Bootstrap, 1993, chapter 10).
 
     Parameters
     ----------
     read : callable
         Returns the numbers that are read off a signal (n,); a UserError leaves a sample out.
-    curve, measured : ndarray, shape (n,)
-        A smooth curve along the measured signal, and the signal.
+    draw : callable
+        Returns the smooth curve (n,) that has such numbers.
+    measured : ndarray, shape (n,)
     units : sequence of str
         Of the numbers.
     """
     random = np.random.default_rng(0)
+    values = read(measured)
+    curve = draw(values)
     residual = measured - curve
     residual -= residual.mean()
     size = residual.size
@@ -92,10 +100,12 @@ def resampled(
         noise = residual[(first + np.arange(length)).ravel()[:size]]
         with suppress(UserError):
             drawn.append(read(curve + noise))
-    values = read(measured)
     ends = np.full((2, len(values)), [[-np.inf], [np.inf]])
     if drawn:
-        ends = values + np.quantile(drawn, [1.0 - _LEVEL, _LEVEL], axis=0) - read(curve)
+        again = np.asarray(read(curve))
+        bias = again - values
+        ends = values + np.quantile(drawn, [1.0 - _LEVEL, _LEVEL], axis=0) - again
+        ends -= [np.maximum(bias, 0.0), np.minimum(bias, 0.0)]
     return [
         GraphicalEstimate(value, (float(low), float(high)), unit)
         for value, low, high, unit in zip(values, *ends, units, strict=True)

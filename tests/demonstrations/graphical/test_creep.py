@@ -14,12 +14,15 @@ PRINTED = {"k1": K1, "b1": B1, "k2": K2, "b2": B2}
 
 
 def stepped(held, period=1.0, load=2.25, bias=0.0, before=5.0):
-    """Time, force and elongation of the chain of fig. 3-1, its rates integrated by scipy."""
+    """Time, force and elongation of the chain of fig. 3-1, its rates integrated by scipy.
+
+    Creep under the bias before the step has ended, so that only the dashpot moves.
+    """
     time = np.arange(0.0, before + held + 0.5 * period, period)
     loaded = time >= before - 1e-9
     since = np.maximum(time - before, 0.0)
     states = solve_ivp(
-        lambda _, x: [load / B1, (load - K2 * x[1]) / B2],
+        lambda _, x: [(bias + load) / B1, (load - K2 * x[1]) / B2],
         (0.0, since[-1]),
         [0.0, 0.0],
         t_eval=np.unique(since),
@@ -27,6 +30,7 @@ def stepped(held, period=1.0, load=2.25, bias=0.0, before=5.0):
         atol=1e-15,
     ).y.sum(axis=0)
     x = np.where(loaded, load / K1 + np.interp(since, np.unique(since), states), 0.0)
+    x += bias / B1 * np.minimum(time - before, 0.0)
     return time, np.where(loaded, bias + load, bias), x
 
 
@@ -38,6 +42,13 @@ def test_a_load_that_is_held_gives_the_chain():
     assert (found.load, found.held, found.warnings) == (pytest.approx(2.25), 3000.0, ())
 
 
+@pytest.mark.parametrize("bias", [0.4, 2.0, -0.6])
+def test_the_flow_is_of_the_whole_load(bias):
+    """The dashpot flows under the load before the step, too, which moves the level there."""
+    found = read_creep(*stepped(3000.0, 0.5, bias=bias, before=30.0))
+    assert found.values == pytest.approx(PRINTED, rel=5e-3)
+
+
 def test_noise_an_offset_and_a_bias_load_leave_the_values_near():
     time, force, x = stepped(3000.0, 0.5, bias=0.5)
     x += 0.4e-3 + 3e-6 * np.random.default_rng(1).standard_normal(x.size)
@@ -45,8 +56,8 @@ def test_noise_an_offset_and_a_bias_load_leave_the_values_near():
 
 
 def test_taking_a_load_off_tells_the_same():
-    time, force, x = stepped(3000.0, 0.5)
-    assert read_creep(time, 3.0 - force, 1e-3 - x).values == pytest.approx(PRINTED, rel=5e-3)
+    time, force, x = stepped(3000.0, 0.5, bias=-3.0)
+    assert read_creep(time, -force, 1e-3 - x).values == pytest.approx(PRINTED, rel=5e-3)
 
 
 @pytest.mark.parametrize("held", [30.0, 100.0, 400.0])
@@ -94,6 +105,13 @@ LEVELS = "force: a level before and another after one step are needed; "
             np.where(TIME > 600.0, 0.0, FORCE),
             X,
             LEVELS + "about sample 5 it changes by 1.12 N, and elsewhere by up to 2.25 N",
+        ),
+        (
+            TIME,
+            FORCE - 2.25,
+            X,
+            "force: 0 N after a step of 2.25 N: under no load nothing flows, so that b1 cannot be"
+            " read",
         ),
         (TIME, FORCE, -X, f"displacement: does not elongate at once {UNDER}"),
         (TIME, FORCE, np.minimum(X, X[50]), f"displacement: does not flow in the end {UNDER}"),

@@ -31,7 +31,9 @@ def test_an_interval_by_resampling_has_the_size_that_theory_gives():
     """Of a mean of n values of white noise: 1.96 deviations over the root of n."""
     random = np.random.default_rng(1)
     measured = 3.0 + 0.5 * random.standard_normal(4000)
-    (estimate,) = resampled(lambda y: [y.mean()], np.full(4000, 3.0), measured, ["V"])
+    (estimate,) = resampled(
+        lambda y: [y.mean()], lambda level: np.full(4000, *level), measured, ["V"]
+    )
     assert estimate.value == measured.mean()
     low, high = estimate.interval
     assert (high - low) / 2 == pytest.approx(1.96 * 0.5 / np.sqrt(4000.0), rel=0.2)
@@ -42,7 +44,19 @@ def test_the_colour_of_noise_widens_an_interval_by_resampling():
     """Noise of which each value comes eight times has a mean that is sqrt(8) times as uncertain."""
     random = np.random.default_rng(1)
     slow = np.repeat(random.standard_normal(250), 8)
-    (estimate,) = resampled(lambda y: [y.mean()], np.zeros(2000), slow, ["V"])
+    (estimate,) = resampled(lambda y: [y.mean()], lambda level: np.full(2000, *level), slow, ["V"])
     low, high = estimate.interval
     white = 1.96 / np.sqrt(2000.0)
     assert 1.8 * white < (high - low) / 2 < 3.0 * white
+
+
+@pytest.mark.parametrize("bias", [0.5, -0.5])
+def test_an_interval_by_resampling_reaches_to_the_value_without_the_bias_of_its_reading(bias):
+    """A method that always reads so much too much is known by reading its own curve."""
+    measured = 3.0 + 0.1 * np.random.default_rng(1).standard_normal(4000)
+    (estimate,) = resampled(
+        lambda y: [y.mean() + bias], lambda level: np.full(4000, *level), measured, ["V"]
+    )
+    half = 1.96 * 0.1 / np.sqrt(4000.0)
+    ends = sorted([measured.mean(), measured.mean() + bias])
+    assert estimate.interval == pytest.approx([ends[0] - half, ends[1] + half], abs=0.3 * half)
