@@ -21,7 +21,8 @@ def characterisation_page(found: Characterisation, command: str = "") -> Page:
     page.table(HEAD, [list(map(format_quantities, row)) for row in found.rows()])
     page.text(
         "Graphical: as the thesis reads a parameter off one record; its interval is by the noise of"
-        " that record alone. Fitted: by all records together, in a free run of the model; the"
+        " that record, and by the bias of the method where the reading of its own curve shows one."
+        " Fitted: by all records together, in a free run of the model; the"
         " interval allows for coloured residuals. Before a step of the load its first value is"
         " taken to have been there until the creep had ended; all other records may begin in any"
         " state."
