@@ -117,7 +117,10 @@ def _windows(run: Record, length: float) -> Iterator[Record]:
 def _courses(
     model: Model, windows: Sequence[Record], ratio: _Ratio | None, options: AgeKeywords
 ) -> dict[str, Course]:
-    """Fit the windows, and return the course of each parameter, and of a ratio."""
+    """Fit the windows, and return the course of each parameter, and of a ratio.
+
+    Start values of states are fitted, but are of a window and not of the actuator.
+    """
     given = values_of(model, options["settings"])
     subject = built(model)
     fits = []
@@ -128,6 +131,7 @@ def _courses(
     courses = {
         name: Course.of([fit.estimates[name] for fit in fits], declared)
         for name, declared in fits[0].declared.items()
+        if name == options["of"] or not getattr(declared, "starts", None)
     }
     if ratio is not None:
         rising = [_with_interval(fit, ratio.magnitude) for fit in fits]

@@ -313,7 +313,7 @@ def _fits(
     likelihood = np.exp(weight - weight.max())
     kept = likelihood > _NEGLIGIBLE
     return (
-        likelihood[kept] / likelihood.sum(),
+        likelihood[kept] / likelihood[kept].sum(),
         design[np.nonzero(kept)[1]],
         coefficients[kept],
         inverse[kept] * (squares / freedom)[kept][:, None, None],

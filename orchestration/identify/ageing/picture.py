@@ -13,14 +13,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _HOURS = "operation [h]"
-_FARTHEST = 3.0  # lengths of the records, to which an expected course is drawn
 
 
 @draw.register(Ageing)
 def draw_ageing(found: Ageing) -> Figure:
-    """Draw every quantity over the windows with its interval, and the forecast."""
-    figure, axes = pictures.panels(len(found.courses), f"ageing of {found.model}", _HOURS)
-    last = found.time[-1]
+    """Draw every quantity over the windows with its interval, and the forecast to its end.
+
+    A life that may never end is drawn over twice the records.
+    """
+    title = f"ageing of {found.model}"
+    figure, axes = pictures.panels(len(found.courses), title, _HOURS, shared=False)
     for axis, (name, course) in zip(axes, found.courses.items(), strict=True):
         spread = np.abs([course.low, course.high] - course.value)
         spread[~np.isfinite(spread)] = 0.0
@@ -28,7 +30,7 @@ def draw_ageing(found: Ageing) -> Figure:
         pictures.label(axis, name, course.declared.unit)
         if name == found.of and found.forecast is not None:
             life = found.forecast.life
-            end = min(life if np.isfinite(life) else 2.0 * last, _FARTHEST * last)
+            end = life if np.isfinite(life) else 2.0 * found.time[-1]
             over = np.linspace(found.time[0], end, 400)
             expected = found.forecast.course(over)
             axis.plot(over / HOUR, expected, color=pictures.FITTED, label="expected course")

@@ -86,9 +86,11 @@ def test_page_figures_table_and_picture_have_all_windows(aged, tmp_path):
     page = aged.report(tmp_path / "aged.html", "ppy age").read_text()
     assert "25.0 % above" in page
     assert page.count("<tr>") >= 11
-    json.dumps(aged.to_dict(), allow_nan=False)
+    figures = json.loads(json.dumps(aged.to_dict(), allow_nan=False))
+    assert [*figures["windows"]] == ["R1", "R2", "C", "voltage/current"]  # states are no parameters
     assert len(aged.to_frame()) == 10
-    assert len(aged.plot().axes) == 5
+    assert len(aged.plot().axes) == 4
+    assert "charge_start" not in page
     assert "voltage/current" in str(aged)
 
 

@@ -32,6 +32,15 @@ def test_a_fall_at_first_does_not_count_as_growth():
     assert high - low < 0.2 * LENGTH
 
 
+def test_the_course_is_that_of_the_data_and_the_limit_of_its_first_value():
+    """In noise of a thousandth of the rise, of which the mean of the fits is far within."""
+    noise = 3e-4 * np.random.default_rng(5).standard_normal(TIME.size)
+    line = 0.9 + RATE * TIME
+    found = forecast_life(TIME, line + noise, 0.15)
+    assert found.course(TIME) == pytest.approx(line, abs=3e-4)
+    assert found.limit == pytest.approx(1.15 * line[0], abs=1.15 * 3e-4)
+
+
 def test_units_and_the_beginning_of_the_clock_do_not_count():
     """Values of a record that is moved and scaled are moved and scaled."""
     noise = 1e-3 * np.random.default_rng(3).standard_normal(TIME.size)
