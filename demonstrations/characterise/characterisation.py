@@ -9,13 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from demonstrations.characterise.kinds import CIRCUIT, KINDS, Estimates, Kind, kind_of
-from demonstrations.graphical import GraphicalEstimate
 from fmus.kit import UserError
-from fmus.kit.units import Described, format_value
 from orchestration.fmu import Model, Value
-from orchestration.identify import Fit, JointComparison, comparison
+from orchestration.identify import Fit, JointComparison, comparison, interval_cells
 from orchestration.identify.fitting import Assumptions
-from orchestration.identify.uncertainty import Estimate
 from orchestration.records import Record, record_labels, refuse_same
 from orchestration.reporting import Displayable, one_line, plain_table
 
@@ -90,12 +87,14 @@ class Characterisation(Displayable):
         determined = self.determined
         for name, estimate in self.fit.estimates.items():
             declared = self.fit.declared[name]
-            fitted = _cells(estimate, declared) if name in determined else ["not determined", ""]
-            readings = [
-                [label, *_cells(read[name], declared)]
-                for label, read in self.graphical.items()
-                if name in read
-            ]
+            fitted = ("not determined", "")
+            if name in determined:
+                fitted = interval_cells(estimate.value, estimate.interval, declared)
+            readings = []
+            for label, read in self.graphical.items():
+                if name in read:
+                    one = read[name]
+                    readings.append([label, *interval_cells(one.value, one.interval, declared)])
             for reading in readings or [["", "", ""]]:
                 yield [name, *reading, *fitted]
 
@@ -188,12 +187,6 @@ def characterise(
             remarks.append(f"{label}: nothing is read off it: {error}")
     joint = JointComparison(comparisons, fit)
     return Characterisation(model, kinds, graphical, joint, tuple(remarks))
-
-
-def _cells(estimate: GraphicalEstimate | Estimate, declared: Described) -> list[str]:
-    """Return a value and its interval as texts."""
-    low, high = (format_value(end, declared, 4) for end in estimate.interval)
-    return [format_value(estimate.value, declared, 4), f"{low} … {high}"]
 
 
 def _with_history(record: Record, kind: Kind | None) -> Record:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from demonstrations.characterise.characterisation import HEAD, TESTS, Characterisation
 from orchestration.reporting import make_page
-from orchestration.reporting.html import Markup, Page, escaped, format_quantities
+from orchestration.reporting.html import Markup, Page, escaped
 
 
 @make_page.register(Characterisation)
@@ -18,7 +18,7 @@ def characterisation_page(found: Characterisation, command: str = "") -> Page:
     page.heading("Which tests the records are")
     page.table(TESTS, [*found.kind_rows()])
     page.heading("Its parameters")
-    page.table(HEAD, [list(map(format_quantities, row)) for row in found.rows()])
+    page.table(HEAD, [*found.rows()])
     page.text(
         "Graphical: as the thesis reads a parameter off one record; its interval is by the noise of"
         " that record, and by the bias of the method where the reading of its own curve shows one."

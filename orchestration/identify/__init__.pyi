@@ -8,6 +8,7 @@ from .comparison import JointComparison as JointComparison
 from .comparison import fit_model as fit_model
 from .comparison import read_for as read_for
 from .comparison import read_runs_for as read_runs_for
+from .effect_sizes import interval_cells as interval_cells
 from .grey_box import Fit as Fit
 from .grey_box import fit_grey_box as fit_grey_box
 from .metrics import finite_or_none as finite_or_none

@@ -17,7 +17,7 @@ from orchestration.identify.uncertainty import Estimate
 from orchestration.reporting.html import format_ends
 
 NOT_DETERMINED = "not determined"  # in place of an interval
-_MOST_DIGITS = 8
+_USUAL_DIGITS, _MOST_DIGITS = 4, 8
 _FINENESS = 0.5  # of half an interval, to which its ends are rounded or finer
 
 Writer = Callable[[float, int], str]  # of a value and its digits
@@ -128,11 +128,40 @@ def with_interval(value: float, interval: Interval, write: Writer) -> str:
         return f"{write(value, 2)} ({_open(low, high, write)})"
     if not half > 0.0:
         return write(value, 3)
-    largest = max(abs(value), abs(low), abs(high))
-    digits = 1 + math.floor(math.log10(largest)) - math.floor(math.log10(_FINENESS * half))
-    digits = min(max(digits, 2), _MOST_DIGITS)
+    digits = _significant(value, interval)
     ends = format_ends(write(low, digits), write(high, digits))
     return f"{write(value, digits)} (95 %: {ends})"
+
+
+def interval_cells(value: float, interval: Interval, declared: Described) -> tuple[str, str]:
+    """Return a value and its 95 % interval as two texts in one unit, with significant digits only.
+
+    Parameters
+    ----------
+    value : float
+        SI.
+    interval : tuple of float
+        Ends that are open are infinite.
+    declared : Described
+        Its unit.
+    """
+    digits = _significant(value, interval)
+    ends = (format_prefixed(end, declared, digits, like=value) for end in interval)
+    return format_prefixed(value, declared, digits), format_ends(*ends)
+
+
+def _significant(value: float, interval: Interval) -> int:
+    """Return the digits of a value and its interval, by which both ends differ from the value.
+
+    An interval that is open, or has no length, tells no digits.
+    """
+    low, high = interval
+    half = 0.5 * (high - low)
+    if not (0.0 < half < math.inf):
+        return _USUAL_DIGITS
+    largest = max(abs(value), abs(low), abs(high))
+    digits = 1 + math.floor(math.log10(largest)) - math.floor(math.log10(_FINENESS * half))
+    return min(max(digits, 2), _MOST_DIGITS)
 
 
 def _open(low: float, high: float, write: Writer) -> str:

@@ -13,6 +13,7 @@ from fmus.kit.titles import capitalised, in_words, law_title, variable_title
 from fmus.kit.units import format_prefixed, unit_of_differences, write_prefixed
 from orchestration.identify import presentation
 from orchestration.identify.comparison import Comparison, GoodnessOfFit, JointComparison
+from orchestration.identify.effect_sizes import interval_cells
 from orchestration.identify.grey_box import Fit
 from orchestration.reporting import flag, make_page, pictures
 from orchestration.reporting.html import (
@@ -23,7 +24,6 @@ from orchestration.reporting.html import (
     Trace,
     elements,
     escaped,
-    format_ends,
     stacked,
 )
 
@@ -229,11 +229,8 @@ def _add_parameters(page: Page, fit: Fit) -> None:
     rows = []
     for name, estimate in (fit.estimates | fit.tied).items():
         declared = fit.declared[name]
-        value, low, high, start = (
-            format_prefixed(x, declared, 4, like=estimate.value)
-            for x in (estimate.value, *estimate.interval, estimate.nominal)
-        )
-        cells = [value, format_ends(low, high)]
+        start = format_prefixed(estimate.nominal, declared, 4, like=estimate.value)
+        cells = [*interval_cells(estimate.value, estimate.interval, declared)]
         if fit.profiles:
             cells.append(fit.profiles[name].written if name in fit.profiles else "")
         doc = getattr(declared, "doc", "")

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmus.kit.arrays import Array
-from fmus.kit.units import Described, format_prefixed
+from fmus.kit.units import Described
 from orchestration.identify.ageing.life import LifeForecast
+from orchestration.identify.effect_sizes import interval_cells
 from orchestration.identify.metrics import finite_or_none
 from orchestration.identify.uncertainty import Estimate
 from orchestration.reporting import Displayable, format_percent, one_line, plain_table, write_page
-from orchestration.reporting.html import format_ends
 
 if TYPE_CHECKING:
     import pandas
@@ -59,8 +59,7 @@ class Course:
     def at(self, window: int) -> tuple[str, str]:
         """Return the value in a window and its interval as texts."""
         value, low, high = (float(x[window]) for x in (self.value, self.low, self.high))
-        ends = (format_prefixed(end, self.declared, 4, like=value) for end in (low, high))
-        return format_prefixed(value, self.declared, 4), format_ends(*ends)
+        return interval_cells(value, (low, high), self.declared)
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,8 @@ import pytest
 
 from fmus.kit import Component, Output, Parameter, Size
 from fmus.kit.effects import make_effect
-from orchestration.identify.effect_sizes import (
-    fitted_sizes,
-)
+from orchestration.fmu.signal import Signal
+from orchestration.identify.effect_sizes import fitted_sizes, interval_cells
 from orchestration.identify.uncertainty import Estimate
 
 LEVEL = Size("levels off at {}", ("c",), "C", lambda c: c**-0.5)
@@ -77,3 +76,18 @@ def test_the_interval_goes_through_the_function_of_the_size():
 )
 def test_an_interval_with_an_open_end_or_of_no_length(interval, text):
     assert texts(c=interval)[0] == text
+
+
+@pytest.mark.parametrize(
+    ("value", "interval", "unit", "written"),
+    [
+        (1.9003, (1.8998, 1.9008), "F", ("1.9003 F", "1.8998 … 1.9008 F")),
+        (1.1e6, (1.0996e6, 1.1004e6), "N*s/m", ("1.1000 MN·s/m", "1.0996 … 1.1004 MN·s/m")),
+        (8313.0, (8100.0, 8440.0), "N/m", ("8.31 kN/m", "8.10 … 8.44 kN/m")),
+        (3.4, (-math.inf, 5.0), "ohm", ("3.400 Ω", "-inf … 5.000 Ω")),
+        (3.4, (3.4, 3.4), "ohm", ("3.400 Ω", "3.400 … 3.400 Ω")),
+    ],
+)
+def test_an_interval_of_a_table_is_not_rounded_to_nothing(value, interval, unit, written):
+    declared = Signal("x", "real", unit, unit, 0.0, 0.0, 1e9)
+    assert interval_cells(value, interval, declared) == written
