@@ -44,7 +44,7 @@ def age(records: Records, model: AnyModel | None = None, **options: Unpack[AgeKe
     Parameters
     ----------
     records : Record, str, Path, DataFrame or Mapping of str to array_like, or sequence of these
-        In the order of use; a folder stands for its files, by name.
+        In the order of use; a folder stands for its files that have a table, by name.
     model : Model, System, type[Component], str or Path, optional
         As in `compare`.
 
@@ -73,7 +73,8 @@ def age(records: Records, model: AnyModel | None = None, **options: Unpack[AgeKe
     ratio = _ratio(declared, options) if "/" in of else None
     if ratio is None:
         find(of, dict.fromkeys(options["fit"]), f"{option('of')}: nothing is fitted")
-    sources = named_records(listed(records)).values()
+    left_out: list[str] = []
+    sources = named_records(listed(records), options, left_out.append).values()
     found = [run for one in sources for run in matching_runs(one, declared, options)]
     runs = [*_in_operation(found)]
     windows = [part for run in runs for part in _windows(run, seconds(options["window"]))]
@@ -82,6 +83,7 @@ def age(records: Records, model: AnyModel | None = None, **options: Unpack[AgeKe
     forecast = None
     if time.size >= FEWEST:
         forecast = forecast_life(time, courses[of].value, options["rise"] / 100.0)
+    derating, reasons = _derated(runs, options)
     return Ageing(
         declared.title,
         tuple(dict.fromkeys(run.source for run in runs)),
@@ -90,7 +92,8 @@ def age(records: Records, model: AnyModel | None = None, **options: Unpack[AgeKe
         tuple(one.label for one in windows),
         courses,
         forecast,
-        *_derated(runs, options),
+        derating,
+        (*left_out, *reasons),
     )
 
 

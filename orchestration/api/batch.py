@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError
+from orchestration.api.options import source_of
 from orchestration.api.records import Data
 from orchestration.api.results import DiagnosisResult
 from orchestration.fmu.isolation import Ended, Limits, Pool, keep
@@ -132,8 +133,18 @@ def diagnoses_page(found: Diagnoses, command: str = "") -> Page:
     return page
 
 
-def named_records(records: Sequence[Data]) -> dict[str, Data]:
-    """Return records by name, with all files of a folder.
+def named_records(
+    records: Sequence[Data], options: Mapping[str, Any], tell: Callable[[str], None]
+) -> dict[str, Data]:
+    """Return records by name, with all files of a folder that have a table.
+
+    Parameters
+    ----------
+    records : sequence of record, file, DataFrame or arrays by name
+    options : Mapping of str to Any
+        Values of `ReadingOptions`.
+    tell : callable
+        Called with a line about each file that is left out.
 
     Raises
     ------
@@ -143,7 +154,8 @@ def named_records(records: Sequence[Data]) -> dict[str, Data]:
     pairs: list[tuple[str, Data]] = []
     for record in records:
         if isinstance(record, str | Path):
-            pairs += [(str(path), path) for path in files_of(Path(record))]
+            source = source_of(record, options)
+            pairs += [(str(path), path) for path in files_of(Path(record), tell, source.reading)]
         elif isinstance(record, Record):
             pairs.append((record.source.name, record))
         else:

@@ -121,7 +121,8 @@ def diagnose(
         _refuse_of_all(system, options)
         alone = {**options, "progress": _silent}
         one = partial(_diagnose_alone, model, alone)
-        return diagnose_each(named_records(listed(record)), one, workers, options["progress"])
+        tell = options["progress"]
+        return diagnose_each(named_records(listed(record), options, tell), one, workers, tell)
     if system is not None:
         return _of_system(record, model, system, options)
     subject = as_declared(model).with_units(options["units"] or {})

@@ -24,6 +24,7 @@ from orchestration.api.options import (
     LawsKeywords,
     MappingOption,
     SettingsOption,
+    source_of,
 )
 from orchestration.cli.command import refuse
 from orchestration.cli.commands.options import (
@@ -113,7 +114,9 @@ def run_each(options: DiagnoseCommand, workers: int, command: str) -> list[str]:
     """
     reason = "is of one diagnosis; --workers makes several"
     refuse(DiagnoseCommand, options, _OF_ONE, reason)
-    files = [file for path in options["records"] for file in files_of(path)]
+    files = []
+    for path in options["records"]:
+        files += files_of(path, note, source_of(path, options).reading)
     read: dict[str, Path | None] = {f"the record {file}": file for file in files}
     Outputs(read, named(options, "json", "report")).check()
     name = options["model"] or registry.default_model()

@@ -11,8 +11,8 @@ from .record import Record as Record
 from .record import Repair as Repair
 from .record import record_labels as record_labels
 from .sameness import refuse_same as refuse_same
+from .selection import files_of as files_of
 from .source import Source as Source
-from .source import files_of as files_of
 from .writing import Journal as Journal
 from .writing import header as header
 from .writing import write_record as write_record

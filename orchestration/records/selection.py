@@ -2,19 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
+from fmus.kit import UserError
 from fmus.kit.arrays import Mask
 from orchestration.records.formats import read_table
 from orchestration.records.record import Repair, refuse
 from orchestration.records.runs import column_labels
-from orchestration.records.source import Reading, Source
+from orchestration.records.source import AS_IT_STANDS, Reading, Source
 from orchestration.records.tables import Column, Table
 from orchestration.records.times import TIME
 from orchestration.reporting import option
+
+
+def files_of(
+    path: Path, tell: Callable[[str], None], reading: Reading = AS_IT_STANDS
+) -> list[Path]:
+    """Return the files of a folder that have a table, by name; of another path that path.
+
+    Parameters
+    ----------
+    path : Path
+    tell : callable
+        Called with a line about each file that is left out; hidden ones are left out silently.
+    reading : Reading
+        Form of the tables.
+    """
+    if not path.is_dir():
+        return [path]
+    files = []
+    for file in sorted(path.iterdir()):
+        if file.name.startswith(".") or not file.is_file():
+            continue
+        try:
+            read_table(file, reading)
+        except UserError as error:
+            tell(f"left out, as it has no table: {error}")
+        else:
+            files.append(file)
+    return files
 
 
 def open_table(source: Source) -> Table:

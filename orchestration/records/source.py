@@ -52,13 +52,6 @@ class Reading:
 AS_IT_STANDS = Reading()
 
 
-def files_of(path: Path) -> list[Path]:
-    """Return the files of a folder by name, without hidden ones; of another path that path."""
-    if not path.is_dir():
-        return [path]
-    return sorted(one for one in path.iterdir() if one.is_file() and one.name[0] != ".")
-
-
 @dataclass(frozen=True)
 class Source:
     """A file or arrays, and how they are read.

@@ -22,6 +22,10 @@ def dry():
     return DiagnosisResult(diagnosis_with(oscillator_record(1, dry=1.5), (DRY,), (CUBE,)))
 
 
+def named(records):
+    return named_records(records, {}, lambda text: None)
+
+
 def by_name(*names):
     return dict(zip(names, names, strict=True))
 
@@ -84,17 +88,33 @@ def test_ctrl_c_leaves_what_is_done(dry):
 
 def test_a_folder_is_its_files(tmp_path):
     for name in ("b.csv", "a.txt", ".hidden"):
-        (tmp_path / name).write_text("", encoding="utf-8")
+        (tmp_path / name).write_text("time,current\n0,1\n1,2\n", encoding="utf-8")
     (tmp_path / "folder").mkdir()
     files = [str(tmp_path / name) for name in ("a.txt", "b.csv")]
-    assert [*named_records([tmp_path])] == files
-    assert [*named_records([{}, "x.csv", {}])] == ["record 1", "x.csv", "record 3"]
+    assert [*named([tmp_path])] == files
+    assert [*named([{}, "x.csv", {}])] == ["record 1", "x.csv", "record 3"]
     with pytest.raises(UserError, match="no record"):
-        named_records([tmp_path / "folder"])
+        named([tmp_path / "folder"])
     with pytest.raises(UserError, match=r"x.csv: there are 2 records of this name"):
-        named_records(["x.csv", "x.csv"])
+        named(["x.csv", "x.csv"])
     with pytest.raises(UserError, match="this is a folder; workers= of diagnose takes each"):
         ppy.diagnose(tmp_path)
+
+
+def test_files_of_a_folder_that_have_no_table_are_left_out_and_told(tmp_path):
+    (tmp_path / "README.txt").write_text("Film C, measured by night.\nLoad cell 2.\n", "utf-8")
+    (tmp_path / "a.csv").write_text("1;2\n2;3\n", encoding="utf-8")
+    (tmp_path / "photo.png").write_bytes(b"\x89PNG\r\n\x1a\n\0\0")
+    told = []
+    form = {"columns": ["time=s", "current=A"]}
+    assert [*named_records([tmp_path], form, told.append)] == [str(tmp_path / "a.csv")]
+    note, photo = told
+    assert note.startswith(f"left out, as it has no table: {tmp_path / 'README.txt'}: ")
+    assert "photo.png: this is not a text file" in photo
+    # a file that is named by itself is refused where it is read
+    assert [*named([tmp_path / "README.txt"])] == [str(tmp_path / "README.txt")]
+    with pytest.raises(UserError, match=r"README.txt: there is a header"):
+        ppy.age(tmp_path / "README.txt")
 
 
 @pytest.mark.parametrize("given", [{"system": "dma_bench"}, {"compare": "b.csv"}, {"each": "R1"}])
