@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     import pandas
     from rich.console import RenderableType
 
+_ALONE = 5.0  # percent between the error and what the output moves by, that noise may make
+
 
 @dataclass(frozen=True)
 class GoodnessOfFit:
@@ -59,6 +61,12 @@ class GoodnessOfFit:
     def residual(self) -> Array:
         """Measured minus simulated (n,), in the unit of the FMU."""
         return self.measured - self.simulated
+
+    @property
+    def is_noise_alone(self) -> bool:
+        """Whether noise was measured alone: a white residual, as large as what the output moves."""
+        is_white = self.whiteness is not None and self.whiteness.is_white
+        return is_white and abs(self.fit_percent) < _ALONE
 
     def to_dict(self, unit: str) -> dict[str, Any]:
         """Return the figures with their unit, ready for JSON: None for NaN."""

@@ -75,11 +75,14 @@ def _make_page(comparisons: Sequence[Comparison], fit: Fit, command: str) -> Pag
     first = comparisons[0]
     names = ", ".join(f"<code>{escaped(source.name)}</code>" for source in sources)
     about = f"Fit of <code>{escaped(first.model.name)}</code> to {names}"
-    page = Page(_values_sentence(fit), " ".join(map(_errors_sentence, comparisons)), Markup(about))
+    errors = [*map(_errors_sentence, comparisons)]
+    if len(comparisons) > 1:
+        errors = [f"{_label(one)}: {text}" for one, text in zip(comparisons, errors, strict=True)]
+    page = Page(_values_sentence(fit), " ".join(errors), Markup(about))
     page.heading("What is wrong")
     for comparison in comparisons:
         if len(comparisons) > 1:
-            page.text(f"{comparison.record.source.name} {comparison.record.label}:")
+            page.text(f"{_label(comparison)}:")
         for output in comparison.before:
             page.parts.append(
                 elements.bar_chart(_title(comparison, output), _bars_of(comparison, output))
@@ -135,16 +138,27 @@ def _values_sentence(fit: Fit) -> str:
 
 def _errors_sentence(comparison: Comparison) -> str:
     """Return a sentence for each output with its error after the fit and before it."""
-    sentences = [
-        f"{_title(comparison, output)} is off by {_error_percent(goodness)} instead of"
-        f" {_error_percent(comparison.before[output])} of what it moves by."
-        for output, goodness in comparison.latest.items()
-    ]
+    sentences = []
+    for output, goodness in comparison.latest.items():
+        title = _title(comparison, output)
+        before = _error_percent(comparison.before[output])
+        error = f"off by {_error_percent(goodness)} instead of {before} of what it moves by"
+        sentences.append(f"{title} is {'noise alone' if goodness.is_noise_alone else error}.")
     return " ".join(sentences)
 
 
+def _label(comparison: Comparison) -> str:
+    """Return the name of a record among others."""
+    return f"{comparison.record.source.name} {comparison.record.label}".strip()
+
+
 def _error_percent(goodness: GoodnessOfFit) -> str:
-    """Return the error of an output in percent; a dash where the output was constant."""
+    """Return the error of an output in percent; a dash where the output was constant.
+
+    Noise alone has none.
+    """
+    if goodness.is_noise_alone:
+        return "noise alone"
     share = 100.0 - goodness.fit_percent
     return f"{share:.1f} %" if math.isfinite(share) else "–"
 
@@ -155,7 +169,7 @@ def _title(comparison: Comparison, output: str) -> str:
 
 
 def _bars_of(comparison: Comparison, output: str) -> list[Bar]:
-    """Return bars of the error of an output before the fit and after it."""
+    """Return bars of the error of an output before the fit and after it; none of noise alone."""
     signal = comparison.model.outputs[output]
     bars = []
     for label, colour, goodness in (
@@ -163,7 +177,8 @@ def _bars_of(comparison: Comparison, output: str) -> list[Bar]:
         (_FITTED, pictures.FITTED, comparison.latest[output]),
     ):
         size = write_prefixed(goodness.rms, signal.unit)
-        bars.append(Bar(label, colour, goodness.rms, f"{_error_percent(goodness)} · {size}"))
+        length = math.nan if goodness.is_noise_alone else goodness.rms
+        bars.append(Bar(label, colour, length, f"{_error_percent(goodness)} · {size}"))
     return bars
 
 

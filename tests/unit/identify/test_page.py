@@ -72,6 +72,37 @@ def test_the_first_sentences_have_the_values_and_the_errors(page):
     assert after == pytest.approx(100.0 * 0.002 / (TRUE / 3.0**0.5), rel=0.2)
 
 
+def wire_record(folder, name, current, offset=0.0):
+    """A record of the wire with 2 mV of noise."""
+    time = 0.1 * np.arange(current.size)
+    noise = 0.002 * np.random.default_rng(len(name)).normal(size=current.size)
+    columns = {"feed_current": current, "drop_1": TRUE * current + noise + offset}
+    units = {"feed_current": "A", "drop_1": "V"}
+    write_record(folder / name, time, columns, units)
+    return read_record(folder / name, units)
+
+
+def test_of_several_records_each_sentence_has_its_record_and_noise_alone_is_no_error(tmp_path):
+    """At rest nothing but noise is measured: its whole spread is left, and nothing is wrong."""
+    driven = np.repeat(np.random.default_rng(1).uniform(-1.0, 1.0, 60), 10)
+    rest = np.zeros(600)
+    records = [
+        wire_record(tmp_path, "driven.csv", driven),
+        wire_record(tmp_path, "rest.csv", rest),
+        wire_record(tmp_path, "wrong.csv", rest, offset=0.05),
+    ]
+    joint = work.compare_fitted(model_of(LeadWire), records, {}, ["r_lead"])
+    text = joint.report(tmp_path / "fit.html").read_text(encoding="utf-8")
+    words = words_of(text)
+    assert re.search(r"driven\.csv: Drop 1 is off by 0\.\d % instead of 40\.\d % of what", words)
+    assert "rest.csv: Drop 1 is noise alone." in words
+    assert re.search(r"wrong\.csv: Drop 1 is off by \d{4}\.\d %", words)
+    lengths = re.findall(r"width:([\d.]+)%", text)
+    assert lengths[2:4] == ["0.0", "0.0"]
+    assert min(map(float, lengths[4:6])) > 99.0
+    assert words.count("noise alone · ") == 2
+
+
 def test_it_has_the_sections_of_every_page(page):
     assert re.findall("<h2>(.*?)</h2>", page.read_text(encoding="utf-8")) == [
         "What is wrong",
