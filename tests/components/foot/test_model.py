@@ -47,7 +47,7 @@ def test_builds_agree(fmu, name):
     times = np.arange(0.0, 0.15, 0.005)
     random = np.random.default_rng(2)
     layout = fmus.component(name).layout
-    inputs = {v.name: random.uniform(-0.1, 0.5, times.size) for v in layout.inputs}
+    inputs = {v.name: v.nominal * random.uniform(-0.1, 0.5, times.size) for v in layout.inputs}
     wanted = [v.name for v in layout.measurable]
     python, native = (
         hosts.run_fmpy(fmu(name, r), times, inputs, wanted) for r in ("python", "native")
