@@ -26,6 +26,7 @@ _DERIVATIVE_SHARE = 0.25  # T_d / T_i, the largest for which the zeros of the co
 _FILTER_RATIO = 10.0  # T_d / T_f; Astrom, Hagglund: Advanced PID Control, section 3.3, have 2 to 20
 _LARGEST_PEAK = 2.0  # of the sensitivity; same, section 4.6, with 1.2 to 2
 _PEAK_RATIO = 1.25  # of the largest sensitivity to the least one that a phase margin allows
+_MARGINS = (60.0, 70.0, 80.0, 90.0, 100.0, 110.0, 120.0)  # degrees, tried where none is asked for
 _FASTEST = 0.1  # crossover over sampling rate; Astrom, Wittenmark: Computer-Controlled Systems, 5.5
 _SLOWEST = 1e-6  # the same
 _CANDIDATES = 150  # crossovers that are tried where none is asked for
@@ -125,6 +126,12 @@ class _Tuning:
     share: float
 
     @property
+    def margin(self) -> float:
+        """Phase margin that is asked for, degrees."""
+        assert self.request.phase_margin is not None
+        return self.request.phase_margin
+
+    @property
     def period(self) -> float:
         """Sample period, s."""
         return float(self.request.plant.dt)
@@ -137,7 +144,7 @@ class _Tuning:
         """Return omega, s / omega, and the response that the controller needs at a crossover."""
         omega = 2.0 * np.pi * crossover
         z = np.exp(1j * omega * self.period)
-        margin = np.exp(1j * np.radians(self.request.phase_margin - 180.0))
+        margin = np.exp(1j * np.radians(self.margin - 180.0))
         return omega, self.difference(z) / omega, complex(margin / self.request.plant(z))
 
     def at(self, crossover: float) -> tuple[float, float] | None:
@@ -164,6 +171,13 @@ class _Tuning:
         z = np.exp(1j * np.pi * np.geomspace(_SLOWEST, 1.0, _POINTS))
         return self.difference(z), np.asarray(self.request.plant(z))
 
+    @property
+    def _sign(self) -> float:
+        """Sign of the gain of the plant, behind its integrators."""
+        s, plant = (one[:2] for one in self._grid)
+        integrators = np.rint(np.log(np.abs(plant[0] / plant[1])) / np.log(np.abs(s[1] / s[0])))
+        return float(np.sign(np.real(plant[0] * 1j**integrators)))
+
     def _loop(self, gain: float, integral_time: float) -> Array:
         s, plant = self._grid
         return np.asarray(gain * _law(integral_time, self.share, s) * plant)
@@ -179,7 +193,7 @@ class _Tuning:
         loop = self._loop(gain, integral_time)
         crossings = np.flatnonzero(np.diff(np.abs(loop) > 1.0))
         margins = np.abs(np.degrees(np.angle(-loop[crossings])))
-        if np.any(margins < self.request.phase_margin - _TOLERANCE):
+        if np.any(margins < self.margin - _TOLERANCE):
             return False
         s = self.difference(control.tf([1.0, 0.0], [1.0], self.period))
         controller = control.ss(gain * _law(integral_time, self.share, s))
@@ -200,14 +214,14 @@ class _Tuning:
         rate = 1.0 / self.period
         crossovers = np.geomspace(_SLOWEST * rate, _FASTEST * rate, _CANDIDATES)
         tuned = [found for found in map(self.at, crossovers) if found is not None]
-        least = 0.5 / np.sin(np.radians(0.5 * self.request.phase_margin))
+        least = 0.5 / np.sin(np.radians(0.5 * self.margin))
         largest = max(_LARGEST_PEAK, _PEAK_RATIO * least)
         for one in sorted(tuned, key=lambda one: one[1] / abs(one[0])):
             if self.peak(*one) <= largest and self.is_sound(*one):
                 return one
         raise UserError(
             f"no crossover up to {_FASTEST * rate:.4g} Hz gives a stable loop with a phase margin"
-            f" of {self.request.phase_margin:g} degrees and a sensitivity of at most {largest:.3g}:"
+            f" of {self.margin:g} degrees and a sensitivity of at most {largest:.3g}:"
             " ask for another phase margin, or for a shorter sample period"
         )
 
@@ -230,17 +244,39 @@ class _Tuning:
             return tuned
         _, s, needed = self.needed(crossover)
         turns = np.degrees(np.angle(_law(_LAGS, self.share, s)))
-        turn = np.degrees(np.arctan(needed.imag / needed.real))
+        turn = np.degrees(np.angle(self._sign * needed))
         raise UserError(
-            f"no stable loop has a phase margin of {self.request.phase_margin:g} degrees at"
+            f"no stable loop has a phase margin of {self.margin:g} degrees at"
             f" {crossover:g} Hz and at its other crossovers: the controller would have to turn the"
             f" phase by {turn:.3g} degrees, and can by {turns.min():.3g} to {turns.max():.3g}; ask"
             " for another margin or crossover"
         )
 
 
+def _strongest(request: DesignRequest, share: float) -> tuple[float, float]:
+    """Return the best tuning of all margins that are tried where none is asked for.
+
+    Raises
+    ------
+    UserError
+        If there is none.
+    """
+    found = []
+    refusals = []
+    for margin in _MARGINS:
+        try:
+            found.append(_Tuning(replace(request, phase_margin=margin), share).best())
+        except UserError as error:
+            refusals.append(error)
+    if not found:
+        raise refusals[0]
+    return max(found, key=lambda one: abs(one[0]) / one[1])
+
+
 def _tune(request: DesignRequest, share: float) -> DesignedController:
     """Return a PID controller with the phase margin that is asked for.
+
+    Without one it is that of the largest integral gain, or with a crossover the smallest.
 
     Parameters
     ----------
@@ -253,15 +289,19 @@ def _tune(request: DesignRequest, share: float) -> DesignedController:
     UserError
         If no such controller makes a stable loop with this margin.
     """
-    tuning = _Tuning(request, share)
     crossover = request.crossover
-    gain, integral_time = tuning.best() if crossover is None else tuning.asked(crossover)
+    if request.phase_margin is None and crossover is None:
+        gain, integral_time = _strongest(request, share)
+    else:
+        margin = request.phase_margin or _MARGINS[0]
+        tuning = _Tuning(replace(request, phase_margin=margin), share)
+        gain, integral_time = tuning.best() if crossover is None else tuning.asked(crossover)
     low, high = np.clip(request.limits, -_UNLIMITED, _UNLIMITED)
     arguments = {
         "name": "controller",
         "measured": request.measured.unit,
         "command": request.command.unit,
-        "sample_period": tuning.period,
+        "sample_period": float(request.plant.dt),
         "proportional_gain": gain,
         "integral_time": integral_time,
         "derivative_time": share * integral_time,

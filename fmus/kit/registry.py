@@ -187,8 +187,8 @@ class DesignRequest:
     measured, command : DesignSignal
     limits : tuple of float
         Lowest and highest command, SI.
-    phase_margin : float
-        Degrees.
+    phase_margin : float or None
+        Degrees; None if the rule chooses it.
     crossover : float or None
         Frequency of gain one of the loop, Hz; None if the rule chooses it.
     linearise : callable
@@ -200,7 +200,7 @@ class DesignRequest:
     measured: DesignSignal
     command: DesignSignal
     limits: tuple[float, float]
-    phase_margin: float
+    phase_margin: float | None
     crossover: float | None
     linearise: Callable[[Sequence[str], Sequence[str]], Any]
 

@@ -1017,10 +1017,10 @@ class ControllerOptions(TypedDict, total=False):
         ),
     ]
     phase_margin: Annotated[
-        float,
+        float | None,
         Option(
-            "Phase margin of the loop of a pid or pi, degrees.",
-            default=60.0,
+            "Phase margin of the loop of a pid or pi, degrees; default 60 with a crossover, else"
+            " the one from 60 on that suppresses loads best.",
             metavar="DEGREES",
             least=1,
             most=179,

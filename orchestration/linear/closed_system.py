@@ -14,7 +14,7 @@ from orchestration.experiment.system_model import find_system
 from orchestration.fmu import Model
 from orchestration.fmu.model import built
 from orchestration.linear.operating_point import OperatingPoint
-from orchestration.system import Connection, Member, Port, System, ssp
+from orchestration.system import Connection, Member, Port, System, checking, ssp
 
 if TYPE_CHECKING:
     from orchestration.linear.feedback import ControllerDesign
@@ -26,7 +26,8 @@ _FILES = ("controller.py", "controller.fmu", "loop.ssp", "step.toml")
 def closed_system(design: ControllerDesign) -> System:
     """Return the system of a plant at its operating point and the controller around it.
 
-    Inputs that are zero at the operating point are inputs of the system, others are constant there.
+    Inputs that are zero at the operating point are inputs of the system, others are constant there;
+    inputs of the controller that the loop has no use for keep their start values.
 
     Parameters
     ----------
@@ -69,7 +70,9 @@ def closed_system(design: ControllerDesign) -> System:
         stop=float(design.time[-1]),
     )
     constant = inputs.keys() & at_rest.keys()
-    return joined.given({str(port): at_rest[n] for n in constant for port in inputs[n]})
+    joined = joined.given({str(port): at_rest[n] for n in constant for port in inputs[n]})
+    unused = {str(p): s.start for p, s in checking.open_inputs(joined).items() if p.member == name}
+    return joined.given(unused)
 
 
 def _source(plant: System, signal: str) -> Port:

@@ -103,6 +103,41 @@ def test_without_a_crossover_no_slower_loop_has_a_larger_integral_gain():
         assert other["proportional_gain"] / other["integral_time"] <= 1.01 * strength
 
 
+def battery():
+    """Voltage of a cell under a load current: a resistance, and slow relaxation in a sum of lags.
+
+    The phase of such a plant hardly turns, so that a PI has a margin of 60 degrees only where its
+    integral hardly acts.
+    """
+    flow = control.tf([-0.02], [60.0, 1.0]) + control.tf([-1e-4], [1.0, 0.0])
+    sampled_flow = control.sample_system(control.ss(flow), 1.0, "zoh")
+    return sampled_flow + control.ss([], [], [], -0.03, 1.0) * control.ss(0, 1, 1, 0, 1.0)
+
+
+@pytest.mark.slow
+def test_without_a_margin_none_that_is_tried_has_a_larger_integral_gain():
+    def strength(margin):
+        made = tuned_pi(request(battery(), margin)).arguments
+        return abs(made["proportional_gain"]) / made["integral_time"]
+
+    chosen = strength(None)
+    assert all(chosen > 0.9 * strength(margin) for margin in (60.0, 75.0, 95.0))
+    assert chosen > 2.0 * strength(60.0)
+
+
+@pytest.mark.parametrize("gain", [1.0, -1.0])
+@pytest.mark.parametrize("integrators", [0, 1, 2])
+def test_a_turn_that_is_refused_is_that_of_a_plant_of_either_sign(gain, integrators):
+    """Fifteen samples late, 162 degrees at 0.03 Hz, and 95.4 for each integral of a held value."""
+    late = control.ss(np.eye(15, k=-1), np.eye(15)[:, :1], np.eye(15)[-1:], 0, 1.0)
+    plant = gain * late
+    for _ in range(integrators):
+        plant = plant * control.ss(1, 1, 1, 0, 1.0)
+    turn = 60.0 - 180.0 + 162.0 + 95.4 * integrators
+    with pytest.raises(UserError, match=f"by {(turn + 180.0) % 360.0 - 180.0:.3g} degrees"):
+        tuned_pi(request(plant, 60.0, 0.03))
+
+
 def test_the_loop_of_the_thesis_gives_the_law_of_the_thesis():
     """117.4 degrees at 4.21 Hz with the coil by Tustin's rule, 3.9 N/A: V = V + 0.66 E - 0.06 E."""
     rate, resistance, inductance = 30.0, 8.7, 0.0028

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import ppy_rig as ppy
+from orchestration.system import checking
 from tests.support.hosts import build_one_state_fmu
 from tests.support.sine_sweep import SineSweep, sine_sweep
 
@@ -23,6 +24,12 @@ def test_the_loop_that_runs_is_the_loop_of_the_design():
     assert step.measured[0] == pytest.approx(5e-5, rel=1e-9)
     assert step.command.min() == -0.2, "the limit acts"
     assert step.command.max() <= 0.3
+
+
+def test_every_input_of_the_controller_is_stated():
+    found = ppy.design("ppy_actuator", **SIGNALS, **AT)
+    open_inputs = [str(port) for port in checking.open_inputs(found.system)]
+    assert not [name for name in open_inputs if name.startswith("controller.")]
 
 
 def test_the_loop_that_is_cut_has_the_margins_of_the_design():
