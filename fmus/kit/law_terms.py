@@ -15,7 +15,7 @@ from typing import Any
 
 from .component import Component
 from .curves import coefficient, per
-from .declare import Constant, Discrete, Parameter, State
+from .declare import Constant, Discrete, Output, Parameter, State
 from .effects import Effect, Term, effect_maker, made_by, make_effect, stack, unstack
 from .errors import UserError
 from .functions import absolute, exp, maximum, minimum, smooth_table, sqrt, tanh, where
@@ -65,6 +65,8 @@ class LawTerm:
         Whether such a memory keeps its value between these instants.
     known : int
         Number of effects that the model had when the term was found: laws are seen with these.
+    range : tuple of float
+        Smallest and largest value of the signal of a curve in the records from which it is.
     """
 
     law: str
@@ -83,6 +85,7 @@ class LawTerm:
     period: float = 0.0
     is_held: bool = True
     known: int = 0
+    range: tuple[float, ...] = ()
 
 
 def check_term(term: LawTerm, laws: Collection[str], signals: Collection[str]) -> None:
@@ -105,7 +108,7 @@ def check_term(term: LawTerm, laws: Collection[str], signals: Collection[str]) -
         raise UserError(f"the term {term.stem!r} has {unknown!r}, which the model does not have")
     if not term.stem.isidentifier():
         raise UserError(f"the term {term.stem!r} has a name that no parameter can have")
-    values = (term.power, term.middle, *term.places)
+    values = (term.power, term.middle, *term.places, *term.range)
     positive = (term.size, term.scale, 1.0 + term.period, 1.0 + term.known)
     if not (all(map(isfinite, (*values, *positive))) and min(positive) > 0.0):
         raise UserError(f"the term {term.stem!r} has a value that is not finite, or not positive")
@@ -174,7 +177,8 @@ def law_term_effect(component: type[Component], law: str, term: LawTerm) -> type
     -------
     type[Effect]
         With the parameter ``<stem>``: the coefficient of a shape, or the factor of a curve, whose
-        values at its knots are ``<stem>_at_<k>``. A shape may have a width, ``<stem>_width``;
+        values at its knots are ``<stem>_at_<k>``. If its range is known, the output
+        ``<stem>_signal`` declares it. A shape may have a width, ``<stem>_width``;
         constants of a memory end in ``_time``, ``_ratio``, ``_rate`` and ``_way``.
     """
     stem = term.stem
@@ -190,6 +194,8 @@ def law_term_effect(component: type[Component], law: str, term: LawTerm) -> type
         return base + addition
 
     members = _shape_parameters(term) | memory.members
+    if term.range:
+        members[f"{stem}_signal"] = _curve_signal(term, memory.value)
     # a new coefficient of these would act from the start
     members[stem].tunable = term.memory not in ("integral", "throughput")
     text = f"{law} hangs on {term.signal or 'a constant'}: {term.shape} shape"
@@ -261,6 +267,18 @@ def _shape_value(self: Any, term: LawTerm, x: Any) -> Any:
     width = getattr(self, f"{term.stem}_width", 1.0)
     scale = Constant(term.scale, term.signal_unit)
     return amount * _SHAPES[term.shape](shifted, width, scale)
+
+
+def _curve_signal(term: LawTerm, value: Callable[[Any], Any]) -> Any:
+    """Declare the signal of a curve as an output, of which a run tells when it leaves its range."""
+    return Output(
+        term.signal_unit,
+        min=term.range[0],
+        max=term.range[-1],
+        nominal=term.scale,
+        measured=False,
+        doc=f"{term.signal}, over which the curve of {term.law} was identified in this range only",
+    )(value)
 
 
 def _curve_value(self: Any, term: LawTerm, x: Any) -> Any:

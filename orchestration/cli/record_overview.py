@@ -113,18 +113,24 @@ def _show_proposal(options: InfoCommand, model: Model, proposal: Proposal) -> No
     known = {**model.inputs, **model.outputs}
     for signal, column in proposal.matched.items():
         out.print(Text(f"  {signal} [{known[signal].unit}] is probably '{column}'"))
+    guessed = {}
     for signal, columns in proposal.open.items():
         role = "input" if signal in model.inputs else "output"
         listed = ", ".join(f"'{name}'" for name in columns)
         pair = option("mapping", {"COLUMN": signal})
         may_be = f"may be {listed}: {pair}" if columns else "has no column"
+        if columns and role == "input":
+            guessed[columns[0]] = signal
         out.print(Text(f"  {role} {signal} [{known[signal].unit}] {may_be}"))
     model_words = ["--model", str(options["of_model"])]
     if options["laid_over"]:
         model_words += ["--with", ",".join(options["laid_over"])]
     words = quoting.shell(["ppy", "compare", Path(options["model"]), *model_words])
     if any(name in proposal.matched for name in model.outputs):
-        command = f"{words} {proposal.options()}".rstrip()
-        out.print(Text(f"next: {command}"), soft_wrap=True)
+        given = option("mapping", guessed) if guessed else ""
+        command = " ".join(filter(None, (words, proposal.options(), given)))
+        condition = " and ".join(f"{signal} is '{column}'" for column, signal in guessed.items())
+        begin = f"next, if {condition}" if condition else "next"
+        out.print(Text(f"{begin}: {command}"), soft_wrap=True)
     elif proposal.mapping:
         out.print(Text(f"columns: {proposal.options()}"), soft_wrap=True)

@@ -22,6 +22,8 @@ def show(regression: Regression) -> None:
     out.print(plain_table(None, *page.COLUMNS, right=page.COLUMNS[1:4], rows=rows))
     for one in regression.refused:
         out.print(f"not as in {regression.reference}: {one.signal} {one.message}")
+    if regression.exact:
+        note(f"without a tolerance, the same to the last bit: {', '.join(regression.exact)}")
     if regression.new:
         note(f"not in {regression.reference}, not compared: {', '.join(regression.new)}")
     out.print(page.verdict(regression))

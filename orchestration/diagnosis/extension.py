@@ -13,6 +13,7 @@ from fmus.kit.effects import unstack
 from fmus.kit.law_terms import LawTerm, law_term_effect
 from fmus.kit.sampling import Sampling
 from fmus.kit.sensors import transport_delay
+from orchestration.diagnosis.courses import courses_of_fit
 from orchestration.diagnosis.fitting import Fit
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.runs import step_of
@@ -135,7 +136,15 @@ def law_term(fitted: Fit, stem: str, term: Term) -> LawTerm:
         step / problem.substeps if term.memory.is_sampled else 0.0,
         _is_held(model, term.law),
         len(unstack(model.cls)[1]),
+        _range(fitted, term) if term.places else (),
     )
+
+
+def _range(fitted: Fit, term: Term) -> tuple[float, ...]:
+    """Return the ends of the range that a curve has knots in, or saw in the records of its fit."""
+    along = courses_of_fit(fitted)
+    seen = [*term.knots, *([] if along is None else along.seen_by(term))]
+    return float(min(seen)), float(max(seen))
 
 
 def _is_held(model: LawModel, law: str) -> bool:

@@ -14,7 +14,7 @@ from fmus.kit.curves import in_brackets, per
 from fmus.kit.effects import made_by, made_with, unstack
 from fmus.kit.law_terms import LawTerm, law_term_effect
 from fmus.kit.symbolic import list_laws
-from fmus.kit.titles import law_title, within_sentence
+from fmus.kit.titles import in_words, law_title, within_sentence
 from fmus.kit.units import measure_alike
 from orchestration.diagnosis.fitting import (
     Fit,
@@ -271,8 +271,8 @@ def memory_text(term: Term) -> str:
 def sentence(cls: type[Component], term: Term, value: float | None = None) -> str:
     """Return a term for people: ``friction over velocity``.
 
-    In proportion to a law it is a factor: ``friction times a function of velocity``. Of what an FMU
-    without equations gets, it is in words of its ports: ``torque that depends on omega``.
+    In proportion to its law it is a factor: ``friction times a function of velocity``. Of what an
+    FMU without equations gets, it is in words of its ports: ``torque that depends on omega``.
 
     Parameters
     ----------
@@ -283,7 +283,7 @@ def sentence(cls: type[Component], term: Term, value: float | None = None) -> st
     """
     if isinstance(term, NamedTerm):
         return within_sentence(term.title)
-    law = within_sentence(law_title(cls, term.law))
+    law = _title(cls, term.law)
     if isinstance(term, SensorTerm):
         fault = {"offset": "an offset", "gain": "another gain"}.get(term.fault, f"a {term.fault}")
         return f"{fault} of the sensor of {law}"
@@ -297,16 +297,21 @@ def sentence(cls: type[Component], term: Term, value: float | None = None) -> st
             return f"another gain of {law}"
         return f"{law} {_of_port(cls, term, seen, value)}"
     if not term.factor:
-        return f"{law} over {seen}"
+        return f"{law} over {'itself' if seen == law else seen}"
     if term.factor == term.law:
         return f"{law} times a function of {seen}"
-    factor = within_sentence(law_title(cls, term.factor))
-    return f"{law} over {factor} times a function of {seen}"
+    return f"{law} over {seen}, in proportion to {_title(cls, term.factor)}"
+
+
+def _title(cls: type[Component], name: str) -> str:
+    """Return the title of a law or a signal within a sentence; a name keeps its case."""
+    title = law_title(cls, name)
+    return title if title == in_words(name) else within_sentence(title)
 
 
 def seen_title(cls: type[Component], term: Term) -> str:
     """Return what the shape of a term sees of its signal, for people; of an FMU by its port."""
-    signal = "time" if term.signal == "time" else within_sentence(law_title(cls, term.signal))
+    signal = "time" if term.signal == "time" else _title(cls, term.signal)
     if term.law in fed_laws(cls):
         signal = signal.removeprefix("simulated ")
     return MEMORIES[term.memory].text.format(signal)

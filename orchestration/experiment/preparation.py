@@ -84,8 +84,7 @@ class Preparation:
     def wanted(self) -> list[str]:
         """Outputs that the run returns: those recorded, ends of couplings, and limits."""
         ends = [str(wire.source) for coupling in self.subject.couplings for wire in coupling]
-        limits = [*self.limits.margins, *self.limits.limiters]
-        return list(dict.fromkeys([*self.record, *ends, *limits]))
+        return list(dict.fromkeys([*self.record, *ends, *self.limits.watched]))
 
 
 def prepare(

@@ -229,7 +229,7 @@ def _read_term(effect: str, given: Mapping[str, str]) -> LawTerm:
     """Return the term from the attributes that `_effect_element` writes."""
     values: dict[str, Any] = {}
     for one in fields(LawTerm):
-        text = given.get(one.name)
+        text = given.get(one.name, "" if one.name == "range" else None)  # older FMUs have none
         try:
             if text is None:
                 raise ValueError("is missing")

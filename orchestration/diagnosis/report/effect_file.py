@@ -23,8 +23,8 @@ from orchestration.diagnosis.terms import FORMS, MEMORIES, DelayTerm, Memory, Na
 from orchestration.reporting import option
 
 _NAMES = (
-    *("absolute", "clip", "Discrete", "Effect", "exp", "maximum", "minimum", "Parameter"),
-    *("smooth_table", "sqrt", "State", "tanh", "where"),
+    *("absolute", "clip", "Discrete", "Effect", "exp", "maximum", "minimum", "Output"),
+    *("Parameter", "smooth_table", "sqrt", "State", "tanh", "where"),
 )
 _UNBOUNDED = 1e9  # nominal values, beyond which a bound is none
 _ADDED = "ADDED"  # name of the classes of a file
@@ -227,6 +227,8 @@ class _Class:
         yield from self._memory_lines()
         yield ""
         yield from self._law_lines()
+        if self._given.range:
+            yield from self._signal_lines()
 
     def _table_lines(self) -> Iterator[str]:
         """Yield the constants of a curve."""
@@ -247,7 +249,7 @@ class _Class:
         yield f"    def {term.law}(self{', ' if arguments else ''}{arguments}):"
         yield f"        below = super().{term.law}({arguments})"
         if term.signal:
-            yield f"        x = {self._argument()}"
+            yield f"        x = {self._argument(self._value(term.signal))}"
         if term.places:
             low, *_, high = self._given.places
             step = _number((high - low) / (len(term.places) - 1))
@@ -267,15 +269,24 @@ class _Class:
         else:
             yield f"        return below + {change}"
 
+    def _signal_lines(self) -> Iterator[str]:
+        """Yield the signal of a curve as an output, whose range a run tells when it leaves it."""
+        low, high = map(_number, self._given.range)
+        seen = self._argument(self._plain_value(self._term.signal))
+        yield ""
+        yield f"    @Output({self._given.signal_unit!a}, min={low}, max={high}, measured=False)"
+        yield f"    def {self._stem}_signal(self):"
+        yield f'        """{self._term.signal}, identified in this range only."""'
+        yield f"        return {seen}"
+
     @property
     def _takes_arguments(self) -> bool:
         return takes_arguments(self._model.cls, self._term.law)
 
-    def _argument(self) -> str:
-        """Return the signal or the memory of it, from its origin on."""
+    def _argument(self, now: str) -> str:
+        """Return the signal, which has a value now, or the memory of it, from its origin on."""
         term = self._term
         memory = f"self.{self._stem}_memory"
-        now = self._value(term.signal)
         if term.memory.is_behind:
             seen = f"{now} - {memory}"
         elif term.memory.is_sampled and not self._given.is_held:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from math import isfinite
+from math import isclose, isfinite
 
 from fmus.kit.titles import law_title
 from fmus.kit.units import format_value
@@ -21,6 +21,7 @@ from orchestration.reporting import option
 from orchestration.reporting.html import format_ends
 
 _HEADLINE = 80  # characters of causes in a headline, which is of two lines with all around them
+_AT = 1e-6  # relative distance from a bound at which a search ends, and of a nominal value from 0
 _NAMES = 4  # of parameters in a headline
 CHANGES_MEANING = (
     "Changed is what differs significantly, and without which the model is worse on fitted samples"
@@ -373,8 +374,21 @@ def quantity(diagnosis: Diagnosis, name: str, value: float) -> str:
 
 
 def interval(diagnosis: Diagnosis, name: str, estimate: Estimate) -> str:
-    """Return an interval of 95 %; an open one says at least or at most."""
-    return ends(estimate.interval, lambda value: quantity(diagnosis, name, value))
+    """Return an interval of 95 %; an open one says at least or at most, and a bound is named."""
+    text = ends(estimate.interval, lambda value: quantity(diagnosis, name, value))
+    declared = {p.name: p for p in diagnosis.subject.problem.model.parameters}
+    parameter = declared.get(name.partition("@")[0])
+    if parameter is None:
+        return text
+    low, high = estimate.interval
+    for bound, is_beyond in (
+        (parameter.min, low < parameter.min),
+        (parameter.max, high > parameter.max),
+    ):
+        near = isclose(estimate.value, bound, rel_tol=_AT, abs_tol=_AT * parameter.nominal)
+        if is_beyond and near:
+            return f"{text}, at its bound {quantity(diagnosis, name, bound)}"
+    return text
 
 
 def ends(interval: tuple[float, float], written: Callable[[float], str]) -> str:

@@ -8,7 +8,7 @@ of the result must be in it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -108,12 +108,15 @@ class Regression:
         Of each signal of the reference.
     new : list of str
         Signals that only the result has, which are not compared.
+    exact : list of str
+        Signals without a tolerance, where others have one.
     """
 
     result: str
     reference: str
     deviations: list[Deviation]
     new: list[str]
+    exact: list[str] = field(default_factory=list)
 
     @property
     def refused(self) -> list[Deviation]:
@@ -163,6 +166,7 @@ def compare(result: Record, reference: Record, tolerances: Mapping[str, Toleranc
             for name in reference.signals
         ],
         [name for name in result.signals if name not in reference.signals],
+        [n for n in reference.signals if tolerances and tolerances.get(n, others) == EXACT],
     )
 
 

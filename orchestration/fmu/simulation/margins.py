@@ -1,7 +1,8 @@
 """Limits that an FMU reports by its outputs, and remarks on a run that exceeds them.
 
 An output ``X_margin`` is a parameter ``X_limit`` minus the limited value, so that a negative margin
-is beyond the limit. Any FMU may have them; those of the actuator are limits of its material. A
+is beyond the limit. Any FMU may have them; those of the actuator are limits of its material. Nor
+should an output leave the range that it declares, such as that in which a curve was identified. A
 Boolean output ``limited`` or ``saturated`` is true while a command differs from that of its control
 law.
 """
@@ -10,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 
@@ -20,6 +22,7 @@ from orchestration.fmu.signal import Signal, Value
 _MARGIN, _LIMIT = "_margin", "_limit"
 _LIMITERS = ("limited", "saturated")
 _ROUNDING = 1e-9  # rounding error of a margin, relative to the largest one
+_SLACK = 0.01  # of a range: noise of the record in which its ends were found
 
 
 @dataclass(frozen=True)
@@ -48,10 +51,13 @@ class LimitOutputs:
         By the name of the output.
     limiters : dict of str to Signal
         Outputs ``limited`` and ``saturated``, by name.
+    ranges : dict of str to Signal
+        Outputs that declare both ends of a range, by name.
     """
 
     margins: dict[str, Margin]
     limiters: dict[str, Signal]
+    ranges: dict[str, Signal]
 
     @classmethod
     def among(cls, outputs: Mapping[str, Signal], parameters: Mapping[str, Signal]) -> LimitOutputs:
@@ -64,12 +70,20 @@ class LimitOutputs:
                 margins[name] = Margin(signal, limit)
             if name.rpartition(".")[2] in _LIMITERS and signal.type == "boolean":
                 limiters[name] = signal
-        return cls(margins, limiters)
+        ranges = {
+            name: signal for name, signal in outputs.items() if isfinite(signal.max - signal.min)
+        }
+        return cls(margins, limiters, ranges)
+
+    @property
+    def watched(self) -> list[str]:
+        """Outputs that a run watches whether they are recorded or not."""
+        return [*self.margins, *self.limiters, *self.ranges]
 
     def remarks(
         self, time: Array, signals: Mapping[str, Array], settings: Mapping[str, Value]
     ) -> Iterator[str]:
-        """Yield a line for every limit that a run exceeds and every command that was limited.
+        """Yield a line for every limit or range that a run leaves, and every limited command.
 
         Parameters
         ----------
@@ -92,6 +106,9 @@ class LimitOutputs:
         for name, limiter in self.limiters.items():
             if name in signals:
                 yield from _limited_command(name, limiter, time, signals[name])
+        for name, signal in self.ranges.items():
+            if name in signals:
+                yield from _left_range(name, signal, time, signals[name])
 
 
 def _limit_name(margin: str) -> str:
@@ -124,3 +141,16 @@ def _limited_command(name: str, limiter: Signal, time: Array, values: Array) -> 
         share = 100.0 * duration / float(time[-1] - time[0])
         first = float(time[np.argmax(is_limited)])
         yield f"{name} for {share:.3g} % of the time, first at {first:g} s: {limiter.doc}"
+
+
+def _left_range(name: str, signal: Signal, time: Array, values: Array) -> Iterator[str]:
+    """Yield a line if an output leaves its range: the farthest value, and the first time."""
+    excess = np.maximum(values - signal.max, signal.min - values)
+    is_outside = excess > _SLACK * (signal.max - signal.min)
+    if is_outside.any():
+        farthest = format_value(float(values[np.nanargmax(excess)]), signal)
+        low, high = (format_value(end, signal, 5) for end in (signal.min, signal.max))
+        yield (
+            f"{name} reaches {farthest}, outside of its range, {low} to {high}, first at"
+            f" {float(time[np.argmax(is_outside)]):g} s: {signal.doc}"
+        )

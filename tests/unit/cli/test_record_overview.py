@@ -57,6 +57,17 @@ def test_the_command_that_is_printed_works_word_for_word(folder):
     assert f"{len(course())} samples" in works(*words, "--runtime", "python", cwd=folder)
 
 
+def test_of_several_columns_for_an_input_the_command_takes_one_and_says_so(folder):
+    rows = "\n".join(f"{0.1 * k:.1f},{k % 3},{k % 5},{3.7 + 0.01 * (k % 3)}" for k in range(60))
+    (folder / "two.csv").write_text(f"time [s],one [A],two [A],voltage [V]\n{rows}\n")
+    shown = works("info", "two.csv", "--model", "cell.py:Cell", cwd=folder)
+    (line,) = (line for line in shown.splitlines() if line.startswith("next"))
+    condition, command = line.split(": ppy ")
+    assert condition == "next, if current is 'one'"
+    assert shlex.split(command)[-2:] == ["--map", "one=current"]
+    assert "60 samples" in works(*shlex.split(command), "--runtime", "python", cwd=folder)
+
+
 def test_its_json_has_the_map(folder):
     answer = answered("info", "messung.asc", "--model", "cell.py:Cell", cwd=folder)
     assert answer["map"] == {"Strom": "current", "Spannung Zelle 1": "voltage"}

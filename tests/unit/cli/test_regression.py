@@ -31,6 +31,17 @@ def test_it_is_shown(regression, capsys):
     assert "not in right.csv, not compared: new" in printed.err
 
 
+def test_where_one_signal_has_a_tolerance_those_without_are_named(capsys):
+    units = {"v": "V", "w": "1"}
+    reference = Record(TIME, {"v": TIME, "w": TIME}, units, Path("right.csv"))
+    show(compare(reference, reference, read_tolerances("v=0.5V, 1%", "--tube")))
+    assert "without a tolerance, the same to the last bit: w" in capsys.readouterr().err
+    for tolerances in ("1%, v=0.5V", ""):
+        read = read_tolerances(tolerances, "--tube") if tolerances else {}
+        show(compare(reference, reference, read))
+        assert "to the last bit:" not in capsys.readouterr().err
+
+
 def test_each_signal_is_a_case_and_has_figures(regression):
     v, w = cases(regression)
     assert (v.subject, v.name, v.failure[:10]) == ("now.csv", "v", "differs by")

@@ -108,6 +108,17 @@ def test_a_model_that_was_extended_before_has_its_terms_in_its_laws():
     assert np.abs(fmu - kernel).max() < 1e-6
 
 
+def test_a_curve_declares_the_range_that_its_records_reached():
+    term = Term("leakage", "charge", Shape.CURVE, scale=1.0, places=(-1e-6, 0.0, 1e-6))
+    fit = fitted(Strain, [term], [[0.0, 0.0, 0.0]])
+    (output,) = (o for o in extended_component(fit).layout.outputs if o.name.endswith("_signal"))
+    record = fit.problem.records[0]
+    course = fit.problem.run(record, fit.point, fit.terms, fit.point.starts[0], False)
+    charge = course.outputs[:, 0] / 2.0  # strain over its gain
+    assert (output.min, output.max) == pytest.approx((charge.min(), charge.max()), rel=1e-9)
+    assert (output.name, output.unit) == ("leakage_of_charge_signal", "C")
+
+
 @pytest.mark.parametrize("memory", [Memory.LAG, Memory.PLAY, Memory.DAHL])
 def test_a_memory_that_an_output_shows_is_not_a_sample_late(memory):
     term = Term("free_strain", "charge", Shape.LINEAR, memory, (0.3,), size=2.0, scale=1.0)

@@ -28,6 +28,37 @@ from tests.support.oscillator_model import Oscillator
 LAG = Term("friction", "velocity", Shape.LINEAR, Memory.LAG, (0.5,), size=4.0, scale=2.0)
 
 
+class Oven(Component):
+    """An oven whose names are symbols, and one of whose laws has a title."""
+
+    name = "oven_of_symbols"
+    Ta = Input("K")
+    Tl = Input("K")
+
+    @titled("Losses to the room")
+    def losses(self):
+        """Losses."""
+        return 0.1 * (self.Tl - self.Ta)
+
+    @Output("W")
+    def P(self):
+        """Power."""
+        return self.losses()
+
+
+@pytest.mark.parametrize(
+    ("signal", "factor", "said"),
+    [
+        ("Tl", "", "losses to the room over Tl"),
+        ("Tl", "Ta", "losses to the room over Tl, in proportion to Ta"),
+        ("Tl", "losses", "losses to the room times a function of Tl"),
+        ("losses", "", "losses to the room over itself"),
+    ],
+)
+def test_names_keep_their_case_and_a_cause_is_over_its_signal(signal, factor, said):
+    assert sentence(Oven, Term("losses", signal, Shape.SQUARE, factor=factor)) == said
+
+
 def test_names_are_made_of_law_and_signal():
     offset = Term("friction", "", Shape.CONSTANT)
     cube = replace(DRY, shape=Shape.CUBE)

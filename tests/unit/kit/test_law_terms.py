@@ -62,6 +62,18 @@ def test_a_curve_is_flat_beyond_its_ends():
     assert added == pytest.approx([-2.0, -2.0, 0.5, 3.0, 3.0])
 
 
+def test_a_curve_shows_its_signal_with_the_range_in_which_it_was_identified():
+    places = (-1.0, 0.0, 1.0)
+    term = LawTerm("friction", "spring_force", "curve", "none", "bend", "N", "N", places=places)
+    assert not hasattr(with_terms(term), "bend_signal"), "of an FMU without a range"
+    term = replace(term, range=(-1.5, 1.25))
+    one = state_of(with_terms(term), bend=1.0)
+    (output,) = (o for o in one.layout.outputs if o.name == "bend_signal")
+    assert (output.min, output.max, output.unit) == (-1.5, 1.25, "N")
+    assert one.bend_signal() == pytest.approx(20.0 * 0.2)
+    assert not output.measured, "no instrument shows it"
+
+
 def test_a_curve_that_is_a_parabola_in_its_middle_is_one_there():
     places = tuple(0.5 * k - 1.0 for k in range(5))
     term = LawTerm("friction", "velocity", "curve", "none", "bend", "N", "m/s", places=places)

@@ -10,6 +10,7 @@ import pytest
 
 from fmus.kit import Component, UserError, stack
 from fmus.kit.titles import titled
+from orchestration.diagnosis.extension import law_term
 from orchestration.diagnosis.fitting import Fit
 from orchestration.diagnosis.report.effect_file import effect_source
 from orchestration.diagnosis.term_names import stems
@@ -43,6 +44,20 @@ def test_a_shape_runs_as_it_was_fitted(shape):
     made, text = written(fit)
     assert np.abs(run_fmu(fit, made) - kernel(fit)).max() < 1e-6
     assert text.isascii()
+
+
+@pytest.mark.parametrize("signal", ["velocity", "friction"])
+def test_a_curve_declares_the_range_in_which_it_was_identified(signal):
+    term = Term("friction", signal, Shape.CURVE, places=(-1e-6, 0.0, 1e-6))
+    fit = fitted(Oscillator, [term], [[0.0, 0.0, 0.0]])
+    made, _ = written(fit)
+    (output,) = (o for o in made.layout.outputs if o.name == f"friction_of_{signal}_signal")
+    one = made()
+    one.velocity = 0.3
+    assert getattr(one, output.name)() == pytest.approx(0.3 if signal == "velocity" else 0.8 * 0.3)
+    courses = law_term(fit, "friction", term).range
+    assert (output.min, output.max) == pytest.approx(courses, rel=1e-9)
+    assert output.min < -1e-3 < 1e-3 < output.max
 
 
 @pytest.mark.parametrize("memory", [*Memory][1:], ids=lambda memory: memory.name.lower())

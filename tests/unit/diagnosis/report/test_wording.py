@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from copy import copy
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -35,6 +36,25 @@ def test_headline_gives_each_cause_its_percent_and_the_rest(dry):
     assert step.endswith("and diagnose both records together.")
     several = replace(ambiguous, records=2 * ambiguous.records)
     assert wording.next_step(several).endswith("and diagnose all records together.")
+
+
+@pytest.mark.parametrize(
+    ("value", "high", "ending"),
+    [(100.0, 100.4, ", at its bound 100 N*s/m"), (100.0, 100.0, "100"), (99.9, 100.3, "100.3")],
+)
+def test_a_value_at_its_bound_says_so_if_its_interval_goes_on(value, high, ending, dry):
+    estimate = Estimate(value, 1.0, (99.0, high), "N*s/m")
+    (damping,) = (p for p in dry.subject.problem.model.parameters if p.name == "damping")
+    bounded = copy(damping)
+    bounded.max = 100.0
+    model = SimpleNamespace(parameters=[bounded])
+    problem = SimpleNamespace(model=model)
+    diagnosis = SimpleNamespace(subject=SimpleNamespace(problem=problem))
+    assert (
+        wording.interval(diagnosis, "damping", estimate)
+        .removesuffix(" N*s/m")
+        .endswith(ending.removesuffix(" N*s/m"))
+    )
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 12])

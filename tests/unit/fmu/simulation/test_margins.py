@@ -3,6 +3,7 @@ are not.
 """
 
 import numpy as np
+import pytest
 
 from orchestration.fmu import Signal
 from orchestration.fmu.simulation import LimitOutputs
@@ -10,8 +11,8 @@ from orchestration.fmu.simulation import LimitOutputs
 TIME = np.array([0.0, 1.0, 2.0, 3.0])
 
 
-def signal(name, unit="m", display="mm", start=0.0, kind="real", doc=""):
-    return Signal(name, kind, unit, display, start, -np.inf, np.inf, doc)
+def signal(name, unit="m", display="mm", start=0.0, kind="real", doc="", low=-np.inf, high=np.inf):
+    return Signal(name, kind, unit, display, start, low, high, doc)
 
 
 OUTPUTS = {
@@ -77,3 +78,28 @@ def test_a_limit_that_moves_is_that_of_the_worst_point():
     }
     (line,) = KNOWN.remarks(TIME, signals, {})
     assert line.startswith("a.stroke reaches 7 mm, beyond a.stroke_limit = 4 mm, first at 1 s")
+
+
+RANGED = {
+    "a.heat": signal("heat", "K", "degC", low=300.0, high=400.0, doc="why it is"),
+    "a.open": signal("open", low=0.0),
+}
+
+
+@pytest.mark.parametrize(
+    ("values", "farthest", "first"),
+    [([350.0, 402.0, 420.0, 390.0], "146.85", "1"), ([350.0, 301.0, 300.0, 280.0], "6.85", "3")],
+)
+def test_an_output_outside_of_its_range_is_told_of(values, farthest, first):
+    ranges = LimitOutputs.among(RANGED, {})
+    assert ranges.watched == ["a.heat"], "what has one end only has no range"
+    (line,) = ranges.remarks(TIME, {"a.heat": np.array(values)}, {})
+    assert line == (
+        f"a.heat reaches {farthest} degC, outside of its range, 26.85 degC to 126.85 degC,"
+        f" first at {first} s: why it is"
+    )
+
+
+def test_within_a_range_and_by_its_noise_nothing_is_told():
+    ranges = LimitOutputs.among(RANGED, {})
+    assert list(ranges.remarks(TIME, {"a.heat": np.array([300.0, 299.1, 400.9, np.nan])}, {})) == []
