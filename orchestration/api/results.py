@@ -46,7 +46,6 @@ from orchestration.reporting import (
     pictures,
     plain_table,
     saving,
-    write_page,
 )
 from orchestration.reporting.html import Page
 from orchestration.system.ssp import write as write_ssp
@@ -236,24 +235,6 @@ class Diagnosed(Displayable):
         """
         return estimates_frame(self.parameters)
 
-    def report(self, path: str | Path, command: str = "") -> Path:
-        """Write the result as a page of HTML.
-
-        Parameters
-        ----------
-        path : str or Path
-            An ``.html`` file.
-        command : str
-            Command that made the result, for the page; by default an equivalent one.
-
-        Raises
-        ------
-        UserError
-            If the page cannot be written, or its name does not end in ``.html``.
-        """
-        with in_shell():  # as from the command, which the page shows
-            return write_page(self, path, command)
-
     def page(self, command: str = "") -> Page:
         """Return the page of HTML, for a command that made the result."""
         return make_page(self._view(command or self._command))
@@ -263,8 +244,7 @@ class Diagnosed(Displayable):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON, in the form of ``ppy diagnose --json``."""
-        with in_shell():
-            return saving.stamped(self.figures(), self._view(self._command))
+        return saving.stamped(self.figures(), self._view(self._command))
 
     def figures(self) -> dict[str, Any]:
         """Return the figures alone, ready for JSON."""

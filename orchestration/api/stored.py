@@ -14,7 +14,8 @@ from fmus.kit import UserError
 from orchestration.diagnosis import DiagnosisView
 from orchestration.diagnosis.report import terminal
 from orchestration.diagnosis.systems import SystemView, overview
-from orchestration.reporting import Displayable, in_shell, one_line, saving, write_page
+from orchestration.reporting import Displayable, make_page, one_line, saving
+from orchestration.reporting.html import Page
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -76,26 +77,16 @@ class StoredResult(Displayable):
     def _kept(self) -> dict[str, Any]:
         return dict(self._figures)
 
-    def report(self, path: str | Path) -> Path:
-        """Write the page of HTML of the result.
-
-        Parameters
-        ----------
-        path : str or Path
-            An ``.html`` file.
-
-        Raises
-        ------
-        UserError
-            If the result had no page, it cannot be written, or its name does not end in ``.html``.
-        """
-        with in_shell():
-            return write_page(self._shown, path)
-
     def __repr__(self) -> str:
         if isinstance(self._shown, saving.Shown):
             return self._shown.line
         return one_line(f"StoredResult {self.verdict}: {self._source}")
+
+
+@make_page.register(StoredResult)
+def stored_page(result: StoredResult, command: str = "") -> Page:
+    """Make the page of a result from its file; UserError if it had none."""
+    return make_page(result._shown)
 
 
 def load(path: str | Path) -> StoredResult:

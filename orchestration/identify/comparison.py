@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from fmus.kit.errors import UserError, find
 from orchestration.fmu import Model, Value
 from orchestration.fmu.isolation import limits_of
 from orchestration.fmu.signal import join_names, numeric
-from orchestration.fmu.simulation import simulate, source_of
+from orchestration.fmu.simulation import LimitOutputs, simulate, source_of
 from orchestration.identify import presentation
 from orchestration.identify.fitting import (
     NO_ASSUMPTIONS,
@@ -26,7 +25,7 @@ from orchestration.identify.grey_box import Fit, fit_records
 from orchestration.identify.metrics import finite_or_none, fit_percent, rms
 from orchestration.identify.noise import WHITENESS_SAMPLES, Whiteness, whiteness
 from orchestration.records import Record, Source, read_record, read_runs, record_labels
-from orchestration.reporting import Displayable, one_line, option, write_page
+from orchestration.reporting import Displayable, one_line, option
 
 if TYPE_CHECKING:
     import pandas
@@ -93,6 +92,8 @@ class Comparison(Displayable):
     before, after : dict of str to GoodnessOfFit
         By output; ``after`` is None without a fit.
     fit : Fit or None
+    remarks : tuple of str
+        On limits that the latest run exceeds, and ranges that it leaves.
     """
 
     model: Model
@@ -101,6 +102,7 @@ class Comparison(Displayable):
     before: dict[str, GoodnessOfFit]
     fit: Fit | None
     after: dict[str, GoodnessOfFit] | None
+    remarks: tuple[str, ...] = ()
 
     @property
     def latest(self) -> dict[str, GoodnessOfFit]:
@@ -135,24 +137,6 @@ class Comparison(Displayable):
             Numbers with their units; None for numbers that are not finite.
         """
         return presentation.figures(self)
-
-    def report(self, path: str | Path, command: str = "") -> Path:
-        """Write a page about the fit.
-
-        Parameters
-        ----------
-        path : str or Path
-            An ``.html`` file.
-        command : str
-            Command that made the fit, for the page; by default an equivalent one.
-
-        Raises
-        ------
-        UserError
-            If nothing was fitted, or the page cannot be written, or its name does not end in
-            ``.html``.
-        """
-        return write_page(self, path, command)
 
 
 def read_for(model: Model, path: Source, mapping: Mapping[str, str] | None = None) -> Record:
@@ -279,10 +263,6 @@ class JointComparison(Displayable):
             records.append({**figures, "label": label, "fitted": {"outputs": fitted["outputs"]}})
         return {"records": records, "fitted": self.fit.to_dict()}
 
-    def report(self, path: str | Path, command: str = "") -> Path:
-        """Write a page about the fit, as `Comparison.report` does."""
-        return write_page(self, path, command)
-
 
 def compare(
     model: Model,
@@ -322,8 +302,8 @@ def compare(
         return next(iter(found.comparisons.values()))
     model = with_measured(model, record)
     progress(f"simulating {source_of(model).name} over {record.time.size} samples")
-    before = _assess(model, fit_data(model, record), given)
-    return Comparison(model, record, given, before, fit=None, after=None)
+    before, remarks = _assess(model, fit_data(model, record), given)
+    return Comparison(model, record, given, before, fit=None, after=None, remarks=remarks)
 
 
 def compare_fitted(
@@ -356,14 +336,14 @@ def compare_fitted(
     data = [fit_data(model, *pair) for pair in zip(records, labels, strict=True)]
     samples = sum(record.time.size for record in records)
     progress(f"simulating {source_of(model).name} over {samples} samples")
-    before = [_assess(model, one, given) for one in data]
+    before = [_assess(model, one, given)[0] for one in data]
     progress(f"fitting {', '.join(names)}")
     fit = fit_model(model, data, names, given, assumptions, workers=workers)
     progress("simulating with the fitted parameters")
     comparisons = {}
     for record, one, first in zip(records, data, before, strict=True):
-        after = _assess(model, one, given | fit.values_of(one.label))
-        comparisons[one.label] = Comparison(model, record, given, first, fit=fit, after=after)
+        after, remarks = _assess(model, one, given | fit.values_of(one.label))
+        comparisons[one.label] = Comparison(model, record, given, first, fit, after, remarks)
     return JointComparison(comparisons, fit)
 
 
@@ -448,8 +428,8 @@ def _checked_names(model: Model, words: Sequence[str], fit: str = "") -> list[st
 
 def _assess(
     model: Model, data: FitData, parameters: Mapping[str, Value]
-) -> dict[str, GoodnessOfFit]:
-    """Simulate the model, and return the goodness of fit of every measured output."""
+) -> tuple[dict[str, GoodnessOfFit], tuple[str, ...]]:
+    """Simulate the model; return the goodness of fit of every measured output, and remarks."""
     simulated = simulate(
         model, data.time, data.inputs, parameters, isolation=limits_of(model.foreign)
     )
@@ -464,4 +444,5 @@ def _assess(
             rms(residual),
             whiteness(residual) if is_long_enough else None,
         )
-    return assessed
+    limits = LimitOutputs.among(model.outputs, model.parameters)
+    return assessed, tuple(limits.remarks(data.time, simulated, parameters))

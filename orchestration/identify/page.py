@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fmus.kit import UserError, quoting, units
+from fmus.kit import quoting, units
 from fmus.kit.titles import capitalised, in_words, law_title, variable_title
 from fmus.kit.units import format_prefixed, unit_of_differences, write_prefixed
 from orchestration.identify import presentation
@@ -27,33 +27,49 @@ from orchestration.reporting.html import (
     stacked,
 )
 
+_HOLDOUT = "Hold them against a record that was not fitted to: ppy compare."
 _NAMED = 3  # parameters in the first sentence
 _HEIGHT, _RESIDUAL_HEIGHT = 190, 110  # pixels
-_BEFORE, _FITTED = "before", "fitted"
+_COLOURS = {
+    "simulated": pictures.MODEL,
+    "before": pictures.MODEL,
+    "fitted": pictures.FITTED,
+}  # of runs, by label
 
 
 @make_page.register(Comparison)
 def fit_page(comparison: Comparison, command: str = "") -> Page:
-    """Make the page of a comparison after a fit.
+    """Make the page of a comparison, with the fit if there is one.
 
     Parameters
     ----------
     comparison : Comparison
     command : str
-        That made it; unless given, one that makes the same fit.
-
-    Raises
-    ------
-    UserError
-        If nothing was fitted.
+        That made it; unless given, one that makes the same comparison.
     """
-    fit = comparison.fit
-    if fit is None:
-        raise UserError(
-            f"{comparison.record.source}: nothing was fitted, so there is nothing to report"
-        )
-    command = command or _repeating_command(comparison, fit)
-    return _make_page([comparison], fit, command)
+    command = command or _repeating_command(comparison)
+    return _make_page([comparison], comparison.fit, command)
+
+
+@make_page.register(Fit)
+def parameters_page(fit: Fit, command: str = "") -> Page:
+    """Make the page of a fit alone: values, what is doubtful about them, and how they were found.
+
+    Parameters
+    ----------
+    fit : Fit
+    command : str
+        That made it.
+    """
+    page = Page(_values_sentence(fit), "")
+    page.heading("What to do next")
+    page.items([*fit.all_warnings, _HOLDOUT])
+    page.heading("How sure this is")
+    _add_parameters(page, fit)
+    _add_correlations(page, fit)
+    page.heading("How it was found")
+    page.text(_method(fit))
+    return page
 
 
 @make_page.register(JointComparison)
@@ -69,16 +85,20 @@ def joint_page(joint: JointComparison, command: str = "") -> Page:
     return _make_page([*joint.comparisons.values()], joint.fit, command)
 
 
-def _make_page(comparisons: Sequence[Comparison], fit: Fit, command: str) -> Page:
-    """Make the page of a fit to one record or several."""
+def _make_page(comparisons: Sequence[Comparison], fit: Fit | None, command: str) -> Page:
+    """Make the page of a comparison, or of a fit to one record or several."""
     sources = dict.fromkeys(one.record.source for one in comparisons)
     first = comparisons[0]
     names = ", ".join(f"<code>{escaped(source.name)}</code>" for source in sources)
-    about = f"Fit of <code>{escaped(first.model.name)}</code> to {names}"
+    model = f"<code>{escaped(first.model.name)}</code>"
     errors = [*map(_errors_sentence, comparisons)]
     if len(comparisons) > 1:
         errors = [f"{_label(one)}: {text}" for one, text in zip(comparisons, errors, strict=True)]
-    page = Page(_values_sentence(fit), " ".join(errors), Markup(about))
+    if fit is None:
+        page = Page(" ".join(errors), "", Markup(f"Comparison of {model} with {names}"))
+    else:
+        about = Markup(f"Fit of {model} to {names}")
+        page = Page(_values_sentence(fit), " ".join(errors), about)
     page.heading("What is wrong")
     for comparison in comparisons:
         if len(comparisons) > 1:
@@ -88,8 +108,8 @@ def _make_page(comparisons: Sequence[Comparison], fit: Fit, command: str) -> Pag
                 elements.bar_chart(_title(comparison, output), _bars_of(comparison, output))
             )
     page.text(
-        "Root mean square of measured minus simulated over the record that was fitted to, in"
-        " percent of that of the measurement about its mean, and in its unit."
+        "Root mean square of measured minus simulated over the record, in percent of that of the"
+        " measurement about its mean, and in its unit."
     )
     page.heading("The model beside the record")
     for comparison in comparisons:
@@ -102,24 +122,35 @@ def _make_page(comparisons: Sequence[Comparison], fit: Fit, command: str) -> Pag
     steps = (step for one in comparisons for step in _next_steps(one, fit, command))
     page.items([*dict.fromkeys(steps)])
     page.heading("How sure this is")
-    _add_parameters(page, fit)
-    _add_correlations(page, fit)
+    if fit is not None:
+        _add_parameters(page, fit)
+        _add_correlations(page, fit)
     page.items([text for one in comparisons for text in _uncertainty_remarks(one, fit)])
     page.heading("How it was found")
-    page.text(
-        "The model ran free over the record, and the sum of squared differences was minimised, each"
-        f" output weighted by its own residual: {fit.evaluations} simulations in {fit.searches}"
-        f" {'search' if fit.searches == 1 else 'searches'}."
-    )
+    page.text(_method(fit))
     page.items([repair.message for one in comparisons for repair in one.record.repairs])
     page.reproduction([*sources], command)
     return page
 
 
-def _repeating_command(comparison: Comparison, fit: Fit) -> str:
-    """Return a command that makes the same fit."""
-    words: list[str | Path] = ["ppy", "identify", comparison.record.source]
-    words += ["--model", comparison.model.name, flag("fit"), ",".join(fit.estimates)]
+def _method(fit: Fit | None) -> str:
+    """Return a sentence on how the simulations were made."""
+    if fit is None:
+        return "The model ran free over the record, with the parameters that it was given."
+    return (
+        "The model ran free over the record, and the sum of squared differences was minimised, each"
+        f" output weighted by its own residual: {fit.evaluations} simulations in {fit.searches}"
+        f" {'search' if fit.searches == 1 else 'searches'}."
+    )
+
+
+def _repeating_command(comparison: Comparison) -> str:
+    """Return a command that makes the same comparison or fit."""
+    fit = comparison.fit
+    words: list[str | Path] = ["ppy", "identify" if fit else "compare", comparison.record.source]
+    words += ["--model", comparison.model.name]
+    if fit is not None:
+        words += [flag("fit"), ",".join(fit.estimates)]
     for name, value in comparison.parameters.items():
         words += [flag("settings"), f"{name}={value}"]
     return quoting.shell(words)
@@ -137,12 +168,14 @@ def _values_sentence(fit: Fit) -> str:
 
 
 def _errors_sentence(comparison: Comparison) -> str:
-    """Return a sentence for each output with its error after the fit and before it."""
+    """Return a sentence for each output with its error, and that before a fit."""
     sentences = []
     for output, goodness in comparison.latest.items():
         title = _title(comparison, output)
-        before = _error_percent(comparison.before[output])
-        error = f"off by {_error_percent(goodness)} instead of {before} of what it moves by"
+        before = (
+            f" instead of {_error_percent(comparison.before[output])}" if comparison.fit else ""
+        )
+        error = f"off by {_error_percent(goodness)}{before} of what it moves by"
         sentences.append(f"{title} is {'noise alone' if goodness.is_noise_alone else error}.")
     return " ".join(sentences)
 
@@ -169,21 +202,19 @@ def _title(comparison: Comparison, output: str) -> str:
 
 
 def _bars_of(comparison: Comparison, output: str) -> list[Bar]:
-    """Return bars of the error of an output before the fit and after it; none of noise alone."""
+    """Return a bar of the error of an output in each run; none of noise alone."""
     signal = comparison.model.outputs[output]
     bars = []
-    for label, colour, goodness in (
-        (_BEFORE, pictures.MODEL, comparison.before[output]),
-        (_FITTED, pictures.FITTED, comparison.latest[output]),
-    ):
+    for label, run in presentation.runs(comparison).items():
+        goodness = run[output]
         size = write_prefixed(goodness.rms, signal.unit)
         length = math.nan if goodness.is_noise_alone else goodness.rms
-        bars.append(Bar(label, colour, length, f"{_error_percent(goodness)} · {size}"))
+        bars.append(Bar(label, _COLOURS[label], length, f"{_error_percent(goodness)} · {size}"))
     return bars
 
 
 def _draw_runs(comparison: Comparison) -> Markup:
-    """Draw every output as measured, before and after the fit, and the residuals."""
+    """Draw every output as measured and in each run, and the residuals."""
     panels = []
     for output in comparison.before:
         panels += _panels_of_output(comparison, output)
@@ -194,21 +225,19 @@ def _draw_runs(comparison: Comparison) -> Markup:
 def _panels_of_output(comparison: Comparison, output: str) -> list[Panel]:
     """Return the panel of an output, and the one of its residuals."""
     time = comparison.record.time
-    before = comparison.before[output]
-    after = comparison.latest[output]
     signal = comparison.model.outputs[output]
     unit = comparison.record.display_unit(output, signal)
     difference = unit_of_differences(signal)
-    measured = units.convert(before.measured, signal.unit, unit)
+    measured = units.convert(comparison.before[output].measured, signal.unit, unit)
     traces = [Trace("measured", time, measured, pictures.MEASURED, 3.5)]
     residuals = []
-    runs = [(_BEFORE, before, pictures.MODEL), (_FITTED, after, pictures.FITTED)]
-    for label, goodness, colour in runs:
-        is_fitted = label == _FITTED
-        values = units.convert(goodness.simulated, signal.unit, unit)
-        residual = units.convert(goodness.residual, signal.unit, difference)
-        traces.append(Trace(label, time, values, colour, makes_room=is_fitted))
-        residuals.append(Trace(label, time, residual, colour, makes_room=is_fitted))
+    for label, run in presentation.runs(comparison).items():
+        makes_room = run is comparison.latest
+        values = units.convert(run[output].simulated, signal.unit, unit)
+        residual = units.convert(run[output].residual, signal.unit, difference)
+        colour = _COLOURS[label]
+        traces.append(Trace(label, time, values, colour, makes_room=makes_room))
+        residuals.append(Trace(label, time, residual, colour, makes_room=makes_room))
     return [
         Panel(pictures.with_unit(_title(comparison, output), unit), _HEIGHT, traces),
         Panel(pictures.with_unit("measured − simulated", difference), _RESIDUAL_HEIGHT, residuals),
@@ -220,11 +249,11 @@ def _is_logarithmic(time: np.ndarray) -> bool:
     return bool(time[0] > 0.0 and len(steps) and steps.max() > 1000.0 * steps.min())
 
 
-def _next_steps(comparison: Comparison, fit: Fit, command: str) -> list[str]:
-    """Return what to do after a command: by warnings of the fit, then by whiteness of residuals."""
+def _next_steps(comparison: Comparison, fit: Fit | None, command: str) -> list[str]:
+    """Return what to do after a command: by its warnings, then by whiteness of residuals."""
     tests = {output: goodness.whiteness for output, goodness in comparison.latest.items()}
     coloured = [output for output, test in tests.items() if test and not test.is_white]
-    steps = [*fit.all_warnings]
+    steps = [*comparison.remarks, *(fit.all_warnings if fit else ())]
     if coloured:
         steps.append(
             f"What is left of {' and '.join(in_words(output) for output in coloured)} is no noise:"
@@ -232,9 +261,12 @@ def _next_steps(comparison: Comparison, fit: Fit, command: str) -> list[str]:
         )
     else:
         steps.append("What is left is noise: nothing in this record asks for another model.")
+    if fit is None:
+        steps.append("Fit parameters to the record: ppy identify --fit.")
+        return steps
     if flag("ssv") not in command:
         steps.append("Write the values for any system: ppy identify --ssv values.ssv.")
-    steps.append("Hold them against a record that was not fitted to: ppy compare.")
+    steps.append(_HOLDOUT)
     return steps
 
 
@@ -262,7 +294,7 @@ def _add_correlations(page: Page, fit: Fit) -> None:
     page.table(["correlation", *names], presentation.correlation_rows(fit))
 
 
-def _uncertainty_remarks(comparison: Comparison, fit: Fit) -> list[str]:
+def _uncertainty_remarks(comparison: Comparison, fit: Fit | None) -> list[str]:
     """Return the results of the residual tests, and the strongly correlated parameters."""
     texts = []
     for output, goodness in comparison.latest.items():
@@ -271,6 +303,6 @@ def _uncertainty_remarks(comparison: Comparison, fit: Fit) -> list[str]:
     texts += [
         f"{in_words(a)} and {in_words(b)} are known together better than each (correlation"
         f" {r:+.2f})."
-        for (a, b), r in fit.coupled.items()
+        for (a, b), r in (fit.coupled.items() if fit else ())
     ]
     return texts

@@ -42,7 +42,7 @@ def overview(*comparisons: Comparison) -> Group:
 
 
 def goodness(comparison: Comparison) -> Group:
-    """Return the fit, error and whiteness of every output and run of a record."""
+    """Return fit, error and whiteness of every output and run of a record, and remarks."""
     model = comparison.model
     record = comparison.record
     table = plain_table(
@@ -55,7 +55,7 @@ def goodness(comparison: Comparison) -> Group:
             residual = judged.whiteness.summary() if judged.whiteness else "too short to judge"
             table.add_row(output, label, _percent(judged), error, residual)
     title = f"{record.source.name} against {model.title}: {record.time.size} samples"
-    return Group(Text(title), table)
+    return Group(Text(title), table, *(Text(f"warning: {line}") for line in comparison.remarks))
 
 
 def _percent(goodness: GoodnessOfFit) -> str:
@@ -170,6 +170,7 @@ def figures(comparison: Comparison) -> dict[str, Any]:
         "model": comparison.model.name,
         "set": comparison.parameters,
         "outputs": output_figures(comparison.before),
+        "remarks": list(comparison.remarks),
     }
     if comparison.fit is not None and comparison.after is not None:
         result["fitted"] = {"outputs": output_figures(comparison.after), **comparison.fit.to_dict()}

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError
-from orchestration.reporting.drawing import draw
+from orchestration.reporting.drawing import draw, write_page
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -66,6 +66,24 @@ class Displayable:
         from orchestration.reporting import pictures
 
         return pictures.also_saved(self.draw(), path)
+
+    def report(self, path: str | Path, command: str = "") -> Path:
+        """Write the page of the result.
+
+        Parameters
+        ----------
+        path : str or Path
+            An ``.html`` file.
+        command : str
+            Command that made the result, for the page; by default an equivalent one, where there is
+            one.
+
+        Raises
+        ------
+        UserError
+            If the result has no page, it cannot be written, or its name does not end in ``.html``.
+        """
+        return write_page(self, path, command)
 
     def save(self, path: str | Path) -> Path:
         """Write the result to a file, from which `ppy.load` shows it again.

@@ -15,7 +15,6 @@ from pydantic import BaseModel, ConfigDict
 from fmus.kit import UserError, files
 from orchestration.reporting.drawing import make_page, registered
 from orchestration.reporting.html import Page
-from orchestration.reporting.phrasing import in_shell
 
 FORMAT = 1  # of files; another one where a field is no longer what it was
 STAMP = "format"
@@ -97,8 +96,7 @@ def _page_of(result: Any) -> ShownPage | None:
         registered(make_page, type(result), "page")
     except UserError:
         return None
-    with in_shell():
-        page = make_page(result)
+    page = make_page(result)
     return ShownPage(title=page.title, parts=[*map(str, page.parts)])
 
 

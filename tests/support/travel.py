@@ -8,12 +8,14 @@ from __future__ import annotations
 import json
 import pickle
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from orchestration.reporting import Displayable, ResultDataset, in_shell
+from fmus.kit import UserError
+from orchestration.reporting import Displayable, ResultDataset
 
 STATES = np.linspace(0.1, 0.7, 40)  # of a model; more than any has
 
@@ -21,12 +23,12 @@ STATES = np.linspace(0.1, 0.7, 40)  # of a model; more than any has
 def write_shown(result: Any, folder: Path) -> None:
     """Write text, figures, page and laws of a result into a folder, as far as it has them."""
     folder.mkdir(parents=True)
-    with in_shell():
-        (folder / "text").write_text(f"{result!r}\n{result}", encoding="utf-8")
+    (folder / "text").write_text(f"{result!r}\n{result}", encoding="utf-8")
     if isinstance(result, Displayable | ResultDataset):
         result.save(folder / "saved.json")
-    if hasattr(result, "report"):
-        result.report(folder / "page.html")
+    if isinstance(result, Displayable):
+        with suppress(UserError):  # it has no page
+            result.report(folder / "page.html")
     cls = getattr(result, "model", None) or getattr(result, "cls", None)
     if isinstance(cls, type):
         instance: Any = cls()

@@ -15,7 +15,7 @@ from orchestration.identify.ageing.life import LifeForecast
 from orchestration.identify.effect_sizes import interval_cells
 from orchestration.identify.metrics import finite_or_none
 from orchestration.identify.uncertainty import Estimate
-from orchestration.reporting import Displayable, format_percent, one_line, plain_table, write_page
+from orchestration.reporting import Displayable, format_percent, one_line, plain_table
 
 if TYPE_CHECKING:
     import pandas
@@ -185,23 +185,6 @@ class Ageing(Displayable):
             "derating": self.derating and self.derating.steps(),
             "notes": [*self.notes],
         }
-
-    def report(self, path: str | Path, command: str = "") -> Path:
-        """Write the page.
-
-        Parameters
-        ----------
-        path : str or Path
-            An ``.html`` file.
-        command : str
-            Command that made the result, for the page.
-
-        Raises
-        ------
-        UserError
-            If it cannot be written, or its name does not end in ``.html``.
-        """
-        return write_page(self, path, command)
 
 
 def hours(seconds: float) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ from orchestration.api.stored import load
 from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.law_map import map_laws
 from orchestration.fmu.check.finding import Finding, Findings
-from orchestration.reporting import in_shell, make_page
+from orchestration.reporting import make_page
 from orchestration.reporting.saving import FORMAT
 from tests.support.browser import chromium
 from tests.support.oscillator import CUBE, DRY, diagnosis_with, oscillator_record
@@ -46,8 +47,7 @@ def results(dry):
 def test_terminal_and_page_are_those_of_the_time(results, kind, tmp_path):
     result = results[kind].as_typed("ppy diagnose a.csv --fmu b.fmu", {"fmu": "b.fmu"})
     stored = load(kept(result, tmp_path))
-    with in_shell():
-        assert str(stored) == str(result)
+    assert str(stored) == str(result)
     pages = [one.report(tmp_path / name) for one, name in ((result, "a.html"), (stored, "b.html"))]
     assert pages[0].read_bytes() == pages[1].read_bytes()
     assert "--fmu b.fmu" in pages[0].read_text(encoding="utf-8")
@@ -64,7 +64,10 @@ def compared():
     return ppy.compare({"time [s]": record.time} | columns, Oscillator, fit=["damping"])
 
 
-def test_a_comparison_has_its_page(compared, tmp_path):
+@pytest.mark.parametrize("part", ["whole", "without a fit", "fit alone"])
+def test_a_comparison_has_its_page(compared, part, tmp_path):
+    plain = replace(compared, fit=None, after=None)
+    compared = {"whole": compared, "without a fit": plain, "fit alone": compared.fit}[part]
     stored = load(compared.save(tmp_path / "compared.json"))
     assert (str(stored), repr(stored)) == (str(compared), repr(compared))
     assert stored.report(tmp_path / "a.html").read_text("utf-8") == make_page(compared).html()
@@ -85,8 +88,7 @@ def test_a_result_without_page_or_figures_prints(tmp_path):
 @pytest.mark.parametrize("name", ["diagnosis", "comparison"])
 def test_a_file_of_the_first_format_is_read(name, tmp_path):
     stored = load(PINNED / f"{name}.json")
-    with in_shell():
-        assert f"{stored}\n" == (PINNED / f"{name}.txt").read_text(encoding="utf-8")
+    assert f"{stored}\n" == (PINNED / f"{name}.txt").read_text(encoding="utf-8")
     assert "<h1>" in stored.report(tmp_path / "page.html").read_text(encoding="utf-8")
 
 

@@ -128,10 +128,30 @@ def test_every_output_is_drawn_above_what_is_left_of_it(page):
     assert [panel.title for panel in chart] == ["Drop 1 [V]", "measured − simulated [V]"]
 
 
-def test_without_a_fit_there_is_no_page(compared, tmp_path):
+def test_without_a_fit_a_page_has_the_errors_of_the_one_run(compared, tmp_path):
     plain = work.compare(compared.model, compared.record)
-    with pytest.raises(UserError, match="nothing was fitted"):
-        plain.report(tmp_path / "fit.html")
+    text = plain.report(tmp_path / "plain.html").read_text(encoding="utf-8")
+    words = words_of(text)
+    error = 100.0 * np.linalg.norm(plain.latest["drop_1"].residual)
+    error /= np.linalg.norm(
+        compared.record.signals["drop_1"] - compared.record.signals["drop_1"].mean()
+    )
+    assert f"{error:.1f} %" in words
+    assert "ppy compare" in words.split("How to reproduce")[1]
+    (chart,) = charts_of(text)
+    assert len(chart) == 2
+
+
+def test_a_fit_has_a_page_with_its_values_and_intervals(compared, tmp_path):
+    path = compared.fit.report(tmp_path / "values.html")
+    words = words_of(path.read_text(encoding="utf-8"))
+    low, high = map(float, re.search(r"([\d.]+) … ([\d.]+) mΩ", words).groups())
+    assert (1e-3 * low, 1e-3 * high) == pytest.approx(
+        compared.fit.estimates["r_lead"].interval, rel=1e-3
+    )
+
+
+def test_a_page_is_a_file_of_html(compared, tmp_path):
     with pytest.raises(UserError, match=r"ends in \.html"):
         compared.report(tmp_path / "fit.txt")
 

@@ -23,7 +23,7 @@ from orchestration.identify.black_box.residual_tests import ResidualTests
 from orchestration.identify.black_box.study.columns import Columns
 from orchestration.identify.black_box.study.component import source
 from orchestration.identify.metrics import finite_or_none
-from orchestration.reporting import Displayable, one_line, plain_table, write_page
+from orchestration.reporting import Displayable, one_line, plain_table
 
 if TYPE_CHECKING:
     import pandas
@@ -190,16 +190,6 @@ class BlackBox(Displayable):
             "doubts": [*identification.doubts],
             "messages": [*identification.messages],
         }
-
-    def report(self, path: str | Path) -> Path:
-        """Write a page: table of structures, free run, residual tests, s-plane, parameters.
-
-        Raises
-        ------
-        UserError
-            If it cannot be written.
-        """
-        return write_page(self, path)
 
     def export(self, path: str | Path, name: str = "") -> Path:
         """Write the chosen model as a class, of which ``ppy build file.py:Class`` makes FMUs.
