@@ -41,6 +41,7 @@ from orchestration.records.times import (
     require_resolution,
     require_unit,
     seconds,
+    without_rounding,
 )
 from orchestration.reporting import option
 
@@ -275,7 +276,8 @@ def time_in_seconds(table: Table, match: Match, discard: float = 0.0) -> np.ndar
     if not holds_instants(column):
         if match.unit is None and column.unit in (None, "s"):
             require_unit(table, column, numbers(table, column))
-        return _column_in_unit(table, match, "s")
+        time = _column_in_unit(table, match, "s")
+        return without_rounding(table, column, numbers(table, column), time)
     if match.unit is not None and not is_form(match.unit):
         raise refuse(
             table.path,

@@ -7,6 +7,7 @@ from .instants import merge_date_and_time as merge_date_and_time
 from .instants import seconds as seconds
 from .plausible import require_resolution as require_resolution
 from .plausible import require_unit as require_unit
+from .rounded import without_rounding as without_rounding
 from .time_column import TIME as TIME
 from .time_column import complementary_column as complementary_column
 from .time_column import find_time as find_time

@@ -72,7 +72,13 @@ def test_columns_are_read_under_their_own_names_in_their_own_units(tmp_path):
             24841,
             {"ignored columns"},
         ),
-        ("silverbox_snls80mV.csv", {"input": "V", "output": "V"}, {}, 131072, set()),
+        (
+            "silverbox_snls80mV.csv",
+            {"input": "V", "output": "V"},
+            {},
+            131072,
+            {"rounded time"},
+        ),
         (
             "supercapacitor_before_ageing_5mV_per_s.csv",
             {"voltage": "V", "current": "A"},
@@ -105,7 +111,8 @@ def test_public_records_agree_with_a_plain_reading(name, signals, mapping, size,
     assert {repair.kind for repair in record.repairs} == kinds
     raw = np.genfromtxt(path, delimiter=",", names=True)
     plain = raw[raw.dtype.names[0]]
-    np.testing.assert_array_equal(record.time, np.unique(plain))
+    rounding = 1e-5 if "rounded time" in kinds else 0.0
+    np.testing.assert_allclose(record.time, np.unique(plain), rtol=0.0, atol=rounding)
     if "current" in signals:
         np.testing.assert_allclose(record.signals["current"], raw["current_mA"] / 1000, rtol=1e-14)
     if "displacement" in signals:
