@@ -131,6 +131,8 @@ def _courses(
         options["progress"](f"window {k + 1} of {len(windows)}")
         data = comparison.fit_data(subject, one)
         fits.append(comparison.fit_model(subject, [data], options["fit"], given))
+        if fits[-1].is_interrupted:  # the rest of the windows would go on
+            raise KeyboardInterrupt
     courses = {
         name: Course.of([fit.estimates[name] for fit in fits], declared)
         for name, declared in fits[0].declared.items()

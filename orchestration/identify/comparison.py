@@ -338,7 +338,7 @@ def compare_fitted(
     progress(f"simulating {source_of(model).name} over {samples} samples")
     before = [_assess(model, one, given)[0] for one in data]
     progress(f"fitting {', '.join(names)}")
-    fit = fit_model(model, data, names, given, assumptions, workers=workers)
+    fit = fit_model(model, data, names, given, assumptions, progress=progress, workers=workers)
     progress("simulating with the fitted parameters")
     comparisons = {}
     for record, one, first in zip(records, data, before, strict=True):
@@ -361,6 +361,7 @@ def fit_model(
     given: Mapping[str, Value],
     assumptions: Assumptions = NO_ASSUMPTIONS,
     *,
+    progress: Callable[[str], None] = lambda text: None,
     workers: int = 1,
 ) -> Fit:
     """Fit a model's parameters: by its equations where they are known, else by running its FMU.
@@ -375,6 +376,8 @@ def fit_model(
     given : Mapping of str to float or str
         Values of other parameters and of constant inputs; starting points of the fitted ones.
     assumptions : Assumptions
+    progress : callable
+        Takes what is done next.
     workers : int
         Processes that run an FMU without equations side by side.
 
@@ -392,7 +395,7 @@ def fit_model(
         held = {name: np.full(record.time.size, value) for name, value in constant.items()}
         data.append(record._replace(inputs=held | dict(record.inputs)))
     if model.cls is not None:
-        fit = fit_records(model.cls, data, names, numeric(fixed), assumptions)
+        fit = fit_records(model.cls, data, names, numeric(fixed), assumptions, progress)
         assert fit.likelihood is not None
         # of an FMU, differences of its runs would cost too much for this
         return replace(fit, warnings=[*fit.warnings, *fit.likelihood.narrow_warnings()])
@@ -400,7 +403,7 @@ def fit_model(
     numbers = {name: value for name, value in fixed.items() if not isinstance(value, str)}
     outputs = list(dict.fromkeys(output for record in records for output in record.measured))
     with FmuWithDifferences(model, moved, outputs, others, workers) as fmu:
-        fit = fit_records(fmu, data, names, numeric(numbers), assumptions)
+        fit = fit_records(fmu, data, names, numeric(numbers), assumptions, progress)
         return replace(fit, evaluations=fmu.runs)
 
 

@@ -101,6 +101,8 @@ class Fit(Displayable):
         Number of points from which a search began.
     ties : Mapping of str to tuple of (float, str)
         Factor, and the fitted parameter of which another one is that multiple.
+    is_interrupted : bool
+        Whether Ctrl-C ended the search; the values are then the best so far.
     """
 
     estimates: dict[str, Estimate]
@@ -115,6 +117,7 @@ class Fit(Displayable):
     deviance: float = float("nan")
     searches: int = 1
     ties: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    is_interrupted: bool = False
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the attributes that are copied and pickled."""
@@ -527,6 +530,7 @@ def fit_records(
     names: Sequence[str],
     fixed: Mapping[str, float],
     assumptions: Assumptions = NO_ASSUMPTIONS,
+    progress: Callable[[str], None] = lambda text: None,
 ) -> Fit:
     """Fit parameters of one model to several records at once.
 
@@ -537,6 +541,8 @@ def fit_records(
     records : sequence of FitData
         With one set of parameters, but for start values of states and `Assumptions.each`.
     assumptions : Assumptions
+    progress : callable
+        See `fit_from_starts`.
 
     Returns
     -------
@@ -552,7 +558,7 @@ def fit_records(
     problem = _problem_of(cls, records, names, fixed, assumptions)
     _check_problem(problem)
     start = problem.position(problem.start)
-    searches = fit_from_starts(problem, start, assumptions.starts)
+    searches = fit_from_starts(problem, start, assumptions.starts, progress)
     fitted = searches.best
     spread = _coloured_covariance(problem, fitted)
     ties = dict(problem.assumptions.ties)
@@ -580,6 +586,7 @@ def fit_records(
         samples=problem.samples,
         deviance=fitted.deviance,
         searches=searches.made,
+        is_interrupted=searches.is_interrupted,
         ties=ties,
     )
 
@@ -637,7 +644,9 @@ def _search_warnings(problem: Problem, searches: Searches) -> Iterator[str]:
             "the error has several minima: from the start the search ends at one whose deviance is"
             f" {searches.gain:.3g} higher; these values are the best of {searches.made} searches"
         )
-    if not fitted.converged:
+    if searches.is_interrupted:
+        yield "interrupted: the values are the best so far"
+    elif not fitted.converged:
         yield "the search stopped before it converged; the values are the best found"
     if np.array_equal(fitted.q, problem.position(problem.start)):
         yield "the search has not left its start: no other value nearby fits better"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from fmus.kit import UserError
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import IdentifyCommand
+from orchestration.cli.ending import end_interrupted
 from orchestration.cli.isolation import isolating
 from orchestration.cli.outputs import (
     Outputs,
@@ -53,7 +54,9 @@ def identify(options: IdentifyCommand) -> None:
         one_or_all: Comparison | JointComparison = found
         if len(found.comparisons) == 1:
             (one_or_all,) = found.comparisons.values()
-        posterior = _sampled(found.fit, options["posterior"])
+        posterior = None
+        if not found.fit.is_interrupted:
+            posterior = _sampled(found.fit, options["posterior"])
         figures = one_or_all.to_dict()
         with standard_output_for(options["json"]):
             _show(found)
@@ -65,6 +68,8 @@ def identify(options: IdentifyCommand) -> None:
             if posterior is not None and options["corner"] is not None:
                 posterior.plot(options["corner"])
                 wrote(options["corner"])
+        if found.fit.is_interrupted:
+            end_interrupted("the values are the best so far")
 
 
 def _fitted(options: IdentifyCommand, profiled: list[str]) -> JointComparison:
@@ -87,6 +92,8 @@ def _fitted(options: IdentifyCommand, profiled: list[str]) -> JointComparison:
             progress=tell,
             workers=options["workers"],
         )
+        if found.fit.is_interrupted:
+            return found
         if profiled:
             tell(f"fitting again, with {', '.join(profiled)} held")
         for k, name in enumerate(profiled):
@@ -133,7 +140,7 @@ def _write(found: Comparison | JointComparison, fit: Fit, options: IdentifyComma
     if plot is not None:
         found.plot(plot)
         wrote(plot)
-    if profile_plot is not None:
+    if profile_plot is not None and fit.profiles:  # none after an interrupt
         fit.plot_profiles(profile_plot)
         wrote(profile_plot)
     if report is not None:

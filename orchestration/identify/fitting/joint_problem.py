@@ -124,6 +124,22 @@ class JointProblem(Problem):
             sensitivities.append({output: by_own @ columns for output, by_own in slopes.items()})
         return _joined(residuals), _joined(sensitivities)
 
+    def delay_costs(self, values: Mapping[str, float]) -> dict[str, Array]:
+        """Return the squared errors (k,) over all records; see `Problem.delay_costs`."""
+        costs: dict[str, Array] = {}
+        for member, joint in zip(self._members, self._joint_names, strict=True):
+            own = {name: values[joint[name]] for name in member.names}
+            for name, squares in member.delay_costs(own).items():
+                known = costs.get(joint.get(name, name))
+                costs[joint.get(name, name)] = squares if known is None else _added(known, squares)
+        return costs
+
+
+def _added(one: Array, other: Array) -> Array:
+    """Return the sum of two series (k,), as far as both go."""
+    both = min(len(one), len(other))
+    return one[:both] + other[:both]
+
 
 def _member(
     cls: Subject,

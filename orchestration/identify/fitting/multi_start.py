@@ -7,13 +7,15 @@ best of them (Rinnooy Kan and Timmer, Mathematical Programming 39, 1987).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import log
 from typing import NamedTuple
 
 import numpy as np
 
 from fmus.kit import UserError
-from fmus.kit.arrays import Array
+from fmus.kit.arrays import Array, single_threaded
+from fmus.kit.interrupt import Interrupt, deferred
 from orchestration.identify.fitting.output_error import FitResult, fit_output_error
 from orchestration.identify.fitting.problem import Problem
 from orchestration.identify.fitting.simulation_error import error_at
@@ -37,15 +39,26 @@ class Searches(NamedTuple):
     made : int
     gain : float
         Fall of the deviance below the end of the first search.
+    is_interrupted : bool
+        Whether Ctrl-C ended them.
     """
 
     best: FitResult
     made: int = 1
     gain: float = 0.0
+    is_interrupted: bool = False
 
 
-def fit_from_starts(problem: Problem, start: Array, count: int | None) -> Searches:
+@single_threaded
+def fit_from_starts(
+    problem: Problem,
+    start: Array,
+    count: int | None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Searches:
     """Fit from a start, and from others where a deeper minimum may exist.
+
+    The first Ctrl-C ends it with the best so far.
 
     Parameters
     ----------
@@ -53,18 +66,34 @@ def fit_from_starts(problem: Problem, start: Array, count: int | None) -> Search
     start : ndarray, shape (p,)
     count : int or None
         Searches; None for `_STARTS`, or one if its residual is white.
+    progress : callable
+        Takes what is done next, and what is best so far.
 
     Raises
     ------
     UserError
         If the simulation fails at the start.
     """
+    with deferred() as problem.interrupt:
+        searches = _searches(problem, start, count, progress)
+    problem.interrupt = Interrupt()  # profiles are searches of their own
+    return searches
+
+
+def _searches(
+    problem: Problem, start: Array, count: int | None, progress: Callable[[str], None]
+) -> Searches:
+    """Search from one point after the other, until Ctrl-C."""
     first = fit_output_error(problem, start)
     made = 1
     best = first
     if count is None:
         count = 1 if _is_white(problem, first) else _STARTS
-    for point in _points(problem, start, count - 1) if count > 1 else []:
+    for number, point in enumerate(_points(problem, start, count - 1) if count > 1 else [], 2):
+        values = ", ".join(f"{name}={value:.4g}" for name, value in best.values.items())
+        progress(f"search {number} of {count}; best so far: {values}")
+        if problem.interrupt.pressed:
+            break
         try:
             found = fit_output_error(problem, point)
         except UserError:
@@ -72,7 +101,7 @@ def fit_from_starts(problem: Problem, start: Array, count: int | None) -> Search
         made += 1
         if found.deviance < best.deviance - _DEEPER:
             best = found
-    return Searches(best, made, first.deviance - best.deviance)
+    return Searches(best, made, first.deviance - best.deviance, problem.interrupt.pressed)
 
 
 def _is_white(problem: Problem, fitted: FitResult) -> bool:

@@ -15,7 +15,7 @@ import numpy as np
 
 from fmus.kit.arrays import Array, Mask
 from orchestration.identify.fitting.any_fmu import FmuWithDifferences
-from orchestration.identify.fitting.least_squares import Minimum, minimise
+from orchestration.identify.fitting.least_squares import Minimum, SearchEndedError, minimise
 from orchestration.identify.fitting.problem import Problem
 from orchestration.identify.fitting.simulation_error import error_at
 from orchestration.identify.noise import Noise, tails
@@ -156,20 +156,18 @@ def fit_in_noise(
 def _minimise(
     problem: Problem, q: Array, noise: Mapping[str, Noise], trials: int = _TRIALS
 ) -> Minimum:
-    """Minimise in given noise, and again beyond the sample at which a delay ends a search.
+    """Minimise in given noise, and again with other delays as long as that gains.
 
     Residuals are not smooth where a delay is a whole number of samples: `Problem.smooth_bounds`.
     """
     loss = _Loss(problem, noise, trials)
     best = loss.minimise_smooth(q)
-    other = problem.across_sample(best.q)
-    while other is not None:
-        candidate = loss.minimise_smooth(other)
-        if loss.cost(candidate.q) >= loss.cost(best.q):
-            break
-        best = candidate
-        other = problem.across_sample(best.q)
-    return best
+    better: Minimum | None = best
+    while better is not None:
+        best = better
+        found = map(loss.minimise_smooth, problem.other_delays(best.q))
+        better = next((one for one in found if loss.cost(one.q) < loss.cost(best.q)), None)
+    return loss.refined(best)
 
 
 @dataclass(frozen=True)
@@ -188,12 +186,18 @@ class _Loss:
         """Minimise within the bounds about a start where the residuals are smooth."""
         low, high = self.problem.smooth_bounds(start)
         coarse = _TOLERANCE / self.problem.samples
-        end = minimise(self._rows, self._slopes, start, low, high, coarse, trials=self.trials)
+        if self.problem.interrupt.pressed:
+            return Minimum(start, False)
+        return minimise(self._searched, self._slopes, start, low, high, coarse, trials=self.trials)
+
+    def refined(self, end: Minimum) -> Minimum:
+        """Minimise further from the end of a search, if derivatives are exact and steps long."""
+        low, high = self.problem.smooth_bounds(end.q)
         exact = not isinstance(self.problem.model, FmuWithDifferences)
         if not (exact and end.converged and self._last_step(end.q, low, high) > _PRECISE):
             return end
         return minimise(
-            self._rows, self._slopes, end.q, low, high, _FINE_TOLERANCE, trials=self.trials
+            self._searched, self._slopes, end.q, low, high, _FINE_TOLERANCE, trials=self.trials
         )
 
     def _last_step(self, q: Array, low: Array, high: Array) -> float:
@@ -205,6 +209,12 @@ class _Loss:
         information = weighted_square(slopes, np.ones(len(rows)))
         step = parameter_covariance(information).matrix @ (slopes.T @ rows)
         return float(np.abs(step).max())
+
+    def _searched(self, q: Array) -> Array:
+        """Return the rows for a search, which ends at Ctrl-C."""
+        if self.problem.interrupt.pressed:
+            raise SearchEndedError("it was interrupted")
+        return self._rows(q)
 
     def _rows(self, q: Array) -> Array:
         """Return signed roots (m,) of the deviance of every innovation."""

@@ -6,8 +6,8 @@ are positive by nature are searched in their logarithm, others in units of their
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from math import log
 from typing import Any
 
@@ -16,6 +16,7 @@ from scipy.special import ndtri
 
 from fmus.kit import Component, UserError
 from fmus.kit.arrays import Array, Interval, Signals
+from fmus.kit.interrupt import Interrupt
 from fmus.kit.units import format_range
 from orchestration.identify.fitting.any_fmu import FmuWithDifferences
 from orchestration.identify.fitting.assumptions import NO_ASSUMPTIONS, Assumptions, prior_row
@@ -103,6 +104,8 @@ class Problem:
         Simulations made.
     held : list of int
         Coordinates that are not searched.
+    interrupt : Interrupt
+        When it is pressed, a search ends with the best point so far.
     given : dict of str to Noise
         Noise that is not estimated: of outputs by `Assumptions.noise`, and of priors.
 
@@ -161,6 +164,7 @@ class Problem:
         self._most_steps = 0.0
         self._step = float(np.median(np.diff(time)))
         self.held: list[int] = []
+        self.interrupt = Interrupt()
         self._at: tuple[bytes, dict[str, Array], dict[str, Array]] | None = None
 
     def evaluate(self, q: Array) -> tuple[dict[str, Array], dict[str, Array]]:
@@ -197,12 +201,7 @@ class Problem:
             If the simulation fails there.
         """
         ties = self.assumptions.ties
-        tied = {name: factor * values[source] for name, (factor, source) in ties.items()}
-        trajectory = self.model.run(
-            SimulationInput(
-                self.time, self.inputs, {**self.start, **values, **tied}, self._step_limit
-            )
-        )
+        trajectory = self.model.run(self._input_at(values))
         self._most_steps = max(self._most_steps, trajectory.steps)
         residual = {}
         sensitivities = {}
@@ -218,6 +217,13 @@ class Problem:
                 by_value = by_value * weights[where][:, np.newaxis]
             sensitivities[output] = by_value
         return residual, sensitivities
+
+    def _input_at(self, values: Mapping[str, float]) -> SimulationInput:
+        """Return what a simulation starts from at values of the searched parameters."""
+        ties = self.assumptions.ties
+        tied = {name: factor * values[source] for name, (factor, source) in ties.items()}
+        parameters = {**self.start, **values, **tied}
+        return SimulationInput(self.time, self.inputs, parameters, self._step_limit)
 
     @property
     def _chain(self) -> Array:
@@ -308,6 +314,45 @@ class Problem:
         low[self.held] = q[self.held]
         high[self.held] = q[self.held]
         return low, high
+
+    def other_delays(self, q: Array) -> Iterator[Array]:
+        """Yield points with other delays, which may fit better than where a search has ended.
+
+        First those at which each output, simulated once without a delay, follows the record best;
+        then the next samples.
+        """
+        costs = self.delay_costs(self.values(q)) if self._delays(q) else {}
+        best = q.copy()
+        for i, samples in self._delays(q):
+            squares = costs.get(self.names[i], np.zeros(0))
+            cell = int(np.argmin(squares)) if squares.size else int(samples)
+            if cell != int(samples):
+                best[i] = self._delay_position(i, cell + 0.5)
+        across = self.across_sample(q)
+        for other in (np.clip(best, *self.bounds()), across):
+            if other is not None and not np.array_equal(other, q):
+                yield other
+
+    def delay_costs(self, values: Mapping[str, float]) -> dict[str, Array]:
+        """Return the squared error (k,) of each output by the name of its delay.
+
+        At delays of 0.5, 1.5 ... samples, to the longest that is allowed. A delay moves its own
+        output only, so that one simulation is enough for all.
+        """
+        given = self._input_at(values)
+        none = dict.fromkeys(self.model.delays.values(), 0.0)
+        undelayed = replace(given, parameters={**given.parameters, **none})
+        simulated = self.model.run(undelayed).signals
+        costs = {}
+        for output, name in self.model.delays.items():
+            if output not in self.measured:
+                continue
+            longest = min(self.declared[name].max, np.ptp(self.time)) / self._step
+            delays = self._step * (np.arange(max(1, int(longest))) + 0.5)
+            late = (np.interp(self.time - d, self.time, simulated[output]) for d in delays)
+            y = self.measured[output]
+            costs[name] = np.array([np.nansum((y - one) ** 2) for one in late])
+        return costs
 
     def across_sample(self, q: Array) -> Array | None:
         """Return a point with delays moved past the whole number of samples that they end at.
