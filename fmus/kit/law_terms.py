@@ -31,7 +31,8 @@ _FROM_REST = {
 }
 STEEPEST = 30.0  # exponent, beyond which an exponential is constant, as in free_run.c
 _WITH_WIDTH = ("dry", "dead_zone", "above", "below", "exponential", "levelling", "sinh", "step")
-_MEMORIES = ("none", "lag", "fading", "two_lags", "rate_limit", "play", "dahl", *_FROM_REST)
+_FOLLOWING = ("play", "dahl", "backlash")  # at sample instants
+_MEMORIES = ("none", "lag", "fading", "two_lags", "rate_limit", *_FOLLOWING, *_FROM_REST)
 _WIDEST = 1e6  # of a width or a constant, in its value, and the reciprocal of the smallest
 
 
@@ -308,7 +309,7 @@ def _memory(term: LawTerm) -> _Memory:
         return _Memory({}, lambda self: base_value(self, term.signal, known=term.known))
     if term.memory in _FROM_REST:
         return _from_rest(term)
-    return _sampled(term) if term.memory in ("play", "dahl") else _continuous(term)
+    return _sampled(term) if term.memory in _FOLLOWING else _continuous(term)
 
 
 def _from_rest(term: LawTerm) -> _Memory:
@@ -397,8 +398,8 @@ def _continuous(term: LawTerm) -> _Memory:
 def _sampled(term: LawTerm) -> _Memory:
     """Return a memory without a rate, which follows its signal at sample instants.
 
-    With the displacement w, play stays within w of its signal s, and a Dahl element z follows its
-    change: dz = ds - |ds| z/w.
+    With the displacement w, play stays within w of its signal s, of which backlash is the rest, and
+    a Dahl element z follows its change: dz = ds - |ds| z/w.
     """
     stem = term.stem
     memory = f"{stem}_memory"
@@ -439,7 +440,10 @@ def _sampled(term: LawTerm) -> _Memory:
     if is_dahl:
         members[previous] = _at_instants(term, previous, f"{term.signal} at the instant before")
         members[f"{previous}_update"] = now
-    return _Memory(members, held if term.is_held else update)
+    shown = held if term.is_held else update
+    if term.memory == "backlash":
+        return _Memory(members, lambda self: now(self) - shown(self))
+    return _Memory(members, shown)
 
 
 def _once(term: LawTerm, name: str, doc: str) -> Any:

@@ -34,7 +34,7 @@
 #endif
 
 enum shape { CONSTANT, LINEAR, MODULUS, SQUARE, ODD_SQUARE, CUBE, ROOT, DRY, DEAD_ZONE, ABOVE, BELOW, EXPONENTIAL, LEVELLING, SINH, STEP, CURVE };
-enum memory { NONE, LAG, FADING, TWO_LAGS, RATE_LIMIT, PLAY, DAHL, HEAT, INTEGRAL, THROUGHPUT };
+enum memory { NONE, LAG, FADING, TWO_LAGS, RATE_LIMIT, PLAY, DAHL, HEAT, INTEGRAL, THROUGHPUT, BACKLASH };
 
 #define KNOTS 13
 #define ROUNDED 0.02   /* of the scale, within which a root is straight */
@@ -206,6 +206,7 @@ static void shape_at(const term *q, int j, double z, double w, double *value, do
 static int coefficients(const term *q) { return q->shape == CURVE ? q->knots : 1; }
 static int has_width(const term *q) { return q->shape >= DRY && q->shape <= STEP; }
 static int counts(const term *q) { return q->memory == INTEGRAL || q->memory == THROUGHPUT; }
+static int follows(const term *q) { return q->memory == PLAY || q->memory == DAHL || q->memory == BACKLASH; }
 static int of_memory(const term *q) {
     if (q->memory == NONE || counts(q)) return 0;
     return q->memory == TWO_LAGS || q->memory == RATE_LIMIT ? 2 : 1;
@@ -278,7 +279,7 @@ static void add_terms(const double *X, const double *S, const double *u, double 
         if (q->memory != NONE) {
             double Z = X[z];
             const double *sz = sensitive ? S + z * ns : 0;
-            if (q->memory == PLAY || q->memory == DAHL) {
+            if (follows(q)) {
                 if (dX) dX[z] = 0.0;
                 if (dS) memset(dS + z * ns, 0, ns * sizeof(double));
             } else if (counts(q)) {
@@ -309,7 +310,7 @@ static void add_terms(const double *X, const double *S, const double *u, double 
                     if (of_memory(q) == 2) dS[z * ns + r->free + at_memory + 1] += by_second;
                 }
             }
-            int behind = q->memory == FADING || q->memory == TWO_LAGS || q->memory == RATE_LIMIT;
+            int behind = q->memory == FADING || q->memory == TWO_LAGS || q->memory == RATE_LIMIT || q->memory == BACKLASH;
             v = behind ? s - Z : Z;
             dv = sz;
             if (sensitive && behind) {
@@ -385,12 +386,12 @@ static void follow(double *X, double *S, const double *u, double t, const double
     int ns = k->ns;
     for (int i = 0; i < r->terms; i++) {
         const term *q = r->term + i;
-        if (q->memory != PLAY && q->memory != DAHL) continue;
+        if (!follows(q)) continue;
         int z = k->store[i], at = k->first[i] + coefficients(q), column = r->free + at;
         const double *ds;
         double w = q->scale * k->constant[at], s = signal(q->signal, X, S, u, t, k, k->ds, &ds);
         double *sz = S ? S + z * ns : 0;
-        if (q->memory == PLAY) {
+        if (q->memory != DAHL) {
             double gap = s - X[z];
             if (fabs(gap) <= w) continue;
             double side = gap > 0.0 ? 1.0 : -1.0;

@@ -42,6 +42,7 @@ _REMEMBERED = {
     Memory.FADING: (Shape.LINEAR, Shape.DRY),
     Memory.PLAY: (Shape.LINEAR,),
     Memory.DAHL: (Shape.LINEAR,),
+    Memory.BACKLASH: (Shape.LINEAR,),
     Memory.HEAT: (),  # it changes a law in percent
     Memory.INTEGRAL: (Shape.LINEAR, Shape.SQUARE, Shape.CURVE),
     Memory.THROUGHPUT: (Shape.LINEAR, Shape.ROOT, Shape.DRY),
@@ -432,6 +433,7 @@ class _Views:
         self._counted = {v.name for v in (*model.inputs, *model.states)} - model.integrals
         if len(along.pieces) > len(along.fitted.problem.records):
             self._counted = set()  # what has passed is known from the start of a record on
+        self._shares = _residual_shares(along)
         self._known: dict[tuple[str, ...], list[Seen]] = {}
 
     def of(self, laws: Sequence[str]) -> list[Seen]:
@@ -446,7 +448,7 @@ class _Views:
             signals.append(next(own, same[0]))
         key = tuple(name for name, _ in signals)
         if key not in self._known:
-            views = seen(signals, self._times, list(_REMEMBERED))
+            views = seen(signals, self._times, list(_REMEMBERED), self._shares)
             self._known[key] = [view for view in views if self._is_view(view)]
         return self._known[key]
 
@@ -454,6 +456,15 @@ class _Views:
         if view.memory.counts:
             return view.signal in self._counted
         return view.memory is not Memory.FADING or view.signal not in self._model.integrals
+
+
+def _residual_shares(along: Courses) -> list[float]:
+    """Return the residual of each measured output, in its spreads.
+
+    The output of a joint with backlash is off by the way, however often the joint turns.
+    """
+    squares = np.nanmean(np.concatenate(along.errors) ** 2, axis=0)
+    return [float(share) for share in np.sqrt(squares) if share > 0.0]
 
 
 @dataclass(frozen=True, eq=False)

@@ -90,7 +90,10 @@ def alike_signals(signals: Sequence[tuple[str, Array]]) -> list[list[tuple[str, 
 
 
 def seen(
-    signals: Sequence[tuple[str, Array]], times: Sequence[Array], kinds: Sequence[Memory]
+    signals: Sequence[tuple[str, Array]],
+    times: Sequence[Array],
+    kinds: Sequence[Memory],
+    shares: Sequence[float] = (),
 ) -> list[Seen]:
     """Return signals by themselves and through memories, without those that repeat another.
 
@@ -102,8 +105,11 @@ def seen(
         Of each record, s.
     kinds : sequence of Memory
         That are tried.
+    shares : sequence of float
+        Ways of backlash that are tried, in standard deviations of the signal.
     """
-    known = _Known(len(signals) * (1 + len(kinds) * _TIMES), sum(len(time) for time in times))
+    most = max(_TIMES, len(shares))
+    known = _Known(len(signals) * (1 + len(kinds) * most), sum(len(time) for time in times))
     result = []
     for name, values in signals:
         known.takes(values, np.inf)
@@ -114,9 +120,12 @@ def seen(
             if name == "time":
                 continue
             kept = values**2 if kind is Memory.HEAT else values
-            for constant in _constants(kind, times):
+            for constant in _constants(kind, times, shares):
                 remembered = _remembered(kind, values, times, constant)
-                if remembered.std() < 1e-3 * kept.std() or not known.takes(remembered, limit):
+                usual = constant if kind is Memory.BACKLASH else 1.0
+                if remembered.std() < 1e-3 * usual * kept.std():
+                    continue
+                if not known.takes(remembered, limit):
                     continue
                 own = (constant,)[: kind.constants]
                 result.append(_seen(name, kind, own, remembered, values))
@@ -140,10 +149,12 @@ class _Known:
         return True
 
 
-def _constants(kind: Memory, times: Sequence[Array]) -> list[float]:
+def _constants(kind: Memory, times: Sequence[Array], shares: Sequence[float]) -> list[float]:
     """Return the constants of a memory that are tried: s, or standard deviations of a signal."""
     if kind in (Memory.PLAY, Memory.DAHL):
         return list(_WAYS)
+    if kind is Memory.BACKLASH:
+        return list(shares)
     length = max(float(t[-1] - t[0]) for t in times)
     if kind.counts:
         return [length]
@@ -175,7 +186,7 @@ def _seen(
         scale, middle = 1.0, 0.0
     else:
         scale, middle = scale_of_signal(values)
-    if kind in (Memory.PLAY, Memory.DAHL):  # ways are in scales of the term
+    if kind.is_sampled:  # ways are in scales of the term
         assert base is not None
         constants = (constants[0] * float(base.std()) / scale,)
     return Seen(name, kind, constants, values, scale, middle)
@@ -223,6 +234,10 @@ def _play(values: Array, share: float) -> Array:
     return followed
 
 
+def _backlash(values: Array, share: float) -> Array:
+    return values - _play(values, share)
+
+
 def _dahl(values: Array, share: float) -> Array:
     way = share * values.std() + 1e-300
     moves = np.diff(values, prepend=values[0])
@@ -259,4 +274,8 @@ _OF_RECORDS: dict[Memory, Callable[[Array, Array, float, Indices], Array]] = {
     Memory.INTEGRAL: _integral,
     Memory.THROUGHPUT: _throughput,
 }
-_OF_RECORD: dict[Memory, Callable[[Array, float], Array]] = {Memory.PLAY: _play, Memory.DAHL: _dahl}
+_OF_RECORD: dict[Memory, Callable[[Array, float], Array]] = {
+    Memory.PLAY: _play,
+    Memory.DAHL: _dahl,
+    Memory.BACKLASH: _backlash,
+}

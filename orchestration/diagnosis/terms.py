@@ -49,9 +49,9 @@ class Memory(IntEnum):
 
     A lag follows its signal, fading is the signal less its lag. Two lags are the signal less a lag
     that differs by direction, a rate limit is the signal less one that follows no faster than a
-    rate. Play follows at a distance (Prandtl); a Dahl element gives before it slides. Heat is the
-    lag of the square, from rest. An integral and a throughput, the integral of the modulus, count
-    from the start of a record.
+    rate. Play follows at a distance (Prandtl), and backlash is the signal less its play; a Dahl
+    element gives before it slides. Heat is the lag of the square, from rest. An integral and a
+    throughput, the integral of the modulus, count from the start of a record.
     """
 
     NONE = 0
@@ -64,6 +64,7 @@ class Memory(IntEnum):
     HEAT = 7
     INTEGRAL = 8
     THROUGHPUT = 9
+    BACKLASH = 10
 
     @property
     def counts(self) -> bool:
@@ -78,12 +79,12 @@ class Memory(IntEnum):
     @property
     def is_behind(self) -> bool:
         """True if a term sees its signal less what it remembers."""
-        return self in (Memory.FADING, Memory.TWO_LAGS, Memory.RATE_LIMIT)
+        return self in (Memory.FADING, Memory.TWO_LAGS, Memory.RATE_LIMIT, Memory.BACKLASH)
 
     @property
     def is_sampled(self) -> bool:
         """True if it has no rate, but follows its signal from sample to sample."""
-        return self in (Memory.PLAY, Memory.DAHL)
+        return self in (Memory.PLAY, Memory.DAHL, Memory.BACKLASH)
 
 
 class Form(NamedTuple):
@@ -176,6 +177,7 @@ MEMORIES = {
     ),
     Memory.INTEGRAL: MemoryKind("the integral of {}", (), "now", "{}*s"),
     Memory.THROUGHPUT: MemoryKind("the throughput of {}", (), "absolute(now)", "{}*s"),
+    Memory.BACKLASH: MemoryKind("the backlash in {}", ("way",)),
 }
 
 

@@ -340,11 +340,12 @@ class _Written:
     @property
     def is_sampled(self) -> bool:
         """True if it follows its signal at the samples."""
-        return self.memory in ("play", "dahl")
+        return self.memory in ("play", "dahl", "backlash")
 
     def start(self, now: float) -> float:
         """Return what it remembers at the start: a lag is at rest, a Dahl element is, too."""
-        return now if self.memory in ("lag", "fading", "two_lags", "rate_limit", "play") else 0.0
+        kinds = ("lag", "fading", "two_lags", "rate_limit", "play", "backlash")
+        return now if self.memory in kinds else 0.0
 
     def rate(self, now: float, kept: float) -> float:
         """Return the rate of what it remembers."""
@@ -364,14 +365,14 @@ class _Written:
     def followed(self, now: float, before: float, kept: float) -> float:
         """Return what a sampled memory keeps after its signal has moved."""
         way = self._of["way"]
-        if self.memory == "play":
+        if self.memory in ("play", "backlash"):
             return min(max(kept, now - way), now + way)
         end = math.copysign(way, now - before)
         return end + (kept - end) * math.exp(-abs(now - before) / way)
 
     def value(self, now: float, kept: float, factor: float) -> float:
         """Return what is added to the law."""
-        behind = self.memory in ("fading", "two_lags", "rate_limit")
+        behind = self.memory in ("fading", "two_lags", "rate_limit", "backlash")
         seen = now - kept if behind else kept if self.memory else now
         x = seen - self._middle
         if self._shape is None:

@@ -54,12 +54,14 @@ _RATE = """
     def {stem}_memory_rate(self):
         now = {now}
         return {rate}"""
-_UPDATES = {  # of memories that are followed at sample instants
-    Memory.PLAY: """
+_PLAY = """
     def {stem}_memory_update(self):
         now = {now}
         way = self.{stem}_way
-        return maximum(minimum(self.{stem}_memory, now + way), now - way)""",
+        return maximum(minimum(self.{stem}_memory, now + way), now - way)"""
+_UPDATES = {  # of memories that are followed at sample instants
+    Memory.PLAY: _PLAY,
+    Memory.BACKLASH: _PLAY,
     Memory.DAHL: """
     def {stem}_before_update(self):
         return {now}
@@ -287,12 +289,11 @@ class _Class:
         """Return the signal, which has a value now, or the memory of it, from its origin on."""
         term = self._term
         memory = f"self.{self._stem}_memory"
+        if term.memory.is_sampled and not self._given.is_held:
+            memory = f"{memory}_update()"
+        seen = memory if term.has_memory else now
         if term.memory.is_behind:
             seen = f"{now} - {memory}"
-        elif term.memory.is_sampled and not self._given.is_held:
-            seen = f"{memory}_update()"
-        else:
-            seen = memory if term.has_memory else now
         return f"{seen} - {_number(self._given.middle)}" if self._given.middle else seen
 
     def _value(self, signal: str) -> str:

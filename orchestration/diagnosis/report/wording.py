@@ -149,8 +149,13 @@ def headline(diagnosis: Diagnosis) -> str:
     answer = f"{_leading(diagnosis)}; {percent(other)} something else"
     if diagnosis.is_named:
         return answer
-    lead = "no cause is sure" if 1.0 - other < WEIGHTS.group else "no cause explains enough"
+    lead = "no cause explains enough" if _explain_too_little(diagnosis) else "no cause is sure"
     return f"{lead}; best guesses: {answer}"
+
+
+def _explain_too_little(diagnosis: Diagnosis) -> bool:
+    """Return whether best guesses are what is likeliest, and still leave most of the error."""
+    return sum(cause.probability for cause in diagnosis.causes) >= WEIGHTS.group
 
 
 def _leading(diagnosis: Diagnosis) -> str:
@@ -330,8 +335,12 @@ def _next_of_unexplained(diagnosis: Diagnosis, written: Mapping[str, str]) -> st
         f"look where measured minus simulated of {output} is largest, and for an input that was not"
         " recorded"
     )
+    if not diagnosis.causes:
+        return f"{look}."
+    if _explain_too_little(diagnosis):
+        return f"{look}. What is missing is not among what was tried."
     told = f" {diagnosis.experiment.sentence}" if diagnosis.experiment else ""
-    return f"{look}; {_experiment(diagnosis, written)}.{told}" if diagnosis.causes else f"{look}."
+    return f"{look}; {_experiment(diagnosis, written)}.{told}"
 
 
 _DOUBTFUL = {"pieced", "other_specimen", "unrelated"}  # notes on files by what a model follows

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fmus.kit import Component, Discrete, Output, UserError
+from fmus.kit import Component, Discrete, Input, Output, Parameter, State, UserError
 from fmus.kit.registry import Excitation
 from orchestration.diagnosis import (
     Found,
@@ -25,6 +25,7 @@ from orchestration.diagnosis import Record as KernelRecord
 from orchestration.diagnosis.conclude import Conclusion
 from orchestration.diagnosis.options import Deadline
 from orchestration.diagnosis.readings import Reading, ReadingKind
+from orchestration.diagnosis.terms import Memory
 from orchestration.fmu.model import declared_model_of
 from orchestration.records import Record
 from tests.support.oscillator import CUBE, DRY, diagnosis_with, oscillator_record, with_group
@@ -66,6 +67,57 @@ def test_a_search_over_all_terms_finds_the_friction():
     diagnosis = diagnose([oscillator_record(1, dry=1.5)], MODEL, [oscillator_record(2, dry=1.5)])
     assert diagnosis.verdict == "cause"
     assert diagnosis.causes[0].name == "friction(velocity)"
+
+
+def joint_record(seed: int) -> Record:
+    """Return a record of a load that follows a shaft at ±13.1 mrad, over some 20 rad."""
+    rng = np.random.default_rng(seed)
+    time = 0.02 * np.arange(800)
+    drive = np.repeat(rng.uniform(-12.0, 12.0, 800), rng.integers(5, 60, 800))[:800]
+    shaft = np.append(0.0, np.cumsum(1.04 * 0.02 * drive[:-1]))
+    load, place = np.zeros(800), 0.0
+    for k, angle in enumerate(shaft):
+        place = min(max(place, angle - 0.0131), angle + 0.0131)
+        load[k] = place
+    load += 3.5e-4 * rng.standard_normal(800)
+    values, units = {"drive": drive, "load_angle": load}, {"drive": "rad/s", "load_angle": "rad"}
+    return Record(time, values, units, Path(f"joint{seed}.csv"), [])
+
+
+class Joint(Component):
+    """A shaft that turns as it is driven, and the load on it."""
+
+    name = "joint"
+    ratio = Parameter(1.0, "1", min=0.1, max=10.0)
+    drive = Input("rad/s", nominal=10.0)
+    angle = State("rad", rate="speed", nominal=10.0)
+
+    def speed(self):
+        """Of the shaft."""
+        return self.ratio * self.drive
+
+    def load_position(self):
+        """Of the load, which is that of the shaft."""
+        return self.angle
+
+    @Output("rad", nominal=10.0)
+    def load_angle(self):
+        """Angle of the load."""
+        return self.load_position()
+
+
+@pytest.mark.slow
+def test_the_play_of_a_joint_that_turns_many_times_is_named_with_its_width():
+    """A thousandth of the angle, it is no smaller for the error that it makes."""
+    diagnosis = diagnose([joint_record(1), joint_record(2)], declared_model_of(Joint))
+    assert diagnosis.verdict == "cause"
+    (lead, *_) = diagnosis.causes[0].parts
+    assert (lead.name, lead.memory) == ("load_position(angle)", Memory.BACKLASH)
+    way = diagnosis.parameters["load_position_of_angle_backlash_way"]
+    assert way.value == pytest.approx(0.0131, rel=0.05)
+    assert diagnosis.parameters["load_position_of_angle_backlash"].value == pytest.approx(
+        -1.0, abs=0.05
+    )
 
 
 def test_another_damping_is_no_cause():

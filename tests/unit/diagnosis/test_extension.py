@@ -119,7 +119,7 @@ def test_a_curve_declares_the_range_that_its_records_reached():
     assert (output.name, output.unit) == ("leakage_of_charge_signal", "C")
 
 
-@pytest.mark.parametrize("memory", [Memory.LAG, Memory.PLAY, Memory.DAHL])
+@pytest.mark.parametrize("memory", [Memory.LAG, Memory.PLAY, Memory.DAHL, Memory.BACKLASH])
 def test_a_memory_that_an_output_shows_is_not_a_sample_late(memory):
     term = Term("free_strain", "charge", Shape.LINEAR, memory, (0.3,), size=2.0, scale=1.0)
     kernel, without, fmu = courses(Strain, [term], [[0.2, np.log(0.3)]])

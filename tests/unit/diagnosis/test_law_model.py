@@ -227,6 +227,19 @@ def test_play_follows_its_signal_at_a_distance() -> None:
     assert np.count_nonzero(np.diff(positions) == 0.0) > 20, "it never stood still"
 
 
+def test_backlash_is_a_signal_less_its_play() -> None:
+    """Which stands still during a step, over which the mass is linear with another spring."""
+    record = pushed(150)
+    way = T * SCALE
+    course = run(record, setting_of(term_of(Shape.LINEAR, Memory.BACKLASH), substeps=1))
+    z = course.states[:, 2]
+    assert np.abs(course.states[:, 0] - z).max() <= way + 1e-12
+    stiffer = K + SIZE * C / SCALE
+    held = record.inputs[:, 0] + SIZE * C * (z + MIDDLE) / SCALE
+    expected = exact(record, (M, stiffer, D), START, held)
+    assert course.states[:, :2] == pytest.approx(expected, abs=1e-5)
+
+
 def test_a_dahl_element_gives_before_it_slides() -> None:
     """From rest it is w (1 - exp(-s / w)) after a way s in one direction."""
     record = pushed(200)
@@ -328,7 +341,10 @@ def test_slopes_are_those_of_the_run(terms: tuple[Term, ...]) -> None:
     expected = differences(record, setting)
     largest = np.abs(expected).max(axis=(0, 1))
     # a kink that is passed within a difference
-    kinked = any(t.shape.has_width or t.memory in (Memory.PLAY, Memory.TWO_LAGS) for t in terms)
+    kinked = any(
+        t.shape.has_width or t.memory in (Memory.PLAY, Memory.BACKLASH, Memory.TWO_LAGS)
+        for t in terms
+    )
     limit = 2e-3 if kinked else 1e-6
     assert np.abs(slopes - expected).max(axis=(0, 1)) == pytest.approx(
         0.0, abs=limit * largest.max()

@@ -93,7 +93,12 @@ def moved(found: Fit, term: Term, j: int, h: float) -> Array:
 def test_columns_are_responses_of_free_runs_to_small_coefficients() -> None:
     """Of every shape and memory that is proposed, in every law and factor."""
     screen, found = screened()
-    assert {c.term.memory for c in screen.candidates} >= {Memory.NONE, Memory.LAG, Memory.DAHL}
+    assert {c.term.memory for c in screen.candidates} >= {
+        Memory.NONE,
+        Memory.LAG,
+        Memory.DAHL,
+        Memory.BACKLASH,
+    }
     chosen: dict[object, int] = {}
     for i, candidate in enumerate(screen.candidates):
         term = candidate.term
@@ -106,7 +111,9 @@ def test_columns_are_responses_of_free_runs_to_small_coefficients() -> None:
             difference = (moved(found, term, j, 1e-4) - moved(found, term, j, -1e-4)) / 2e-4
             column = screen._columns.columns[:, screen.ends[i] + j] / weight(found)
             error = np.linalg.norm(column - difference) / np.linalg.norm(difference)
-            assert error < 0.06, (str(term), j, error)
+            # what is held during a step is late by half of one, and backlash gives within few
+            limit = 0.08 if term.memory is Memory.BACKLASH else 0.06
+            assert error < limit, (str(term), j, error)
 
 
 def test_the_column_of_a_delay_is_what_the_delay_does() -> None:

@@ -21,7 +21,7 @@ RNG = np.random.default_rng(2)
 UNEVEN = np.cumsum(np.random.default_rng(3).uniform(0.005, 0.2, 401))
 WAVE = np.sin(1.1 * TIME) + 0.5 * np.sin(2.7 * TIME + 1.0)
 OTHER = np.cumsum(RNG.standard_normal(401))
-KINDS = [Memory.LAG, Memory.FADING, Memory.PLAY, Memory.DAHL]
+KINDS = [Memory.LAG, Memory.FADING, Memory.PLAY, Memory.DAHL, Memory.BACKLASH]
 
 
 @pytest.mark.parametrize("constant", [0.1, 1.3, 8.0])
@@ -77,6 +77,21 @@ def test_play_follows_at_the_distance_that_it_names() -> None:
         assert view.values == pytest.approx(expected)
 
 
+def test_backlash_is_the_way_against_the_direction_however_far_the_signal_goes() -> None:
+    """Of a way a hundred thousandth as wide as the signal, too; it is silent without a share."""
+    turns = 100.0 * np.sin(0.7 * TIME)
+    for share in (1e-5, 1e-3):
+        views = seen([("a", turns)], [TIME], [Memory.BACKLASH], [share])
+        (view,) = (view for view in views if view.memory is Memory.BACKLASH)
+        way = view.constants[0] * view.scale
+        assert way == pytest.approx(share * turns.std())
+        moves = np.abs(np.diff(turns)) > 2.0 * way
+        against = way * np.sign(np.diff(turns))
+        assert view.values[1:][moves] == pytest.approx(against[moves], rel=1e-6)
+        assert np.abs(view.values).max() <= way * (1.0 + 1e-9)
+    assert all(v.memory is Memory.NONE for v in seen([("a", turns)], [TIME], [Memory.BACKLASH]))
+
+
 def test_a_bristle_is_straight_at_first_and_ends_at_its_way() -> None:
     """In closed form along one direction: w (1 - exp(-s / w))."""
     ramp = np.linspace(0.0, 3.0, 401)
@@ -92,12 +107,12 @@ def test_a_bristle_is_straight_at_first_and_ends_at_its_way() -> None:
 
 def test_a_memory_begins_anew_in_every_record() -> None:
     shifted = WAVE + 5.0
-    views = seen([("a", np.concatenate([WAVE, shifted]))], [TIME, TIME], KINDS)
+    views = seen([("a", np.concatenate([WAVE, shifted]))], [TIME, TIME], KINDS, [0.01])
     assert {v.memory for v in views} >= {Memory.LAG, Memory.PLAY, Memory.DAHL}
     for view in views:
         if view.memory in (Memory.LAG, Memory.PLAY):
             assert view.values[401] == shifted[0], view
-        if view.memory in (Memory.FADING, Memory.DAHL):
+        if view.memory in (Memory.FADING, Memory.DAHL, Memory.BACKLASH):
             assert view.values[401] == 0.0, view
 
 

@@ -93,13 +93,22 @@ def test_an_effect_says_how_large_it_is_and_a_law_does_not(dry, monkeypatch):
 
 def test_the_next_step_is_the_experiment_with_what_it_should_tell(dry):
     experiment = telling_apart("friction(velocity)", "friction(elongation)")
-    for verdict in ("ambiguous", "unexplained"):
+    for verdict, second in (("ambiguous", 0.35), ("unexplained", 0.2)):
         with in_shell():
             step = wording.next_step(
-                replace(with_group(dry, verdict, 0.6, 0.35), experiment=experiment)
+                replace(with_group(dry, verdict, 0.6, second), experiment=experiment)
             )
         assert "make the experiment that --experiment next.toml writes" in step
         assert "> 99 % if it is friction(velocity), 60 % if it is friction(elongation)." in step
+
+
+def test_an_experiment_between_causes_that_gain_nothing_is_not_promised_to_tell(dry):
+    """They are likely by their shares, and explain too little."""
+    experiment = telling_apart("friction(velocity)", "friction(elongation)")
+    one = replace(with_group(dry, "unexplained", 0.83, 0.14), experiment=experiment)
+    step = wording.next_step(one)
+    assert step.endswith("What is missing is not among what was tried.")
+    assert "With the experiment" not in step
 
 
 def test_where_no_experiment_tells_causes_apart_another_signal_does(dry):
