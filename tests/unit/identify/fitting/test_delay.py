@@ -8,10 +8,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmus.kit import Component, Input, Output, Parameter, State, stack
+from fmus.kit import Component, Input, Output, Parameter, stack
 from fmus.kit.sensors import transport_delay
 from orchestration.identify.fitting.delay import DelayedModel
 from orchestration.identify.fitting.simulation_input import SimulationInput
+from tests.support.relaxation import Relaxation
 
 TIME = 7.0 + 0.05 * np.arange(60)
 DELAY = 0.163  # s: between samples
@@ -34,24 +35,6 @@ class Amplifier(Component):
     def plain(self):
         """Return the input."""
         return self.u
-
-
-class Relaxation(Component):
-    """First order."""
-
-    name = "relaxation"
-
-    tau = Parameter(0.4, "s", min=1e-3)
-    u = Input("1")
-    x = State("1", rate="x_rate")
-
-    def x_rate(self):
-        return (self.u - self.x) / self.tau
-
-    @Output("1")
-    def y(self):
-        """Return the state."""
-        return self.x
 
 
 def run(cls, sensitivities, u, **values):

@@ -13,7 +13,7 @@ from fmus.kit.sensors import transport_delay
 from orchestration.identify.fitting import Assumptions, FitData
 from orchestration.identify.grey_box import fit_records
 from tests.support.linear_fits import Decay, Wave, columns, fitted, noisy, plane_data
-from tests.unit.identify.fitting.test_delay import Relaxation
+from tests.support.relaxation import Relaxation
 
 
 def test_more_starts_find_the_deepest_valley():
