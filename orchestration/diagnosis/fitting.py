@@ -903,9 +903,9 @@ def by_least_squares(fitted: Fit) -> Fit:
     """Return a fit in which priors hold those parameters alone of which no sample says anything.
 
     Where the model misses something slow, few samples are independent, and the fit of a search
-    stays near nominal.
+    stays near nominal. Start states are as near to the declared ones as before.
     """
-    problem, ends = vague(fitted.problem), fitted
+    problem, ends = replace(fitted.problem, vagueness=_VAGUE), fitted
     for _ in range(_ROUNDS):
         found = fit(problem, ends.terms, [ends.point], weights_of(ends.errors), _BASE_STEPS)
         ends = found or ends
