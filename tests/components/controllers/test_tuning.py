@@ -91,6 +91,7 @@ def test_a_crossover_that_is_asked_for_is_that_of_the_loop():
     assert designed.arguments["derivative_time"] == designed.arguments["integral_time"] / 4.0
 
 
+@pytest.mark.slow
 def test_without_a_crossover_no_slower_loop_has_a_larger_integral_gain():
     plant = (1.0, 2.0, 0.3, 2)
     best = tuned_pi(request(sampled(*plant))).arguments
