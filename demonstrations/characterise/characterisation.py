@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from demonstrations.characterise.kinds import CIRCUIT, KINDS, Estimates, Kind, kind_of
+from demonstrations.characterise.kinds import CIRCUIT, HELD_VOLTAGE, KINDS, Estimates, Kind, kind_of
 from fmus.kit import UserError
 from orchestration.fmu import Model, Value
 from orchestration.identify import Fit, JointComparison, comparison, interval_cells
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 _WIDE = 0.5  # of a value: half an interval, beyond which it counts as not determined
-_BEFORE = 10.0  # durations of a test for which its load had been as at the first sample
+_STRONG = 10.0  # difference of two deviances that is decisive (Kass and Raftery 1995)
 _ANYTHING = 100.0  # typical sizes of a state: deviation of a start value that nothing tells
 TESTS = ("record", "test", "tells")
 HEAD = ("parameter", "record", "graphical", "95 % interval", "fitted to all", "95 % interval")
@@ -164,23 +164,22 @@ def characterise(
     starts = [p.name for p in fitted if p.starts]
     # a state that no sample tells, such as one long before it, would make the fit singular
     priors = {p.name: (0.0, _ANYTHING * p.nominal) for p in fitted if p.starts}
-    joint = comparison.compare_fitted(
-        model,
-        [_with_history(record, kinds[label]) for label, record in by_label.items()],
-        dict(given or {}),
-        [p.name for p in fitted],
-        Assumptions(priors=priors),
-        progress=progress,
-    )
+
+    def fit_to(read: Sequence[Record]) -> JointComparison:
+        names, assumptions = [p.name for p in fitted], Assumptions(priors=priors)
+        return comparison.compare_fitted(
+            model, read, dict(given or {}), names, assumptions, progress=progress
+        )
+
+    joint, remarks = _fitted(fit_to, by_label, kinds)
     progress("reading parameters off the records")
     fit = _without_starts(joint.fit, starts)
     circuit = {name: value for name, value in fit.values.items() if name in CIRCUIT}
     graphical: dict[str, Estimates] = {}
     comparisons = {}
-    remarks = []
     for label, record in by_label.items():
         kind = kinds[label]
-        comparisons[label] = _without_history(joint.comparisons[label], record, fit)
+        comparisons[label] = _of_samples(joint.comparisons[label], record, fit)
         try:
             graphical[label] = {} if kind is None else kind.read(record, circuit)
         except UserError as error:
@@ -189,23 +188,54 @@ def characterise(
     return Characterisation(model, kinds, graphical, joint, tuple(remarks))
 
 
-def _with_history(record: Record, kind: Kind | None) -> Record:
-    """Return a record of a step of the load after a time under the load that it begins with.
+def _fitted(
+    fit_to: Callable[[Sequence[Record]], JointComparison],
+    by_label: Mapping[str, Record],
+    kinds: Mapping[str, Kind | None],
+) -> tuple[JointComparison, list[str]]:
+    """Return a fit to records as they were driven, and what they leave open of that.
 
-    A record tells the creep of its step only if the creep of the load before has ended.
+    Some potentiostats hold their current from sample to sample. A record of a held voltage does not
+    tell; others that determine the circuit do, as they agree with it in one way alone.
     """
-    if kind is not KINDS[0]:
-        return record
-    before = record.time[0] - _BEFORE * np.ptp(record.time)
-    signals = {name: np.insert(values, 0, np.nan) for name, values in record.signals.items()}
-    for name in signals.keys() & {"current", "force"}:
-        signals[name][0] = signals[name][1]
-    return replace(record, time=np.insert(record.time, 0, before), signals=signals)
+    driven = [
+        record if kind is None else kind.as_driven(record)
+        for record, kind in zip(by_label.values(), kinds.values(), strict=True)
+    ]
+    joint = fit_to(driven)
+    held = [label for label, kind in kinds.items() if kind is HELD_VOLTAGE]
+    if not held:
+        return joint, []
+    other = fit_to(
+        [
+            by_label[label] if label in held else one
+            for label, one in zip(by_label, driven, strict=True)
+        ]
+    )
+    others = by_label.keys() - {*held}
+    gain = _deviance(joint, others) - _deviance(other, others)
+    if gain > _STRONG:
+        return other, []
+    changed = [
+        f"{name}={other.fit.values[name]:.4g}" for name in CIRCUIT if name in joint.fit.values
+    ]
+    if gain < -_STRONG or not changed:
+        return joint, []
+    return joint, [
+        f"{', '.join(held)}: the current is taken as continuous between samples; if it is held, the"
+        f" fit has {', '.join(changed)}"
+    ]
 
 
-def _without_history(one: comparison.Comparison, record: Record, fit: Fit) -> comparison.Comparison:
+def _deviance(joint: JointComparison, labels: Collection[str]) -> float:
+    """Return -2 log L of white residuals of some records, but for a constant."""
+    runs = [run for label in labels for run in joint.comparisons[label].latest.values()]
+    return sum(2.0 * np.isfinite(run.residual).sum() * np.log(run.rms) for run in runs)
+
+
+def _of_samples(one: comparison.Comparison, record: Record, fit: Fit) -> comparison.Comparison:
     """Return a comparison over the samples of the record itself, with another fit."""
-    own = slice(-record.time.size, None)
+    own = np.searchsorted(one.record.time, record.time)
     before, after = (
         {
             name: replace(judged, measured=judged.measured[own], simulated=judged.simulated[own])

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from demonstrations.graphical import (
@@ -21,6 +22,7 @@ from orchestration.records import Record
 
 Estimates = Mapping[str, GraphicalEstimate]
 _QUIET = 0.013  # A, 1 % of the galvanostat's range
+_BEFORE = 10.0  # durations of a test for which its load had been as at the first sample
 _FLAT = 0.05  # of a level or a range: largest deviation of what is constant
 _EVEN = 0.1  # of the mean: largest deviation of the intervals of what is periodic
 CIRCUIT = {"R1": "ohm", "R2": "ohm", "C": "F"}  # units by parameter
@@ -46,6 +48,8 @@ class Kind:
     read : callable
         Returns what is read off a record; its second argument has the circuit, SI, as far as it is
         known. It raises UserError if nothing can be read.
+    as_driven : callable
+        Returns a record with what its inputs did before its samples and between them.
     """
 
     title: str
@@ -54,6 +58,7 @@ class Kind:
     advice: str
     recognises: Callable[[Record], bool]
     read: Callable[[Record, Mapping[str, float]], Estimates]
+    as_driven: Callable[[Record], Record] = lambda record: record
 
 
 def kind_of(record: Record) -> Kind | None:
@@ -118,6 +123,43 @@ def _held_part(record: Record) -> tuple[Array, Array, Array]:
     return record.time[first:], record.signals["current"][first:], voltage[first:]
 
 
+# --- how it is driven
+# --------------------------------------------------------------------------------------------------
+
+
+def _after_rest(record: Record) -> Record:
+    """Return a record of a step of the load after a time under the load that it begins with.
+
+    A record tells the creep of its step only if the creep of the load before has ended.
+    """
+    before = record.time[0] - _BEFORE * np.ptp(record.time)
+    first = np.zeros(1, dtype=int)
+    return _with_rows(record, first, np.array([before]), _signal(record, "current")[first])
+
+
+def _between_samples(record: Record) -> Record:
+    """Return a record of a held voltage with its current between samples, by Simpson's rule.
+
+    This current is an answer: held from sample to sample, it would move more charge than was moved,
+    by half a sample period of what it falls by.
+    """
+    time, current, _ = _held_part(record)
+    sixth = np.diff(time) / 6.0
+    middle = CubicSpline(time, current)(time[:-1] + 3.0 * sixth)
+    rows = np.repeat(np.arange(record.time.size - sixth.size, record.time.size), 2)
+    times = np.column_stack([time[:-1] + sixth, time[1:] - sixth])
+    return _with_rows(record, rows, times.ravel(), np.column_stack([middle, current[1:]]).ravel())
+
+
+def _with_rows(record: Record, rows: Indices, times: Array, current: Array) -> Record:
+    """Return a record with rows before others, of which they have the load and no output."""
+    signals = {name: np.insert(values, rows, np.nan) for name, values in record.signals.items()}
+    inputs = {"current": current, "force": _signal(record, "force")[rows]}
+    for name in inputs.keys() & signals.keys():
+        signals[name] = np.insert(record.signals[name], rows, inputs[name])
+    return replace(record, time=np.insert(record.time, rows, times), signals=signals)
+
+
 # --- what is read off it
 # --------------------------------------------------------------------------------------------------
 
@@ -150,13 +192,12 @@ def _read_held_voltage(record: Record, circuit: Mapping[str, float]) -> Estimate
     """
     time, current, voltage = _held_part(record)
     level = float(np.nanmean(voltage))
-    held_for = np.append(np.diff(time), 0.0)
 
     def read(i: Array) -> Sequence[float]:
         end = float(i[-(i.size // 3) :].mean())
         if not (i[0] / level > end / level > 0.0):
             raise UserError("current: does not fall towards a leakage while the voltage is held")
-        return [level / (i[0] - end), level / end, float((i - end) @ held_for) / level]
+        return [level / (i[0] - end), level / end, float(np.trapezoid(i - end, time)) / level]
 
     def draw(values: Sequence[float]) -> Array:
         R1, R2, C = values
@@ -217,6 +258,7 @@ KINDS = (
         "no current, one step of the load, held for at least six time constants of the creep",
         _is_held_force,
         _read_held_force,
+        _after_rest,
     ),
     Kind(
         "held voltage",
@@ -225,6 +267,7 @@ KINDS = (
         "a step of the voltage, held until the current no longer falls",
         _is_held_voltage,
         _read_held_voltage,
+        _between_samples,
     ),
     Kind(
         "triangle of charge",
@@ -244,3 +287,4 @@ KINDS = (
     ),
 )
 """In the order in which a record is held against them."""
+HELD_VOLTAGE = KINDS[1]
