@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 _WIDE = 0.5  # of a value: half an interval, beyond which it counts as not determined
-_STRONG = 10.0  # difference of two deviances that is decisive (Kass and Raftery 1995)
+_STRONG = 6.0  # difference of two deviances that is strong evidence (Kass and Raftery 1995)
 _ANYTHING = 100.0  # typical sizes of a state: deviation of a start value that nothing tells
 TESTS = ("record", "test", "tells")
 HEAD = ("parameter", "record", "graphical", "95 % interval", "fitted to all", "95 % interval")

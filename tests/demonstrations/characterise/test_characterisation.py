@@ -15,6 +15,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from demonstrations.characterise import Characterisation, characterise
 from demonstrations.emulator import RigParameters
@@ -83,6 +84,51 @@ def test_a_held_voltage_that_is_sampled_seldom_tells_the_circuit(tmp_path):
             misses += not low <= true <= high
             assert (high - low) / true < 0.02, name
     assert misses <= 4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_held", [False, True])
+def test_a_prbs_tells_whether_the_current_of_a_held_voltage_is_held(tmp_path, is_held):
+    """Closed form of R2 beside R1 and C in series, of ten drawn specimens: read the other way, C
+    would be 1 % off and more. Of 30 intervals of 95 % at most 5 miss with 99.7 %.
+    """
+    misses = 0
+    for seed in range(10):
+        rng = np.random.default_rng([seed, is_held])
+        R1, R2, C = rng.uniform((0.4, 2.0, 1.0), (0.9, 5.0, 3.0))
+        volts, step = rng.uniform(0.3, 0.6), rng.choice([0.1, 0.2])
+
+        def voltages(current, step, R1=R1, R2=R2, C=C):
+            """Voltages with a current that is held between samples; the capacitor is empty."""
+            kept = np.exp(-step / ((R1 + R2) * C))
+            inner = lfilter([0.0, 1.0 - kept], [1.0, -kept], R2 * current)
+            return (R1 * R2 * current + R2 * inner) / (R1 + R2)
+
+        time = np.arange(0.0, 60.0, step)
+        since = time - 4.0
+        rate = 1.0 / (R1 * C)
+        if is_held:  # by the current that keeps the voltage at each sample
+            kept = 1.0 - (1.0 - np.exp(-step / ((R1 + R2) * C))) * (R1 + R2) / R1
+            falls = kept ** np.rint(since.clip(0.0) / step)
+        else:
+            falls = np.exp(-since.clip(0.0) * rate)
+        current = np.where(since >= -1e-9, volts / R2 + volts / R1 * falls, 0.0)
+        bits = np.repeat(rng.choice([-0.6, 0.6], 80), 10)
+        for name, t, i, v in (
+            ("held", time, current, np.where(since >= -1e-9, volts, 0.0)),
+            ("prbs", 0.05 * np.arange(bits.size), bits, voltages(bits, 0.05)),
+        ):
+            table = np.column_stack([t, i, v + 1e-3 * rng.standard_normal(t.size)])
+            head = "time [s],current [A],voltage [V]"
+            file = tmp_path / f"{seed}-{name}.csv"
+            np.savetxt(file, table, "%.9g", ",", header=head, comments="")
+        found = characterised(tmp_path, f"{seed}-held", f"{seed}-prbs")
+        assert not found.remarks
+        assert found.fit.values["C"] == pytest.approx(C, rel=3e-3)
+        for name, true in (("R1", R1), ("R2", R2), ("C", C)):
+            low, high = found.fit.intervals[name]
+            misses += not low <= true <= high
+    assert misses <= 5
 
 
 @pytest.mark.slow
