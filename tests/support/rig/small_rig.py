@@ -8,8 +8,10 @@ Answers that the protocol does not allow are the affair of :mod:`tests.support.r
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
+import random
 import socket
 import subprocess
 import sys
@@ -78,18 +80,21 @@ def gains(inputs: Mapping[str, float], now: float) -> dict[str, float]:
     }
 
 
+# Below the ports that systems hand out by themselves, so that no other socket gets one of three
+# between this moment and that in which a process, seconds later, binds them.
+_THREES = itertools.cycle(random.SystemRandom().sample(range(12000, 32000, 4), 5000))
+
+
 def free_port() -> int:
     """A port that is free, and so are the two above it."""
-    for _ in range(100):
+    for port in itertools.islice(_THREES, 5000):
         with socket.socket() as first, socket.socket() as second, socket.socket() as third:
-            first.bind(("127.0.0.1", 0))
-            port = first.getsockname()[1]
             try:
-                second.bind(("127.0.0.1", port + 1))
-                third.bind(("127.0.0.1", port + 2))
-            except (OSError, OverflowError):
+                for offset, held in enumerate((first, second, third)):
+                    held.bind(("127.0.0.1", port + offset))
+            except OSError:
                 continue
-            return int(port)
+            return port
     raise RuntimeError("no three free ports")
 
 

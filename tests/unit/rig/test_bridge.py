@@ -97,7 +97,9 @@ class Carrying:
         self.process = subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True)
 
     def __enter__(self):
-        assert "is carried on to" in self.process.stdout.readline()
+        if "is carried on to" not in self.process.stdout.readline():
+            self.process.kill()
+            raise AssertionError(self.process.communicate()[1])
         return self
 
     def __exit__(self, *error):
