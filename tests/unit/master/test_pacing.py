@@ -66,6 +66,7 @@ def test_a_paced_run_is_the_same_to_the_last_bit_and_never_early(tmp_path, optio
     assert paced.statistics.pacing.deadlines == sum(paced.statistics.pacing.counts) == time.size - 1
 
 
+@pytest.mark.real_time(limit=0.005)
 def test_errors_do_not_add_up(sleeper):
     """100 steps of 10 ms in each of which 4 ms are slept last a second, not 1.4 s."""
     lags = []

@@ -73,7 +73,8 @@ def test_numbers_are_those_in_the_registers(rig: Backend, device: Device) -> Non
 @pytest.mark.skipif(sys.platform == "win32", reason="a pseudo-terminal needs POSIX")
 def test_a_device_on_a_line_is_the_same(calibration: Callable[..., str]) -> None:
     with line_device() as device:
-        given = {"calibration": calibration(), "port": device.port, "parity": "N"}
+        patient = calibration(("watchdog = 0.4", "watchdog = 5.0"))
+        given = {"calibration": patient, "port": device.port, "parity": "N", "timeout": "2"}
         backend = open_backend("modbus", given)
         check(backend)
         backend.safe()

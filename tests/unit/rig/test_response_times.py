@@ -4,13 +4,12 @@ wants more is refused in one line that says which rate would do.
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 
 from fmus.kit import UserError
 from fmus.rig_proxy.link import Link
+from orchestration.rig import response_times
 from orchestration.rig.response_times import (
     ResponseTimes,
     check_response_times,
@@ -22,17 +21,25 @@ THOUSAND = 1e-3 * np.arange(1, 1001)  # delays of 1 ms to 1 s, evenly
 
 
 class Slow:
-    """A rig that takes a known time for every answer."""
+    """A rig that takes a known time for every answer, by a clock of its own."""
 
     endpoint = "tcp://127.0.0.1:5570"
 
     def __init__(self, *delays: float):
-        self.delays, self.asked = delays, []
+        self.delays, self.asked, self.now = delays, [], 0.0
 
     def status(self, timeout):
-        self.asked.append(time.monotonic())
-        time.sleep(self.delays[len(self.asked) % len(self.delays)])
+        self.asked.append(self.now)
+        self.sleep(self.delays[len(self.asked) % len(self.delays)])
         return {"mode": "real-time", "watchdog": 0.2}
+
+    def sleep(self, seconds):
+        self.now += seconds
+
+    def measured(self, step, monkeypatch):
+        monkeypatch.setattr(response_times, "perf_counter", lambda: self.now)
+        monkeypatch.setattr(response_times, "sleep", self.sleep)
+        return measure_response_times(self, step)
 
 
 def test_quantiles_are_delays_that_were_seen():
@@ -60,22 +67,18 @@ def test_one_answer_in_a_thousand_may_be_late(late, held):
     assert "\n" not in text
 
 
-@pytest.mark.real_time(limit=0.02)
-def test_a_delay_is_from_when_an_answer_was_due():
+def test_a_delay_is_from_when_an_answer_was_due(monkeypatch):
     rig = Slow(0.002, 0.03)
-    measured = measure_response_times(rig, 0.05)
-    assert measured.times.size == 20
-    assert measured.times[:10] == pytest.approx(0.002, abs=0.01)
-    assert measured.times[10:] == pytest.approx(0.03, abs=0.01)
-    assert 0.9 < rig.asked[-1] - rig.asked[0] < 1.3
+    measured = rig.measured(0.05, monkeypatch)
+    assert measured.times == pytest.approx([0.002] * 10 + [0.03] * 10)
+    assert np.diff(rig.asked[1:]) == pytest.approx(np.full(19, 0.05))
     assert measured.watchdog == 0.2
 
 
-@pytest.mark.real_time(limit=0.1)
-def test_a_rig_slower_than_the_rate_is_found_late():
+def test_a_rig_slower_than_the_rate_is_found_late(monkeypatch):
     """Nothing of the backlog is forgotten: the last of fifty is late by all of it."""
-    measured = measure_response_times(Slow(0.03), 0.02)
-    assert measured.quantile(1.0) == pytest.approx(50 * 0.03 - 49 * 0.02, abs=0.1)
+    measured = Slow(0.03).measured(0.02, monkeypatch)
+    assert measured.quantile(1.0) == pytest.approx(50 * 0.03 - 49 * 0.02)
     assert not measured.holds(0.02)
 
 
