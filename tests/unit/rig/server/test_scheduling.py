@@ -99,6 +99,7 @@ def test_the_collector_leaves_what_was_there_and_collects_what_is_new():
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.real_time(limit=0.005)
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="proc(5)")
 @pytest.mark.parametrize(
     ("body", "is_beside_another", "withheld"),
