@@ -19,7 +19,6 @@ from orchestration.cli.commands.options import (
 from orchestration.cli.options import JsonOption, RecordsArgument
 from orchestration.cli.outputs import (
     Outputs,
-    standard_output_for,
     typed_command,
     write_json,
 )
@@ -130,11 +129,10 @@ def characterise(options: CharacteriseCommand) -> None:
         found = work(model, records, given, tell)
         tell("drawing the page")
         written = write_files(found, folder, typed_command())
-    with standard_output_for(options["json"]):
-        out.print(*found.overview(), sep="\n")
-        for path in written:
-            wrote(path)
-        write_json(options["json"], found.to_dict())
+    out.print(*found.overview(), sep="\n")
+    for path in written:
+        wrote(path)
+    write_json(options["json"], found.to_dict())
 
 
 @command(ThesisCommand)
@@ -146,17 +144,16 @@ def thesis(options: ThesisCommand) -> None:
     out = options["out"]
     path = options["json"]
     Outputs(writes={"--out": page.target(out), "--json": path}).check()
-    with standard_output_for(path):
-        page.run(out)
-        written = [
-            {"title": title, "claims": [_as_json(claim) for claim in claims]}
-            for title, claims in chapters.claims().items()
-        ]
-        errata = [
-            {"number": e.number, "where": e.where, "printed": e.printed, "holds": e.holds}
-            for e in chapters.errata()
-        ]
-        write_json(path, {"chapters": written, "errata": errata})
+    page.run(out)
+    written = [
+        {"title": title, "claims": [_as_json(claim) for claim in claims]}
+        for title, claims in chapters.claims().items()
+    ]
+    errata = [
+        {"number": e.number, "where": e.where, "printed": e.printed, "holds": e.holds}
+        for e in chapters.errata()
+    ]
+    write_json(path, {"chapters": written, "errata": errata})
 
 
 @command(CyclesCommand)
@@ -175,18 +172,17 @@ def cycles(options: CyclesCommand) -> None:
     path = options["json"]
     Outputs(writes={"--json": path}).check()
     experiment = read(name, options["settings"]).model_copy(update={"variants": {}})
-    with standard_output_for(path):
-        found = forecast(experiment, name)
-        rows = [
-            [way, limit, f"{count:g}" if math.isfinite(count) else "not reached"]
-            for way, allowed in found.items()
-            for limit, count in allowed.items()
-        ]
-        out.print(plain_table(None, "length", "limit", "cycles", right=("cycles",), rows=rows))
-        for way, allowed in found.items():
-            limit, count = next(iter(allowed.items()))
-            out.print(f"{way}: {limit if math.isfinite(count) else 'no limit'} binds first")
-        write_json(path, found)
+    found = forecast(experiment, name)
+    rows = [
+        [way, limit, f"{count:g}" if math.isfinite(count) else "not reached"]
+        for way, allowed in found.items()
+        for limit, count in allowed.items()
+    ]
+    out.print(plain_table(None, "length", "limit", "cycles", right=("cycles",), rows=rows))
+    for way, allowed in found.items():
+        limit, count = next(iter(allowed.items()))
+        out.print(f"{way}: {limit if math.isfinite(count) else 'no limit'} binds first")
+    write_json(path, found)
 
 
 def _as_json(claim: "Claim") -> dict[str, Any]:

@@ -10,6 +10,7 @@ import typer
 
 from fmus.kit import UserError, registry
 from orchestration.api.declaration import REQUIRED, Option, options_of
+from orchestration.cli.outputs import standard_output_for
 from orchestration.cli.panels import panel_of
 
 Body = Callable[..., None]
@@ -27,7 +28,8 @@ def command(declared: type) -> Callable[[Body], Body]:
     -------
     callable
         Decorator of a function that takes the values of all options, and typer's context if it has
-        a second argument. The attribute ``__options__`` of the result has the options by name.
+        a second argument. While it runs, standard output is reserved for JSON if ``--json -`` is
+        given. The attribute ``__options__`` of the result has the options by name.
     """
     options = {
         name: _with_default(option)
@@ -40,10 +42,11 @@ def command(declared: type) -> Callable[[Body], Body]:
 
         def run(context: typer.Context, **typed: Any) -> None:
             values = {name: option.read(typed[name]) for name, option in options.items()}
-            if wants_context:
-                body(values, context)
-            else:
-                body(values)
+            with standard_output_for(values.get("json")):
+                if wants_context:
+                    body(values, context)
+                else:
+                    body(values)
 
         made: Any = run
         made.__name__ = body.__name__

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError, quoting
-from orchestration.cli.outputs import Outputs, standard_output_for, write_json
+from orchestration.cli.outputs import Outputs, write_json
 
 if TYPE_CHECKING:
     from orchestration.cli.commands.options import InfoCommand
@@ -54,11 +54,10 @@ def record_info(options: InfoCommand) -> None:
     if options["of_model"] is not None:
         model = declared_model(options["of_model"], options["laid_over"])
         proposal = overview.proposal(_units(model))
-    with standard_output_for(path):
-        _show(overview)
-        if model is not None and proposal is not None:
-            _show_proposal(options, model, proposal)
-        write_json(path, overview.to_dict() | _as_json(proposal))
+    _show(overview)
+    if model is not None and proposal is not None:
+        _show_proposal(options, model, proposal)
+    write_json(path, overview.to_dict() | _as_json(proposal))
 
 
 def _units(model: Model) -> dict[str, str]:

@@ -8,7 +8,6 @@ from orchestration.cli.command import command
 from orchestration.cli.commands.options import AgeCommand
 from orchestration.cli.outputs import (
     Outputs,
-    standard_output_for,
     typed_command,
     write_json,
 )
@@ -37,14 +36,13 @@ def age(options: AgeCommand) -> None:
     with progress() as tell:
         keywords = only(AgeKeywords, {**options, "progress": tell})
         found = work(options["records"], options["model"], **keywords)
-    with standard_output_for(options["json"]):
-        out.print(Group(*found.overview()))
-        write_json(options["json"], found.to_dict())
-        if options["out"] is not None:
-            found.to_frame().to_csv(options["out"])
-            wrote(options["out"])
-        if options["plot"] is not None:
-            found.plot(options["plot"])
-            wrote(options["plot"])
-        if options["report"] is not None:
-            wrote(found.report(options["report"], typed_command()))
+    out.print(Group(*found.overview()))
+    write_json(options["json"], found.to_dict())
+    if options["out"] is not None:
+        found.to_frame().to_csv(options["out"])
+        wrote(options["out"])
+    if options["plot"] is not None:
+        found.plot(options["plot"])
+        wrote(options["plot"])
+    if options["report"] is not None:
+        wrote(found.report(options["report"], typed_command()))

@@ -8,7 +8,7 @@ from orchestration.api.declaration import only
 from orchestration.api.options import BlackBoxKeywords
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import BlackBoxCommand
-from orchestration.cli.outputs import Outputs, named, standard_output_for, write_json
+from orchestration.cli.outputs import Outputs, named, write_json
 
 if TYPE_CHECKING:
     from orchestration.identify.black_box.study import BlackBox
@@ -30,8 +30,7 @@ def black_box(options: BlackBoxCommand) -> None:
         tell(f"identifying models of {options['output']}")
         chosen["progress"] = tell.done
         identified = work(options["record"], options["output"], options["inputs"], **chosen)
-    with standard_output_for(options["json"]):
-        _show(identified, options)
+    _show(identified, options)
 
 
 def _show(identified: BlackBox, options: BlackBoxCommand) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import CheckCommand
-from orchestration.cli.outputs import Outputs, named, standard_output_for, write_json
+from orchestration.cli.outputs import Outputs, named, write_json
 
 if TYPE_CHECKING:
     from orchestration.cli.acceptance import Judged
@@ -42,12 +42,11 @@ def check(options: CheckCommand) -> None:
     for entry in entries:
         if not any(entry.concerns(one, fmu) for fmu in fmus for one in findings[fmu]):
             note(f"{accept}: {entry}: there is no such finding; the entry can go")
-    with standard_output_for(path):
-        for fmu, among in judged.items():
-            _show(fmu, among)
-        write_json(path, [_as_json(fmu, among) for fmu, among in judged.items()])
-        cases = [case for fmu in judged for case in _cases(fmu, judged[fmu], options["fail_on"])]
-        conclude("ppy check", cases, options["junit"])
+    for fmu, among in judged.items():
+        _show(fmu, among)
+    write_json(path, [_as_json(fmu, among) for fmu, among in judged.items()])
+    cases = [case for fmu in judged for case in _cases(fmu, judged[fmu], options["fail_on"])]
+    conclude("ppy check", cases, options["junit"])
 
 
 def _count(judged: Sequence[Judged], severity: str) -> int:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from orchestration.cli.command import command, refuse
 from orchestration.cli.commands.options import CompareCommand, ReferenceOptions
 from orchestration.cli.isolation import isolating
-from orchestration.cli.outputs import JSON, Outputs, named, standard_output_for, write_json
+from orchestration.cli.outputs import JSON, Outputs, named, write_json
 from orchestration.cli.verdicts import Case, conclude
 
 if TYPE_CHECKING:
@@ -46,11 +46,10 @@ def compare(options: CompareCommand) -> None:
             note_neutral(model, parameters)
         with progress() as tell:
             comparison = work.compare(model, record, parameters, names, tell)
-        with standard_output_for(options["json"]):
-            show(comparison)
-            _write(comparison, options)
-            cases = _cases(comparison, options["require"])
-            conclude("ppy compare", cases, options["junit"])
+        show(comparison)
+        _write(comparison, options)
+        cases = _cases(comparison, options["require"])
+        conclude("ppy compare", cases, options["junit"])
 
 
 def _check_outputs(reads: Mapping[str, Path | None], options: CompareCommand) -> None:
@@ -71,12 +70,11 @@ def _compare_files(result: Path, reference: Path, options: CompareCommand) -> No
     one, other = read_samples(result), read_samples(reference)
     tell_repairs([*one.repairs, *other.repairs])
     regression = work(one, other, options["tube"] or {})
-    with standard_output_for(options["json"]):
-        shown.show(regression)
-        shown.write(regression, options["report"], options["plot"])
-        for path in (options["out"], options["json"]):
-            write_json(path, shown.as_json(regression))
-        conclude("ppy compare", shown.cases(regression), options["junit"])
+    shown.show(regression)
+    shown.write(regression, options["report"], options["plot"])
+    for path in (options["out"], options["json"]):
+        write_json(path, shown.as_json(regression))
+    conclude("ppy compare", shown.cases(regression), options["junit"])
 
 
 def _cases(comparison: Comparison, percent: float | None) -> list[Case]:

@@ -8,7 +8,7 @@ from orchestration.cli.command import command
 from orchestration.cli.commands.linearise import model_or_system, show
 from orchestration.cli.commands.options import DesignCommand
 from orchestration.cli.commands.sweep import ranges_of
-from orchestration.cli.outputs import Outputs, standard_output_for
+from orchestration.cli.outputs import Outputs
 
 
 @command(DesignCommand)
@@ -35,8 +35,7 @@ def design(options: DesignCommand) -> None:
     with progress() as tell:
         tell(f"designing a controller for {name}")
         found = work(model_or_system(name, options["laid_over"]), **chosen)
-    with standard_output_for(options["json"]):
-        show(found, options["json"], {plot: found.plot})
-        if folder is not None:
-            for path in found.write(folder):
-                wrote(path)
+    show(found, options["json"], {plot: found.plot})
+    if folder is not None:
+        for path in found.write(folder):
+            wrote(path)

@@ -9,7 +9,7 @@ import typer
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import DiagnoseCommand, LawsCommand
 from orchestration.cli.isolation import isolating
-from orchestration.cli.outputs import standard_output_for, typed_command
+from orchestration.cli.outputs import typed_command
 
 
 @command(DiagnoseCommand)
@@ -22,15 +22,14 @@ def diagnose(options: DiagnoseCommand) -> None:
         # imported only where it is needed, for it takes half a second
         from orchestration.cli import diagnose as work
 
-        with standard_output_for(options["json"]):
-            if options["workers"] is not None:
-                verdicts = work.run_each(options, options["workers"], typed_command())
-                _require(options["require"], *verdicts)
-            elif options["system"] is not None:
-                work.run_system(options, options["system"], typed_command())
-            else:
-                result = work.run_diagnosis(options, typed_command())
-                _require(options["require"], result.verdict)
+        if options["workers"] is not None:
+            verdicts = work.run_each(options, options["workers"], typed_command())
+            _require(options["require"], *verdicts)
+        elif options["system"] is not None:
+            work.run_system(options, options["system"], typed_command())
+        else:
+            result = work.run_diagnosis(options, typed_command())
+            _require(options["require"], result.verdict)
 
 
 def _require(verdicts: Sequence[str], *reached: str) -> None:
@@ -50,5 +49,4 @@ def laws(options: LawsCommand) -> None:
     """Search the laws of a model for missing dependences on signals, with the curve of each."""
     from orchestration.cli import diagnose as work
 
-    with standard_output_for(options["json"]):
-        work.run_laws(options, typed_command())
+    work.run_laws(options, typed_command())

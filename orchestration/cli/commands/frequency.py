@@ -10,7 +10,7 @@ from orchestration.api.options import FrequencyKeywords
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import FrequencyCommand
 from orchestration.cli.isolation import isolating
-from orchestration.cli.outputs import Outputs, named, standard_output_for, write_json
+from orchestration.cli.outputs import Outputs, named, write_json
 
 if TYPE_CHECKING:
     from orchestration.cli.commands.options import MeasuredOptions
@@ -36,8 +36,7 @@ def frequency(options: FrequencyCommand) -> None:
     ).check()
     with isolating(options["isolate"]):
         responses = _without_model(options) if model is None else _with_model(options)
-        with standard_output_for(options["json"]):
-            _show(responses, options)
+        _show(responses, options)
 
 
 def _without_model(options: FrequencyCommand) -> FrequencyResponse:

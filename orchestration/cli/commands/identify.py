@@ -12,7 +12,6 @@ from orchestration.cli.ending import end_interrupted
 from orchestration.cli.isolation import isolating
 from orchestration.cli.outputs import (
     Outputs,
-    standard_output_for,
     typed_command,
     write_json,
 )
@@ -58,16 +57,15 @@ def identify(options: IdentifyCommand) -> None:
         if not found.fit.is_interrupted:
             posterior = _sampled(found.fit, options["posterior"])
         figures = one_or_all.to_dict()
-        with standard_output_for(options["json"]):
-            _show(found)
-            if posterior is not None:
-                out.print(Group(*posterior.overview()))
-                figures["fitted"]["posterior"] = posterior.to_dict()
-            write_json(options["json"], figures)
-            _write(one_or_all, found.fit, options)
-            if posterior is not None and options["corner"] is not None:
-                posterior.plot(options["corner"])
-                wrote(options["corner"])
+        _show(found)
+        if posterior is not None:
+            out.print(Group(*posterior.overview()))
+            figures["fitted"]["posterior"] = posterior.to_dict()
+        write_json(options["json"], figures)
+        _write(one_or_all, found.fit, options)
+        if posterior is not None and options["corner"] is not None:
+            posterior.plot(options["corner"])
+            wrote(options["corner"])
         if found.fit.is_interrupted:
             end_interrupted("the values are the best so far")
 

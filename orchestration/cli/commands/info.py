@@ -12,7 +12,7 @@ from orchestration.api.declaration import stated_of
 from orchestration.api.options import ReadingOptions
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import InfoCommand
-from orchestration.cli.outputs import Outputs, standard_output_for, write_json
+from orchestration.cli.outputs import Outputs, write_json
 from orchestration.reporting import flag
 
 if TYPE_CHECKING:
@@ -42,9 +42,8 @@ def info(options: InfoCommand) -> None:
         raise UserError(f"{name}: {model} is no record; {name} is for ppy info RECORD")
     Outputs({"the model": model_file(model)}, {"--json": path}).check()
     known = _facts_of(model, options["laid_over"])
-    with standard_output_for(path):
-        _show(known)
-        write_json(path, _as_json(known))
+    _show(known)
+    write_json(path, _as_json(known))
 
 
 def _show_diagnosis(options: InfoCommand) -> None:
@@ -55,9 +54,8 @@ def _show_diagnosis(options: InfoCommand) -> None:
     file, path, page = Path(options["model"]), options["json"], options["report"]
     Outputs({"the diagnosis": file}, {"--json": path, "--report": page}).check()
     stored = load(file)
-    with standard_output_for(path):
-        out.print(*stored.overview(), sep="\n")
-        write_json(path, stored.to_dict())
+    out.print(*stored.overview(), sep="\n")
+    write_json(path, stored.to_dict())
     if page is not None:
         wrote(stored.report(page))
 

@@ -12,7 +12,7 @@ from orchestration.api.options import LineariseKeywords, MappingOption, source_o
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import LineariseCommand
 from orchestration.cli.commands.sweep import ranges_of
-from orchestration.cli.outputs import Outputs, standard_output_for, write_json
+from orchestration.cli.outputs import Outputs, write_json
 from orchestration.reporting import flag
 
 if TYPE_CHECKING:
@@ -50,8 +50,7 @@ def linearise(options: LineariseCommand) -> None:
         if stimulus is not None:
             chosen["time"] = stimulus.pop("time")
         linear = work(model, stimulus, **chosen)
-    with standard_output_for(options["json"]):
-        show(linear, options["json"], {options["mat"]: linear.to_mat, options["plot"]: linear.plot})
+    show(linear, options["json"], {options["mat"]: linear.to_mat, options["plot"]: linear.plot})
 
 
 def show(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from orchestration.cli.command import command
 from orchestration.cli.options import JsonOption
-from orchestration.cli.outputs import STANDARD_OUTPUT, Outputs, write_json
+from orchestration.cli.outputs import Outputs, write_json
 
 
 @command(JsonOption)
@@ -12,7 +12,7 @@ def list_components(options: JsonOption) -> None:
     """List the components."""
     from fmus.kit import UserError, registry
     from fmus.kit.declare import summary
-    from orchestration.reporting.console import warn
+    from orchestration.reporting.console import out, warn
 
     path = options["json"]
     Outputs(writes={"--json": path}).check()
@@ -24,6 +24,5 @@ def list_components(options: JsonOption) -> None:
             warn(f"{name} is left out: {error}")
     width = max(map(len, summaries))
     for name, text in summaries.items():
-        if path != STANDARD_OUTPUT:
-            print(f"{name:{width}}  {text}")
+        out.print(f"{name:{width}}  {text}")
     write_json(path, [{"name": name, "summary": text} for name, text in summaries.items()])

@@ -8,7 +8,7 @@ from orchestration.cli.command import command
 from orchestration.cli.commands.options import OptimiseCommand
 from orchestration.cli.commands.sweep import ranges_of
 from orchestration.cli.ending import kept_in
-from orchestration.cli.outputs import Outputs, named, part_of, standard_output_for, write_json
+from orchestration.cli.outputs import Outputs, named, part_of, write_json
 
 
 @command(OptimiseCommand)
@@ -39,7 +39,7 @@ def optimise(options: OptimiseCommand) -> None:
         tell(f"optimising {options['model']}")
         chosen["progress"] = tell.done
         front = work(model, over, **chosen)
-    with removed_after(folder), standard_output_for(options["json"]):
+    with removed_after(folder):
         console.out.print(str(front), highlight=False, markup=False)
         write_json(options["json"], front.to_dict())
         if plot is not None:

@@ -24,10 +24,7 @@ from orchestration.cli.commands.options import (
     WatchCommand,
 )
 from orchestration.cli.commands.rig_record import archive, record
-from orchestration.cli.outputs import (
-    STANDARD_OUTPUT,
-    write_json,
-)
+from orchestration.cli.outputs import write_json
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
@@ -284,8 +281,7 @@ def _show(answer: Any, path: Path | None) -> None:
     from orchestration.reporting.console import out
     from orchestration.rig import summarise_status
 
-    if path != STANDARD_OUTPUT:
-        out.print(summarise_status(answer))
+    out.print(summarise_status(answer))
     write_json(path, answer)
 
 

@@ -13,7 +13,7 @@ from fmus.kit import UserError
 from fmus.kit.extras import require
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import ArchiveCommand, RecordRigCommand
-from orchestration.cli.outputs import SIGNALS, STANDARD_OUTPUT, Outputs, write_json
+from orchestration.cli.outputs import SIGNALS, Outputs, write_json
 from orchestration.cli.real_time import JOURNAL, IncompleteRecord, keep, status_line
 
 if TYPE_CHECKING:
@@ -251,9 +251,8 @@ def archive(options: ArchiveCommand) -> None:
     for path in kept.damaged:
         warn(f"{path} is damaged: what it held is not shown")
     contents = kept.contents(begin, end)
-    if options["json"] != STANDARD_OUTPUT:
-        for line in _lines(contents):
-            terminal.print(line, soft_wrap=True)
+    for line in _lines(contents):
+        terminal.print(line)
     write_json(options["json"], contents)
     if out is not None:
         results.write(archived_dataset(kept, begin, end), out)

@@ -17,7 +17,6 @@ from orchestration.cli.outputs import (
     SIGNALS,
     Outputs,
     named,
-    standard_output_for,
     write_json,
 )
 from orchestration.cli.real_time import live_run, tuned
@@ -52,12 +51,11 @@ def run(options: RunCommand) -> None:
     without_isolation = options["isolate"] is False and live is None
     # in this process an FMU that hangs keeps Python from hearing Ctrl-C
     ctrl_c_watch = hearing_ctrl_c(None) if without_isolation else nullcontext()
-    with standard_output_for(options["json"]):
-        with ctrl_c_watch, tuned(live, options):
-            data, regression = _run(experiment, options, live)
-        raise_if_incomplete(data, live)
-        judged = [Case(experiment, "runs")] if regression is None else cases(regression)
-        conclude("ppy run", judged, options["junit"])
+    with ctrl_c_watch, tuned(live, options):
+        data, regression = _run(experiment, options, live)
+    raise_if_incomplete(data, live)
+    judged = [Case(experiment, "runs")] if regression is None else cases(regression)
+    conclude("ppy run", judged, options["junit"])
 
 
 def _list_experiments() -> None:

@@ -17,7 +17,6 @@ from orchestration.cli.options import JsonOption
 from orchestration.cli.outputs import (
     PAGE,
     Outputs,
-    standard_output_for,
     typed_command,
     write_json,
 )
@@ -64,7 +63,7 @@ def commission(options: CommissionCommand) -> None:
     path = options["out"]
     Outputs({}, {"--out": path, "--json": options["json"]}, {"--out": PAGE}).check()
     device = read_device(options["backend"], read_options([*options["backend_options"]]))
-    with standard_output_for(options["json"]), on_termination(_interrupt):
+    with on_termination(_interrupt):
         served = ServedRig(
             device,
             words_of(ServeCommand, options),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
@@ -14,6 +15,9 @@ from orchestration.api.declaration import options_of
 from orchestration.cli.app import main
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import BridgeCommand, RunCommand, SimulateCommand
+from orchestration.cli.options import JsonOption
+from orchestration.cli.outputs import write_json
+from orchestration.reporting.console import out, wrote
 
 
 def given(declared, *arguments):
@@ -48,6 +52,23 @@ def test_values_arrive_read():
     assert options["mapping"] == {"u": "voltage"}
     assert options["isolate"] is False
     assert options["step_timeout"] == 1.5
+
+
+def test_standard_output_is_for_json_alone_if_it_is_written_there(capsys, tmp_path):
+    @command(JsonOption)
+    def body(options):
+        """Print, write and note a file, in this order."""
+        out.print("a table")
+        write_json(options["json"], {"a": 1})
+        wrote(tmp_path / "page.html")
+
+    one = typer.Typer()
+    one.command()(body)
+    made = typer.main.get_command(one)
+    made(["--json", "-"], standalone_mode=False)
+    assert json.loads(capsys.readouterr().out) == {"a": 1}
+    made([], standalone_mode=False)
+    assert capsys.readouterr().out == f"a table\nwrote {tmp_path / 'page.html'}\n"
 
 
 def test_what_is_not_given_has_its_default():
