@@ -17,11 +17,7 @@ from orchestration.cli.commands.options import (
     MeasuringOptions,
 )
 from orchestration.cli.options import JsonOption, RecordsArgument
-from orchestration.cli.outputs import (
-    Outputs,
-    typed_command,
-    write_json,
-)
+from orchestration.cli.outputs import check_outputs, typed_command, write_json
 
 if TYPE_CHECKING:
     from demonstrations.thesis import Claim
@@ -101,7 +97,7 @@ def demo(options: DemoCommand) -> None:
     require(*_DEMO)
     from demonstrations.demo import everything as work
 
-    Outputs(folders={"--out": options["out"]}).check()
+    check_outputs({}, folder=options["out"])
     work.run(options["out"])
 
 
@@ -123,7 +119,7 @@ def characterise(options: CharacteriseCommand) -> None:
     if not paths:
         raise UserError(f"{', '.join(map(str, options['records']))}: there is no record in it")
     read = {f"the record {path}": path for path in paths}
-    Outputs(read, {"--json": options["json"]}, folders={"--out": folder}).check()
+    check_outputs(options, read, folder=folder)
     model, records, given = open_runs(cast("IdentifyCommand", {**options, "records": paths}))
     with progress() as tell:
         found = work(model, records, given, tell)
@@ -143,7 +139,7 @@ def thesis(options: ThesisCommand) -> None:
 
     out = options["out"]
     path = options["json"]
-    Outputs(writes={"--out": page.target(out), "--json": path}).check()
+    check_outputs({**options, "out": page.target(out)}, out=())
     page.run(out)
     written = [
         {"title": title, "claims": [_as_json(claim) for claim in claims]}
@@ -170,7 +166,7 @@ def cycles(options: CyclesCommand) -> None:
 
     name = options["experiment"]
     path = options["json"]
-    Outputs(writes={"--json": path}).check()
+    check_outputs(options)
     experiment = read(name, options["settings"]).model_copy(update={"variants": {}})
     found = forecast(experiment, name)
     rows = [

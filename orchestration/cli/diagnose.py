@@ -36,15 +36,14 @@ from orchestration.cli.commands.options import (
 from orchestration.cli.ending import end_interrupted
 from orchestration.cli.models import build_model, model_file, note_neutral, tell_repairs_of
 from orchestration.cli.options import IsolateOption, JsonOption, platform_list
-from orchestration.cli.outputs import Outputs, named, same_file, write_json
+from orchestration.cli.outputs import check_outputs, same_file, write_json
 from orchestration.fmu import Model
 from orchestration.fmu.model import declared_model
 from orchestration.records import Record, files_of
-from orchestration.reporting import flag, saving, write_page
+from orchestration.reporting import saving, write_page
 from orchestration.reporting.console import note, out, progress, tell_repairs, wrote
 from orchestration.system.ssp import ENDINGS
 
-_FILES = ("json", "report", "experiment", "effect_out", "ssp")
 _SYSTEM_OPTIONS = options_of(
     MappingOption, SettingsOption, JsonOption, ReportOption, SystemOption, IsolateOption
 )
@@ -118,7 +117,7 @@ def run_each(options: DiagnoseCommand, workers: int, command: str) -> list[str]:
     for path in options["records"]:
         files += files_of(path, note, source_of(path, options).reading)
     read: dict[str, Path | None] = {f"the record {file}": file for file in files}
-    Outputs(read, named(options, "json", "report")).check()
+    check_outputs(options, read)
     name = options["model"] or registry.default_model()
     declared = declared_model(name, options["laid_over"])
     note_neutral(declared, options["settings"] or {})
@@ -215,7 +214,7 @@ def run_system(options: DiagnoseCommand, system: str, command: str) -> SystemRes
     if others:
         raise UserError("a second record is about one model; --system takes one")
     file = {"the system": Path(system)} if Path(system).suffix.lower() in ENDINGS else {}
-    Outputs({"the record": record, **file}, named(options, "json", "report")).check()
+    check_outputs(options, {"the record": record, **file})
     chosen = only(DiagnoseKeywords, options)
     with progress() as tell:
         chosen["progress"] = tell
@@ -281,11 +280,9 @@ def check_files(options: DiagnoseCommand | LawsCommand, sources: Sequence[Path] 
     for source in sources:
         kind = "FMU" if source.suffix == ".fmu" else "file"
         read[f"the {kind} of --model"] = source
-    written = {flag(name): given.get(name) for name in _FILES}
-    if given["fmu"] is not None:
-        for kind, path in fmu_paths(given["fmu"], ()).items():
-            written[f"--fmu ({kind})"] = path
-    Outputs(read, written).check()
+    fmus = {} if given["fmu"] is None else fmu_paths(given["fmu"], ())
+    more = {f"--fmu ({kind})": path for kind, path in fmus.items()}
+    check_outputs(given, read, more, experiment=(".toml",), effect_out=(".py",), ssp=(".ssp",))
     for name, paths, reason in (
         ("--compare", later, "nothing in it can have changed"),
         ("--holdout", unseen, "nothing would be held out"),

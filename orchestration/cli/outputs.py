@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from fmus.kit import UserError, quoting
 from fmus.kit.extras import require
@@ -16,19 +16,15 @@ from orchestration.reporting import flag
 STANDARD_OUTPUT = Path("-")
 JSON = (".json",)
 PAGE = (".html", ".htm")
-XML = (".xml",)
 PICTURE = (".png", ".svg", ".pdf")  # as in reporting.pictures, which takes time to load
 # formats of the options that have the same in all commands
 _FORMATS = {
-    "--json": JSON,
-    "--junit": XML,
-    "--plot": PICTURE,
-    "--profile-plot": PICTURE,
-    "--corner": PICTURE,
-    "--report": PAGE,
-    "--experiment": (".toml",),
-    "--effect-out": (".py",),
-    "--ssp": (".ssp",),
+    "json": JSON,
+    "junit": (".xml",),
+    "plot": PICTURE,
+    "profile_plot": PICTURE,
+    "corner": PICTURE,
+    "report": PAGE,
 }
 # a list of numbers, whose lines are joined; a text has no end of a line in it
 _WRITTEN_BY = {
@@ -43,62 +39,64 @@ def typed_command() -> str:
     return quoting.shell(["ppy", *sys.argv[1:]])
 
 
-class Outputs(NamedTuple):
-    """Files that a command reads, and those that its options name.
+def check_outputs(
+    options: Mapping[str, Any],
+    reads: Mapping[str, Path | None] = {},
+    more: Mapping[str, Path] = {},
+    folder: Path | None = None,
+    **endings: Sequence[str],
+) -> None:
+    """Refuse paths that cannot be written, or that would overwrite another file.
 
-    Attributes
+    Parameters
     ----------
+    options : Mapping of str to object
+        Values of the options of a command; of these the files of known formats are written, and
+        ``model`` is read. ``-`` for JSON is standard output.
     reads : Mapping of str to Path or None
-        Paths by role, as in ``this is the record itself``.
-    writes : Mapping of str to Path or None
-        Paths by option; ``-`` is standard output.
-    endings : Mapping of str to sequence of str
-        Allowed file extensions by option, if they are not those of all commands.
-    folders : Mapping of str to Path
-        Folders to write into, by option.
+        Further paths that the command reads, by role, as in ``this is the record itself``.
+    more : Mapping of str to Path
+        Further paths that it writes, by what the message calls them.
+    folder : Path, optional
+        Folder to write into.
+    **endings : sequence of str
+        Allowed file extensions by name of an option, if they are not those of all commands; any if
+        there is none.
+
+    Raises
+    ------
+    UserError
+        If a path is a folder, is read by the command, is given twice, has the ending of another
+        format, or cannot be written; or if a package that writes it is not installed.
     """
+    from orchestration.cli.models import model_file
 
-    reads: Mapping[str, Path | None] = {}
-    writes: Mapping[str, Path | None] = {}
-    endings: Mapping[str, Sequence[str]] = {}
-    folders: Mapping[str, Path] = {}
-
-    def check(self) -> None:
-        """Refuse paths that cannot be written, or that would overwrite another file.
-
-        Raises
-        ------
-        UserError
-            If a path is a folder, is read by the command, is given twice, has the ending of another
-            format, or cannot be written; or if a package that writes it is not installed.
-        """
-        named: list[tuple[str, Path]] = []
-        formats = {**_FORMATS, **self.endings}
-        for option, path in self.writes.items():
-            endings = formats.get(option, JSON)
-            if path is None or (path == STANDARD_OUTPUT and endings == JSON):
-                continue
-            if _exists(option, path) and path.is_dir():
-                raise UserError(f"{option} {path}: this is a folder; name a file in it")
-            for role, source in self.reads.items():
-                if source is not None and same_file(path, source):
-                    raise UserError(
-                        f"{option} {path}: this is {role} itself; it will not be overwritten"
-                    )
-            for other, place in named:
-                if same_file(path, place):
-                    raise UserError(f"{other} and {option} both name {path}")
-            named.append((option, path))
-        for option, path in named:
-            _check_ending(option, path, formats.get(option, ()))
-            _check_folder(path.absolute().parent, path)
-        for path in self.folders.values():
-            _check_folder(path.absolute(), path)
-
-
-def named(options: Mapping[str, Any], *names: str) -> dict[str, Path | None]:
-    """Return the files that options name, by their flags."""
-    return {flag(name): options[name] for name in names}
+    formats = {**endings, **_FORMATS} | endings  # messages name those of the command first
+    written = [
+        (flag(name), options[name], allowed)
+        for name, allowed in formats.items()
+        if options.get(name) is not None
+        and not (allowed == JSON and options[name] == STANDARD_OUTPUT)
+    ]
+    written += [(called, path, ()) for called, path in more.items()]
+    model = options.get("model")
+    reads = {**reads, "the model": model and model_file(model)}
+    for k, (option, path, _) in enumerate(written):
+        if _exists(option, path) and path.is_dir():
+            raise UserError(f"{option} {path}: this is a folder; name a file in it")
+        for role, source in reads.items():
+            if source is not None and same_file(path, source):
+                raise UserError(
+                    f"{option} {path}: this is {role} itself; it will not be overwritten"
+                )
+        for other, place, _ in written[:k]:
+            if same_file(path, place):
+                raise UserError(f"{other} and {option} both name {path}")
+    for option, path, allowed in written:
+        _check_ending(option, path, allowed)
+        _check_folder(path.absolute().parent, path)
+    if folder is not None:
+        _check_folder(folder.absolute(), folder)
 
 
 def same_file(a: Path, b: Path) -> bool:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError, quoting
-from orchestration.cli.outputs import Outputs, write_json
+from orchestration.cli.outputs import check_outputs, write_json
 
 if TYPE_CHECKING:
     from orchestration.cli.commands.options import InfoCommand
@@ -45,7 +45,7 @@ def record_info(options: InfoCommand) -> None:
 
     file = Path(options["model"])
     path = options["json"]
-    Outputs({"the record": file}, {"--json": path}).check()
+    check_outputs(options, {"the record": file})
     if options["laid_over"] and options["of_model"] is None:
         raise UserError("--with: name the model of the record with --model")
     overview = read_overview(source_of(file, options))

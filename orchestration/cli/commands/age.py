@@ -6,11 +6,7 @@ from orchestration.api.declaration import only
 from orchestration.api.options import AgeKeywords
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import AgeCommand
-from orchestration.cli.outputs import (
-    Outputs,
-    typed_command,
-    write_json,
-)
+from orchestration.cli.outputs import check_outputs, typed_command, write_json
 
 
 @command(AgeCommand)
@@ -22,17 +18,10 @@ def age(options: AgeCommand) -> None:
     from rich.console import Group
 
     from orchestration.api import age as work
-    from orchestration.cli.models import model_file
     from orchestration.reporting.console import out, progress, wrote
 
-    Outputs(
-        {
-            "the model": model_file(options["model"]),
-            **{f"record {k}": path for k, path in enumerate(options["records"], 1)},
-        },
-        {f"--{name}": options[name] for name in ("out", "json", "plot", "report")},
-        {"--out": (".csv",)},
-    ).check()
+    records = {f"record {k}": path for k, path in enumerate(options["records"], 1)}
+    check_outputs(options, records, out=(".csv",))
     with progress() as tell:
         keywords = only(AgeKeywords, {**options, "progress": tell})
         found = work(options["records"], options["model"], **keywords)

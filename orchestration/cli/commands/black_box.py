@@ -8,7 +8,7 @@ from orchestration.api.declaration import only
 from orchestration.api.options import BlackBoxKeywords
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import BlackBoxCommand
-from orchestration.cli.outputs import Outputs, named, write_json
+from orchestration.cli.outputs import check_outputs, write_json
 
 if TYPE_CHECKING:
     from orchestration.identify.black_box.study import BlackBox
@@ -20,11 +20,7 @@ def black_box(options: BlackBoxCommand) -> None:
     from orchestration.api import black_box as work
     from orchestration.reporting.console import progress
 
-    Outputs(
-        {"the record": options["record"]},
-        named(options, "report", "json", "out"),
-        {"--out": (".py",)},
-    ).check()
+    check_outputs(options, {"the record": options["record"]}, out=(".py",))
     chosen = only(BlackBoxKeywords, options)
     with progress() as tell:
         tell(f"identifying models of {options['output']}")

@@ -13,7 +13,7 @@ from fmus.kit import UserError
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import BuildCommand
 from orchestration.cli.options import platform_list
-from orchestration.cli.outputs import Outputs
+from orchestration.cli.outputs import check_outputs
 
 if TYPE_CHECKING:
     from fmus.kit import Component
@@ -93,11 +93,12 @@ def _check_planned(
 
     for one in planned:
         kit.check_build(one.cls, one.runtime, platforms, one.fmi, options["clocks"])
-    Outputs(
+    check_outputs(
+        {},
         {f"the model {name}": model_file(name) for name in options["names"] or ()},
         {f"{one.cls.name} ({one.runtime})": one.path for one in planned},
-        folders={"--out": options["out"]},
-    ).check()
+        options["out"],
+    )
 
 
 def _build_all(planned: Sequence[_PlannedFmu], platforms: list[str] | None, clocks: bool) -> bool:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import CheckCommand
-from orchestration.cli.outputs import Outputs, named, write_json
+from orchestration.cli.outputs import check_outputs, write_json
 
 if TYPE_CHECKING:
     from orchestration.cli.acceptance import Judged
@@ -32,10 +32,8 @@ def check(options: CheckCommand) -> None:
     fmus = options["fmus"]
     path = options["json"]
     accept = options["accept"]
-    Outputs(
-        {f"the FMU {fmu}": fmu for fmu in fmus} | {"the file of --accept": accept},
-        named(options, "json", "junit"),
-    ).check()
+    reads = {f"the FMU {fmu}": fmu for fmu in fmus}
+    check_outputs(options, {**reads, "the file of --accept": accept})
     entries = [] if accept is None else read_acceptances(accept)
     findings = {fmu: check_fmu(fmu) for fmu in fmus}
     judged = {fmu: [*judge(among, entries, fmu, date.today())] for fmu, among in findings.items()}

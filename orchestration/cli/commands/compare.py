@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from orchestration.cli.command import command, refuse
 from orchestration.cli.commands.options import CompareCommand, ReferenceOptions
 from orchestration.cli.isolation import isolating
-from orchestration.cli.outputs import JSON, Outputs, named, write_json
+from orchestration.cli.outputs import JSON, check_outputs, write_json
 from orchestration.cli.verdicts import Case, conclude
 
 if TYPE_CHECKING:
@@ -32,14 +31,12 @@ def compare(options: CompareCommand) -> None:
         return
     files = "is for two files: ppy compare RESULT REFERENCE"
     refuse(CompareCommand, options, ("tube", "report"), files)
-    from orchestration.cli.models import model_file, note_neutral, open_measured
+    from orchestration.cli.models import note_neutral, open_measured
     from orchestration.identify import comparison as work
     from orchestration.reporting.console import progress
 
     names = options["fit"]
-    _check_outputs(
-        {"the record": options["record"], "the model": model_file(options["model"])}, options
-    )
+    check_outputs(options, {"the record": options["record"]}, out=JSON)
     with isolating(options["isolate"]):
         model, record, parameters = open_measured(options, options["runtime"])
         if names:
@@ -52,10 +49,6 @@ def compare(options: CompareCommand) -> None:
         conclude("ppy compare", cases, options["junit"])
 
 
-def _check_outputs(reads: Mapping[str, Path | None], options: CompareCommand) -> None:
-    Outputs(reads, named(options, *_WRITES), {"--out": JSON}).check()
-
-
 def _compare_files(result: Path, reference: Path, options: CompareCommand) -> None:
     """Compare a result with a reference; exit with status 1 if a signal differs."""
     from orchestration.cli import regression as shown
@@ -66,7 +59,7 @@ def _compare_files(result: Path, reference: Path, options: CompareCommand) -> No
     of_models = (name for name in options if name not in _OF_FILES)
     reason = "is for a model and a record; these are two files"
     refuse(CompareCommand, options, of_models, reason)
-    _check_outputs({"the result": result, "the reference": reference}, options)
+    check_outputs(options, {"the result": result, "the reference": reference}, out=JSON)
     one, other = read_samples(result), read_samples(reference)
     tell_repairs([*one.repairs, *other.repairs])
     regression = work(one, other, options["tube"] or {})

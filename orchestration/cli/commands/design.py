@@ -8,7 +8,7 @@ from orchestration.cli.command import command
 from orchestration.cli.commands.linearise import model_or_system, show
 from orchestration.cli.commands.options import DesignCommand
 from orchestration.cli.commands.sweep import ranges_of
-from orchestration.cli.outputs import Outputs
+from orchestration.cli.outputs import check_outputs
 
 
 @command(DesignCommand)
@@ -19,17 +19,12 @@ def design(options: DesignCommand) -> None:
     band of margins and responses.
     """
     from orchestration.api import design as work
-    from orchestration.cli.models import model_file
     from orchestration.reporting.console import progress, wrote
 
     name = options["model"]
     plot = options["plot"]
     folder = options["out"]
-    Outputs(
-        {"the model": model_file(name), "the fit": options["fitted"]},
-        {"--json": options["json"], "--plot": plot},
-        folders={"--out": folder} if folder else {},
-    ).check()
+    check_outputs(options, {"the fit": options["fitted"]}, folder=folder)
     chosen = only(DesignKeywords, options)
     chosen["over"] = ranges_of(options["over"]) or None
     with progress() as tell:

@@ -11,7 +11,7 @@ import typer
 from fmus.kit import UserError
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import ExportModelicaCommand
-from orchestration.cli.outputs import Outputs
+from orchestration.cli.outputs import check_outputs
 
 if TYPE_CHECKING:
     from fmus.kit import Component
@@ -45,7 +45,7 @@ def modelica(options: ExportModelicaCommand) -> None:
     folder = options["out"]
     package = folder / PACKAGE
     reads = {f"the model {name}": model_file(name) for name in names}
-    Outputs(reads, folders={"--out": folder}).check()
+    check_outputs({}, reads, folder=folder)
     _check_empty(package)
     classes = [_class_with_values(name, options) for name in names or registry.components()]
     contents = package_files(classes, version(), _fmus(classes) if options["fmus"] else None)

@@ -10,7 +10,7 @@ from orchestration.api.options import FrequencyKeywords
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import FrequencyCommand
 from orchestration.cli.isolation import isolating
-from orchestration.cli.outputs import Outputs, named, write_json
+from orchestration.cli.outputs import check_outputs, write_json
 
 if TYPE_CHECKING:
     from orchestration.cli.commands.options import MeasuredOptions
@@ -23,19 +23,9 @@ def frequency(options: FrequencyCommand) -> None:
 
     Without a model, name ratios of columns. Inputs are best periodic, or random.
     """
-    from orchestration.cli.models import model_file
-
-    model = options["model"]
-    Outputs(
-        {
-            "the record": options["record"],
-            "the model": None if model is None else model_file(model),
-        },
-        named(options, "out", "json", "plot"),
-        {"--out": (".csv",)},
-    ).check()
+    check_outputs(options, {"the record": options["record"]}, out=(".csv",))
     with isolating(options["isolate"]):
-        responses = _without_model(options) if model is None else _with_model(options)
+        responses = _without_model(options) if options["model"] is None else _with_model(options)
         _show(responses, options)
 
 

@@ -10,11 +10,7 @@ from orchestration.cli.command import command
 from orchestration.cli.commands.options import IdentifyCommand
 from orchestration.cli.ending import end_interrupted
 from orchestration.cli.isolation import isolating
-from orchestration.cli.outputs import (
-    Outputs,
-    typed_command,
-    write_json,
-)
+from orchestration.cli.outputs import check_outputs, typed_command, write_json
 
 if TYPE_CHECKING:
     from orchestration.identify import Comparison, Fit, JointComparison
@@ -26,28 +22,14 @@ def identify(options: IdentifyCommand) -> None:
     """Identify parameters of a component, any FMU or a system from a record."""
     from rich.console import Group
 
-    from orchestration.cli.models import model_file
     from orchestration.reporting.console import out, wrote
 
     profiled = _profiled(options)
-    Outputs(
-        {
-            "the model": model_file(options["model"]),
-            **{
-                f"the record{f' {k}' if k > 1 else ''}": path
-                for k, path in enumerate(options["records"], 1)
-            },
-        },
-        {
-            "--ssv": options["ssv"],
-            "--json": options["json"],
-            "--plot": options["plot"],
-            "--profile-plot": options["profile_plot"],
-            "--corner": options["corner"],
-            "--report": options["report"],
-        },
-        {"--ssv": (".ssv",)},
-    ).check()
+    records = {
+        f"the record{f' {k}' if k > 1 else ''}": path
+        for k, path in enumerate(options["records"], 1)
+    }
+    check_outputs(options, records, ssv=(".ssv",))
     with isolating(options["isolate"]):
         found = _fitted(options, profiled)
         one_or_all: Comparison | JointComparison = found

@@ -12,7 +12,7 @@ from orchestration.api.declaration import stated_of
 from orchestration.api.options import ReadingOptions
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import InfoCommand
-from orchestration.cli.outputs import Outputs, write_json
+from orchestration.cli.outputs import check_outputs, write_json
 from orchestration.reporting import flag
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 @command(InfoCommand)
 def info(options: InfoCommand) -> None:
     """Show a model's variables and effects, a record's columns, or a diagnosis as it was shown."""
-    from orchestration.cli.models import model_file
     from orchestration.cli.record_overview import is_record, record_info
 
     model = options["model"]
@@ -40,7 +39,7 @@ def info(options: InfoCommand) -> None:
     if options["of_model"] is not None or stated:
         name = flag(stated[0]) if stated else "--model"
         raise UserError(f"{name}: {model} is no record; {name} is for ppy info RECORD")
-    Outputs({"the model": model_file(model)}, {"--json": path}).check()
+    check_outputs(options)
     known = _facts_of(model, options["laid_over"])
     _show(known)
     write_json(path, _as_json(known))
@@ -52,7 +51,7 @@ def _show_diagnosis(options: InfoCommand) -> None:
     from orchestration.reporting.console import out, wrote
 
     file, path, page = Path(options["model"]), options["json"], options["report"]
-    Outputs({"the diagnosis": file}, {"--json": path, "--report": page}).check()
+    check_outputs(options, {"the diagnosis": file})
     stored = load(file)
     out.print(*stored.overview(), sep="\n")
     write_json(path, stored.to_dict())

@@ -12,33 +12,23 @@ from orchestration.api.options import LineariseKeywords, MappingOption, source_o
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import LineariseCommand
 from orchestration.cli.commands.sweep import ranges_of
-from orchestration.cli.outputs import Outputs, write_json
+from orchestration.cli.outputs import check_outputs, write_json
 from orchestration.reporting import flag
 
 if TYPE_CHECKING:
     from orchestration.fmu import Model
     from orchestration.linear import ControllerDesign, LinearModel
 
-_MAT = (".mat",)
-
 
 @command(LineariseCommand)
 def linearise(options: LineariseCommand) -> None:
     """Linearise a component, an FMU or a system about an operating point, or cut a loop of it."""
     from orchestration.api import linearise as work
-    from orchestration.cli.models import model_file
     from orchestration.reporting.console import progress
 
     name = options["model"]
-    Outputs(
-        {
-            "the model": model_file(name),
-            "the record": options["input_file"],
-            "the fit": options["fitted"],
-        },
-        {"--json": options["json"], "--mat": options["mat"], "--plot": options["plot"]},
-        {"--mat": _MAT},
-    ).check()
+    reads = {"the record": options["input_file"], "the fit": options["fitted"]}
+    check_outputs(options, reads, mat=(".mat",))
     stated = stated_of(MappingOption, options)
     if stated and options["input_file"] is None:
         raise UserError(f"{flag(stated[0])} is about a record; give the record with --input")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from orchestration.cli.command import command
 from orchestration.cli.options import JsonOption
-from orchestration.cli.outputs import Outputs, write_json
+from orchestration.cli.outputs import check_outputs, write_json
 
 
 @command(JsonOption)
@@ -15,7 +15,7 @@ def list_components(options: JsonOption) -> None:
     from orchestration.reporting.console import out, warn
 
     path = options["json"]
-    Outputs(writes={"--json": path}).check()
+    check_outputs(options)
     summaries = {}
     for name in registry.models():
         try:

@@ -15,7 +15,7 @@ from fmus.kit import quoting
 from fmus.kit.errors import UserError, suggestion
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import NewCommand
-from orchestration.cli.outputs import Outputs
+from orchestration.cli.outputs import check_outputs
 
 _INSTALL = ("-m", "pip", "install", "pytest")  # which only developers' installations have
 _TEMPLATES = Path(__file__).parents[1] / "templates"
@@ -38,7 +38,7 @@ def new(options: NewCommand) -> None:
         folder / f"test_{name}.py": "test",
         folder / f"{name}.md": "rows",
     }
-    Outputs(folders={"--out": folder}).check()
+    check_outputs({}, folder=folder)
     for path in texts:
         if path.exists():
             raise UserError(f"{path} is there already; it will not be overwritten")

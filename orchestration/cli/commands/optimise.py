@@ -8,7 +8,7 @@ from orchestration.cli.command import command
 from orchestration.cli.commands.options import OptimiseCommand
 from orchestration.cli.commands.sweep import ranges_of
 from orchestration.cli.ending import kept_in
-from orchestration.cli.outputs import Outputs, named, part_of, write_json
+from orchestration.cli.outputs import check_outputs, part_of, write_json
 
 
 @command(OptimiseCommand)
@@ -19,16 +19,12 @@ def optimise(options: OptimiseCommand) -> None:
     """
     from orchestration.api import optimise as work
     from orchestration.api import values_of
-    from orchestration.cli.models import model_file
     from orchestration.fmu.model import declared_model
     from orchestration.journal import removed_after
     from orchestration.reporting import console
 
     plot = options["plot"]
-    Outputs(
-        {"the model": model_file(options["model"])},
-        named(options, "plot", "json"),
-    ).check()
+    check_outputs(options)
     over = ranges_of(options["over"])
     model = declared_model(options["model"], options["laid_over"])
     chosen = only(OptimiseKeywords, options)

@@ -13,7 +13,7 @@ from fmus.kit import UserError
 from fmus.kit.extras import require
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import ArchiveCommand, RecordRigCommand
-from orchestration.cli.outputs import SIGNALS, Outputs, write_json
+from orchestration.cli.outputs import SIGNALS, check_outputs, write_json
 from orchestration.cli.real_time import JOURNAL, IncompleteRecord, keep, status_line
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ def _prepared(options: RecordRigCommand, reads: Mapping[str, Path | None]) -> tu
     out = options["out"]
     credentials = options["credentials"]
     reads = {"the key file": credentials, **reads}
-    Outputs(reads, {"--out": out}, {"--out": SIGNALS}).check()
+    check_outputs(options, reads, out=SIGNALS)
     live = Live(journal=out.with_name(out.name + JOURNAL))
     return live, read_endpoint(options["endpoint"], credentials, warn)
 
@@ -244,7 +244,7 @@ def archive(options: ArchiveCommand) -> None:
 
     require("pyarrow")
     out = options["out"]
-    Outputs({}, {"--out": out}, {"--out": SIGNALS}).check()
+    check_outputs(options, out=SIGNALS)
     begin = read_date(options["since"], "--from", -inf)
     end = read_date(options["until"], "--to", inf)
     kept = Archive(options["folder"])

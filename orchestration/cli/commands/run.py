@@ -12,13 +12,7 @@ from orchestration.cli.command import command, refuse
 from orchestration.cli.commands.options import RunCommand
 from orchestration.cli.experiments import raise_if_incomplete, run_and_write
 from orchestration.cli.isolation import hearing_ctrl_c
-from orchestration.cli.outputs import (
-    PICTURE,
-    SIGNALS,
-    Outputs,
-    named,
-    write_json,
-)
+from orchestration.cli.outputs import PICTURE, SIGNALS, check_outputs, write_json
 from orchestration.cli.real_time import live_run, tuned
 from orchestration.cli.regression import as_json, cases, show, write
 from orchestration.cli.verdicts import Case, conclude
@@ -83,11 +77,8 @@ def _run(
     experiment = read(name, chosen)
     made_again = is_result(source)
     reads = {"result" if made_again else "experiment": source} | files(experiment)
-    Outputs(
-        {f"the {role}": path for role, path in reads.items()},
-        named(options, "out", "plot", "json", "junit", "report"),
-        {"--out": SIGNALS, "--plot": (*PICTURE, ".html")},
-    ).check()
+    roles = {f"the {role}": path for role, path in reads.items()}
+    check_outputs(options, roles, out=SIGNALS, plot=(*PICTURE, ".html"))
     earlier = results.read(source) if made_again and not chosen else None
     if earlier is None:
         reason = "is for a result that is made again, without --set"

@@ -12,7 +12,7 @@ from orchestration.api.options import MappingOption, source_of
 from orchestration.cli.command import command, refuse
 from orchestration.cli.commands.options import SimulateCommand
 from orchestration.cli.isolation import hearing_ctrl_c, limits
-from orchestration.cli.outputs import SIGNALS, Outputs, named
+from orchestration.cli.outputs import SIGNALS, check_outputs
 from orchestration.reporting import flag
 
 if TYPE_CHECKING:
@@ -32,21 +32,13 @@ _SYSTEMS = (".ssp", ".ssd")  # as in system.ssp, which takes half a second to lo
 def simulate(options: SimulateCommand) -> None:
     """Simulate a component, any FMU, or a system of FMUs."""
     from fmus.kit import registry
-    from orchestration.cli.models import model_file
     from orchestration.system import NAMES
 
     stated = stated_of(MappingOption, options)
     if stated and options["input_file"] is None:
         raise UserError(f"{flag(stated[0])} is about a record; give the record with --input")
-    Outputs(
-        {
-            "the record": options["input_file"],
-            "the model": model_file(options["model"]),
-            "the state to go on from": options["state_in"],
-        },
-        named(options, "out", "plot", "log_calls", "state_out"),
-        {"--out": SIGNALS, "--log-calls": (), "--state-out": ()},
-    ).check()
+    reads = {"the record": options["input_file"], "the state to go on from": options["state_in"]}
+    check_outputs(options, reads, out=SIGNALS, log_calls=(), state_out=())
     name = options["model"]
     if Path(name).suffix.lower() in _SYSTEMS or (name in NAMES and name not in registry.models()):
         refuse(SimulateCommand, options, _OF_ONE_FMU, "is for one FMU; this is a system")

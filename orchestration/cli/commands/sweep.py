@@ -23,7 +23,7 @@ from orchestration.cli.commands.options import DatasetOption, ReportOption, Swee
 from orchestration.cli.ending import kept_in
 from orchestration.cli.isolation import given_limits
 from orchestration.cli.options import IsolationOptions, PlotOption, RunnableArgument
-from orchestration.cli.outputs import Outputs, named, part_of, typed_command
+from orchestration.cli.outputs import check_outputs, part_of, typed_command
 
 if TYPE_CHECKING:
     import xarray
@@ -79,17 +79,12 @@ def sweep(options: SweepCommand, context: typer.Context) -> None:
 
 def _check_outputs(options: SweepCommand) -> None:
     """Refuse paths that cannot be written, or that would overwrite another file."""
-    from orchestration.cli.models import model_file
     from orchestration.sweeps.storage import zarr_store
 
     out = options["out"]
     store = out if out is not None and out.suffix.lower() == _ZARR else None
-    Outputs(
-        {"the model": model_file(options["model"]), "the fit": options["fitted"]},
-        {"--out": None if store else out, **named(options, "plot", "report")},
-        {"--out": _DATASET},
-        {"--out": store} if store else {},
-    ).check()
+    files: dict[str, Any] = {**options, "out": None if store else out}
+    check_outputs(files, {"the fit": options["fitted"]}, folder=store, out=_DATASET)
     if store is not None:
         zarr_store.check(store)
 

@@ -19,7 +19,7 @@ from orchestration.cli.commands.options import (
     SystemArgument,
 )
 from orchestration.cli.options import platform_list
-from orchestration.cli.outputs import PICTURE, Outputs
+from orchestration.cli.outputs import PICTURE, check_outputs
 
 if TYPE_CHECKING:
     from orchestration.fmu import Signal, Value
@@ -103,7 +103,7 @@ def draw(options: DrawSystemCommand) -> None:
 
     name = options["name"]
     path = options["out"] or _named_after(name, ".png")
-    Outputs({"the system": Path(name)}, {"--out": path}, {"--out": PICTURE}).check()
+    check_outputs({"out": path}, {"the system": Path(name)}, out=PICTURE)
     with _opened(name) as system:
         check(system)
         work(system, path)
@@ -120,7 +120,7 @@ def export(options: ExportSystemCommand) -> None:
 
     name = options["name"]
     path = options["out"] or _named_after(name, ".ssp")
-    Outputs({"the system": Path(name)}, {"--out": path}, {"--out": ENDINGS}).check()
+    check_outputs({"out": path}, {"the system": Path(name)}, out=ENDINGS)
     with _opened(name, options["runtime"]) as system:
         ssp.write(system, path, options["connectors"])
     wrote(path)
@@ -140,7 +140,7 @@ def pack(options: PackSystemCommand) -> None:
 
     name = options["name"]
     path = options["fmu"] or _named_after(name, ".fmu")
-    Outputs({"the system": Path(name)}, {"--fmu": path}, {"--fmu": (".fmu",)}).check()
+    check_outputs({"fmu": path}, {"the system": Path(name)}, fmu=(".fmu",))
     with _opened(name) as system, progress() as tell:
         files.write(path, master.pack(system, platform_list(options["platforms"]), tell))
     wrote(path)

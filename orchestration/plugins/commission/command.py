@@ -14,12 +14,7 @@ from orchestration.api.declaration import Option, words_of
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import ServeCommand
 from orchestration.cli.options import JsonOption
-from orchestration.cli.outputs import (
-    PAGE,
-    Outputs,
-    typed_command,
-    write_json,
-)
+from orchestration.cli.outputs import PAGE, check_outputs, typed_command, write_json
 
 
 class CommissionOptions(TypedDict, total=False):
@@ -61,7 +56,7 @@ def commission(options: CommissionCommand) -> None:
     if options["archive"] is not None:
         raise UserError("--archive: a commissioning keeps a protocol in its place; leave it out")
     path = options["out"]
-    Outputs({}, {"--out": path, "--json": options["json"]}, {"--out": PAGE}).check()
+    check_outputs(options, out=PAGE)
     device = read_device(options["backend"], read_options([*options["backend_options"]]))
     with on_termination(_interrupt):
         served = ServedRig(

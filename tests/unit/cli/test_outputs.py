@@ -13,7 +13,7 @@ from fmus.kit.errors import UserError
 from orchestration.cli.outputs import (
     SIGNALS,
     STANDARD_OUTPUT,
-    Outputs,
+    check_outputs,
     standard_output_for,
     write_json,
 )
@@ -34,14 +34,14 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_what_costs_nothing_is_let_through(folder):
-    Outputs().check()
+    check_outputs({})
     Path("old.json").write_text("earlier", encoding="utf-8")
-    Outputs(
+    check_outputs(
+        {"out": Path("new/deep/run.csv"), "json": Path("old.json"), "plot": None, "time": "1s"},
         {"the record": Path("record.csv"), "the holdout": None},
-        {"--out": Path("new/deep/run.csv"), "--json": Path("old.json"), "--plot": None},
-        {"--out": (".csv",), "--json": (".json",)},
-        {"--folder": Path("new")},
-    ).check()
+        folder=Path("new"),
+        out=(".csv",),
+    )
     assert not Path("new").exists()
 
 
@@ -61,23 +61,28 @@ def test_what_costs_nothing_is_let_through(folder):
 )
 def test_what_is_refused(folder, name, message):
     with pytest.raises(UserError) as caught:
-        Outputs(
+        check_outputs(
+            {"out": Path(name)},
             {"the record": Path("record.csv")},
-            {"--out": Path(name)},
-            {"--out": (".csv", ".nc", ".parquet")},
-        ).check()
+            out=(".csv", ".nc", ".parquet"),
+        )
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
 def test_two_outputs_are_two_files(folder):
     with pytest.raises(UserError, match=r"^--out and --plot both name a\.png$"):
-        Outputs({}, {"--out": Path("a.png"), "--plot": Path("./a.png")}).check()
+        check_outputs({"plot": Path("./a.png"), "out": Path("a.png")}, out=())
 
 
 def test_one_file_by_two_names_that_is_not_there_yet(folder):
     with pytest.raises(UserError, match="both name"):
-        Outputs({}, {"--json": Path("made/../b.json"), "--out": Path("b.json")}).check()
+        check_outputs({"json": Path("made/../b.json")}, more={"the page": Path("b.json")})
+
+
+def test_the_model_of_a_command_is_not_overwritten(folder):
+    with pytest.raises(UserError, match=r"--out record\.csv: this is the model itself"):
+        check_outputs({"model": "record.csv", "out": Path("record.csv")}, out=())
 
 
 @pytest.mark.skipif(
@@ -87,18 +92,18 @@ def test_one_file_by_two_names_that_is_not_there_yet(folder):
 def test_a_folder_that_is_read_only(folder):
     Path("made").chmod(0o500)
     with pytest.raises(UserError, match="made is read-only"):
-        Outputs({}, {"--out": Path("made/a.csv")}).check()
+        check_outputs({"out": Path("made/a.csv")}, out=())
 
 
 def test_a_file_in_the_place_of_a_folder(folder):
     with pytest.raises(UserError, match=r"cannot write record\.csv: .*record\.csv is no folder"):
-        Outputs(folders={"--out": Path("record.csv")}).check()
+        check_outputs({}, folder=Path("record.csv"))
 
 
 def test_standard_output_is_no_file(folder):
-    Outputs({"the record": Path("-")}, {"--json": STANDARD_OUTPUT}, {"--json": (".json",)}).check()
+    check_outputs({"json": STANDARD_OUTPUT}, {"the record": Path("-")})
     with pytest.raises(UserError, match=r"--mat -: its name must end in \.mat, not 'nothing'"):
-        Outputs({}, {"--mat": STANDARD_OUTPUT}, {"--mat": (".mat",)}).check()
+        check_outputs({"mat": STANDARD_OUTPUT}, mat=(".mat",))
 
 
 def test_formats_of_signals_are_those_that_are_written():
