@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -181,3 +181,46 @@ def write_json(path: Path | None, data: Any) -> None:
 
     files.write(path, text.encode())
     wrote(path)
+
+
+def write_files(options: Mapping[str, Any], **writers: Callable[[Path], object]) -> None:
+    """Write the files that options name, and print their names.
+
+    Parameters
+    ----------
+    options : Mapping of str to object
+        Values of the options of a command.
+    **writers : callable
+        By name of an option: writes its file.
+
+    Raises
+    ------
+    UserError
+        If a file cannot be written.
+    """
+    from orchestration.reporting.console import wrote
+
+    for name, write in writers.items():
+        path = options[name]
+        if path is not None:
+            write(path)
+            wrote(path)
+
+
+def show_and_write(
+    result: Any, options: Mapping[str, Any], **writers: Callable[[Path], object]
+) -> None:
+    """Print a result, and write it as JSON and into the files that options name.
+
+    Parameters
+    ----------
+    result : Displayable
+        With a method ``to_dict``.
+    options, writers
+        See `write_files`.
+    """
+    from orchestration.reporting.console import out
+
+    out.print(*result.overview(), sep="\n")
+    write_json(options["json"], result.to_dict())
+    write_files(options, **writers)

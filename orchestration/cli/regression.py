@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from orchestration.cli.outputs import typed_command
+from orchestration.cli.outputs import typed_command, write_files
 from orchestration.cli.verdicts import Case
 
 if TYPE_CHECKING:
@@ -32,14 +33,12 @@ def show(regression: Regression) -> None:
 def write(regression: Regression, report: Path | None, plot: Path | None = None) -> None:
     """Write the page and the picture that are asked for."""
     from orchestration.reporting import draw, pictures, write_page
-    from orchestration.reporting.console import wrote
 
-    if report is not None:
-        write_page(regression, report, typed_command())
-        wrote(report)
-    if plot is not None:
-        pictures.save(draw(regression), plot)
-        wrote(plot)
+    write_files(
+        {"report": report, "plot": plot},
+        report=partial(write_page, regression, command=typed_command()),
+        plot=lambda path: pictures.save(draw(regression), path),
+    )
 
 
 def cases(regression: Regression) -> list[Case]:

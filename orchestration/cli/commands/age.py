@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from orchestration.api.declaration import only
 from orchestration.api.options import AgeKeywords
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import AgeCommand
-from orchestration.cli.outputs import check_outputs, typed_command, write_json
+from orchestration.cli.outputs import check_outputs, show_and_write, typed_command
 
 
 @command(AgeCommand)
@@ -15,23 +17,18 @@ def age(options: AgeCommand) -> None:
 
     The clock is the time of operation: records follow each other without the rests between them.
     """
-    from rich.console import Group
-
     from orchestration.api import age as work
-    from orchestration.reporting.console import out, progress, wrote
+    from orchestration.reporting.console import progress
 
     records = {f"record {k}": path for k, path in enumerate(options["records"], 1)}
     check_outputs(options, records, out=(".csv",))
     with progress() as tell:
         keywords = only(AgeKeywords, {**options, "progress": tell})
         found = work(options["records"], options["model"], **keywords)
-    out.print(Group(*found.overview()))
-    write_json(options["json"], found.to_dict())
-    if options["out"] is not None:
-        found.to_frame().to_csv(options["out"])
-        wrote(options["out"])
-    if options["plot"] is not None:
-        found.plot(options["plot"])
-        wrote(options["plot"])
-    if options["report"] is not None:
-        wrote(found.report(options["report"], typed_command()))
+    show_and_write(
+        found,
+        options,
+        out=lambda path: found.to_frame().to_csv(path),
+        plot=found.plot,
+        report=partial(found.report, command=typed_command()),
+    )

@@ -8,7 +8,7 @@ from orchestration.api.declaration import only
 from orchestration.api.options import BlackBoxKeywords
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import BlackBoxCommand
-from orchestration.cli.outputs import check_outputs, write_json
+from orchestration.cli.outputs import check_outputs, write_files, write_json
 
 if TYPE_CHECKING:
     from orchestration.identify.black_box.study import BlackBox
@@ -32,17 +32,14 @@ def black_box(options: BlackBoxCommand) -> None:
 def _show(identified: BlackBox, options: BlackBoxCommand) -> None:
     """Print the result, and write the files of the options."""
     from orchestration.identify.black_box.study import class_name
-    from orchestration.reporting.console import note, wrote
+    from orchestration.reporting.console import note
     from orchestration.reporting.console import out as console
 
-    report = options["report"]
-    out = options["out"]
-    console.print(str(identified), highlight=False, markup=False)
+    console.print(str(identified))
     for line in (*identified.columns.notes, *identified.remarks):
         note(line)
     write_json(options["json"], identified.to_dict())
-    if report is not None:
-        wrote(identified.report(report))
+    write_files(options, report=identified.report, out=identified.export)
+    out = options["out"]
     if out is not None:
-        wrote(identified.export(out))
         note(f"next: ppy build {out}:{class_name(out.stem)}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from orchestration.cli.command import command, refuse
 from orchestration.cli.commands.options import CompareCommand, ReferenceOptions
 from orchestration.cli.isolation import isolating
-from orchestration.cli.outputs import JSON, check_outputs, write_json
+from orchestration.cli.outputs import JSON, check_outputs, write_files, write_json
 from orchestration.cli.verdicts import Case, conclude
 
 if TYPE_CHECKING:
@@ -88,15 +88,11 @@ def _cases(comparison: Comparison, percent: float | None) -> list[Case]:
 
 def _write(comparison: Comparison, options: CompareCommand) -> None:
     """Write the figures and the picture of a comparison."""
-    from orchestration.reporting.console import wrote
-
     effects = comparison.model.effects
     figures = comparison.to_dict() | ({"with": list(effects)} if effects else {})
     for path in (options["out"], options["json"]):
         write_json(path, figures)
-    if options["plot"] is not None:
-        comparison.plot(options["plot"])
-        wrote(options["plot"])
+    write_files(options, plot=comparison.plot)
 
 
 def show(comparison: Comparison) -> None:

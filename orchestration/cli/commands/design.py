@@ -5,10 +5,10 @@ from __future__ import annotations
 from orchestration.api.declaration import only
 from orchestration.api.options import DesignKeywords
 from orchestration.cli.command import command
-from orchestration.cli.commands.linearise import model_or_system, show
+from orchestration.cli.commands.linearise import model_or_system
 from orchestration.cli.commands.options import DesignCommand
 from orchestration.cli.commands.sweep import ranges_of
-from orchestration.cli.outputs import check_outputs
+from orchestration.cli.outputs import check_outputs, show_and_write
 
 
 @command(DesignCommand)
@@ -22,7 +22,6 @@ def design(options: DesignCommand) -> None:
     from orchestration.reporting.console import progress, wrote
 
     name = options["model"]
-    plot = options["plot"]
     folder = options["out"]
     check_outputs(options, {"the fit": options["fitted"]}, folder=folder)
     chosen = only(DesignKeywords, options)
@@ -30,7 +29,7 @@ def design(options: DesignCommand) -> None:
     with progress() as tell:
         tell(f"designing a controller for {name}")
         found = work(model_or_system(name, options["laid_over"]), **chosen)
-    show(found, options["json"], {plot: found.plot})
+    show_and_write(found, options, plot=found.plot)
     if folder is not None:
         for path in found.write(folder):
             wrote(path)

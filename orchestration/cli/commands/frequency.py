@@ -10,7 +10,7 @@ from orchestration.api.options import FrequencyKeywords
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import FrequencyCommand
 from orchestration.cli.isolation import isolating
-from orchestration.cli.outputs import check_outputs, write_json
+from orchestration.cli.outputs import check_outputs, show_and_write
 
 if TYPE_CHECKING:
     from orchestration.cli.commands.options import MeasuredOptions
@@ -26,7 +26,7 @@ def frequency(options: FrequencyCommand) -> None:
     check_outputs(options, {"the record": options["record"]}, out=(".csv",))
     with isolating(options["isolate"]):
         responses = _without_model(options) if options["model"] is None else _with_model(options)
-        _show(responses, options)
+        show_and_write(responses, options, out=responses.to_csv, plot=responses.plot)
 
 
 def _without_model(options: FrequencyCommand) -> FrequencyResponse:
@@ -54,18 +54,3 @@ def _with_model(options: FrequencyCommand) -> FrequencyResponse:
         tell(f"simulating {source_of(model).name} over {record.time.size} samples")
         keywords = only(FrequencyKeywords, {**options, "settings": parameters})
         return frequency_response(record, model, **keywords)
-
-
-def _show(responses: FrequencyResponse, options: FrequencyCommand) -> None:
-    """Print the responses, and write the files of the options."""
-    from orchestration.reporting.console import out as console
-    from orchestration.reporting.console import wrote
-
-    for part in responses.overview():
-        console.print(part)
-    write_json(options["json"], responses.to_dict())
-    if options["out"] is not None:
-        wrote(responses.to_csv(options["out"]))
-    if options["plot"] is not None:
-        responses.plot(options["plot"])
-        wrote(options["plot"])

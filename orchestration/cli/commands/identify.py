@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmus.kit import UserError
@@ -10,7 +11,7 @@ from orchestration.cli.command import command
 from orchestration.cli.commands.options import IdentifyCommand
 from orchestration.cli.ending import end_interrupted
 from orchestration.cli.isolation import isolating
-from orchestration.cli.outputs import check_outputs, typed_command, write_json
+from orchestration.cli.outputs import check_outputs, typed_command, write_files, write_json
 
 if TYPE_CHECKING:
     from orchestration.identify import Comparison, Fit, JointComparison
@@ -20,9 +21,7 @@ if TYPE_CHECKING:
 @command(IdentifyCommand)
 def identify(options: IdentifyCommand) -> None:
     """Identify parameters of a component, any FMU or a system from a record."""
-    from rich.console import Group
-
-    from orchestration.reporting.console import out, wrote
+    from orchestration.reporting.console import out
 
     profiled = _profiled(options)
     records = {
@@ -41,13 +40,12 @@ def identify(options: IdentifyCommand) -> None:
         figures = one_or_all.to_dict()
         _show(found)
         if posterior is not None:
-            out.print(Group(*posterior.overview()))
+            out.print(*posterior.overview(), sep="\n")
             figures["fitted"]["posterior"] = posterior.to_dict()
         write_json(options["json"], figures)
         _write(one_or_all, found.fit, options)
-        if posterior is not None and options["corner"] is not None:
-            posterior.plot(options["corner"])
-            wrote(options["corner"])
+        if posterior is not None:
+            write_files(options, corner=posterior.plot)
         if found.fit.is_interrupted:
             end_interrupted("the values are the best so far")
 
@@ -104,27 +102,20 @@ def _show(found: JointComparison) -> None:
 def _write(found: Comparison | JointComparison, fit: Fit, options: IdentifyCommand) -> None:
     """Write the parameter set, the pictures and the page."""
     from orchestration.identify import parameter_set
-    from orchestration.reporting.console import note, wrote
+    from orchestration.reporting.console import note
 
-    ssv = options["ssv"]
-    plot = options["plot"]
-    report = options["report"]
-    profile_plot = options["profile_plot"]
-    if ssv is not None:
+    shared = {name: value for name, value in fit.values.items() if "@" not in name}
+
+    def write_set(path: Path) -> None:
         doc = f"identified from {', '.join(p.name for p in options['records'])}"
-        shared = {name: value for name, value in fit.values.items() if "@" not in name}
-        parameter_set.write(ssv, shared, fit.declared, doc)
-        wrote(ssv)
+        parameter_set.write(path, shared, fit.declared, doc)
         if len(shared) < len(fit.values):
-            note(f"{ssv} has the shared parameters; those of single records are in --json")
-    if plot is not None:
-        found.plot(plot)
-        wrote(plot)
-    if profile_plot is not None and fit.profiles:  # none after an interrupt
-        fit.plot_profiles(profile_plot)
-        wrote(profile_plot)
-    if report is not None:
-        wrote(found.report(report, typed_command()))
+            note(f"{path} has the shared parameters; those of single records are in --json")
+
+    # there are none after an interrupt
+    profiles = {"profile_plot": fit.plot_profiles} if fit.profiles else {}
+    report = partial(found.report, command=typed_command())
+    write_files(options, ssv=write_set, plot=found.plot, **profiles, report=report)
 
 
 def _profiled(options: IdentifyCommand) -> list[str]:

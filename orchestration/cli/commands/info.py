@@ -12,7 +12,7 @@ from orchestration.api.declaration import stated_of
 from orchestration.api.options import ReadingOptions
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import InfoCommand
-from orchestration.cli.outputs import check_outputs, write_json
+from orchestration.cli.outputs import check_outputs, show_and_write, write_json
 from orchestration.reporting import flag
 
 if TYPE_CHECKING:
@@ -48,15 +48,11 @@ def info(options: InfoCommand) -> None:
 def _show_diagnosis(options: InfoCommand) -> None:
     """Show a diagnosis from its file as it was shown when it was made."""
     from orchestration.api import load
-    from orchestration.reporting.console import out, wrote
 
-    file, path, page = Path(options["model"]), options["json"], options["report"]
+    file = Path(options["model"])
     check_outputs(options, {"the diagnosis": file})
     stored = load(file)
-    out.print(*stored.overview(), sep="\n")
-    write_json(path, stored.to_dict())
-    if page is not None:
-        wrote(stored.report(page))
+    show_and_write(stored, options, report=stored.report)
 
 
 class _Facts(NamedTuple):

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError
@@ -12,12 +11,11 @@ from orchestration.api.options import LineariseKeywords, MappingOption, source_o
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import LineariseCommand
 from orchestration.cli.commands.sweep import ranges_of
-from orchestration.cli.outputs import check_outputs, write_json
+from orchestration.cli.outputs import check_outputs, show_and_write
 from orchestration.reporting import flag
 
 if TYPE_CHECKING:
     from orchestration.fmu import Model
-    from orchestration.linear import ControllerDesign, LinearModel
 
 
 @command(LineariseCommand)
@@ -40,24 +38,7 @@ def linearise(options: LineariseCommand) -> None:
         if stimulus is not None:
             chosen["time"] = stimulus.pop("time")
         linear = work(model, stimulus, **chosen)
-    show(linear, options["json"], {options["mat"]: linear.to_mat, options["plot"]: linear.plot})
-
-
-def show(
-    result: LinearModel | ControllerDesign,
-    json: Path | None,
-    files: Mapping[Path | None, Callable[[Path], object]],
-) -> None:
-    """Print a result, and write it as JSON and into other files, by their paths, if any."""
-    from orchestration.reporting.console import out, wrote
-
-    for part in result.overview():
-        out.print(part, highlight=False, markup=False)
-    write_json(json, result.to_dict())
-    for path, write in files.items():
-        if path is not None:
-            write(path)
-            wrote(path)
+    show_and_write(linear, options, mat=linear.to_mat, plot=linear.plot)
 
 
 def model_or_system(name: str, laid_over: Sequence[str]) -> Model | str:

@@ -8,7 +8,7 @@ from orchestration.cli.command import command
 from orchestration.cli.commands.options import OptimiseCommand
 from orchestration.cli.commands.sweep import ranges_of
 from orchestration.cli.ending import kept_in
-from orchestration.cli.outputs import check_outputs, part_of, write_json
+from orchestration.cli.outputs import check_outputs, part_of, write_files, write_json
 
 
 @command(OptimiseCommand)
@@ -23,7 +23,6 @@ def optimise(options: OptimiseCommand) -> None:
     from orchestration.journal import removed_after
     from orchestration.reporting import console
 
-    plot = options["plot"]
     check_outputs(options)
     over = ranges_of(options["over"])
     model = declared_model(options["model"], options["laid_over"])
@@ -36,8 +35,6 @@ def optimise(options: OptimiseCommand) -> None:
         chosen["progress"] = tell.done
         front = work(model, over, **chosen)
     with removed_after(folder):
-        console.out.print(str(front), highlight=False, markup=False)
+        console.out.print(str(front))
         write_json(options["json"], front.to_dict())
-        if plot is not None:
-            front.plot(plot)
-            console.wrote(plot)
+        write_files(options, plot=front.plot)

@@ -13,7 +13,7 @@ from fmus.kit import UserError
 from fmus.kit.extras import require
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import ArchiveCommand, RecordRigCommand
-from orchestration.cli.outputs import SIGNALS, check_outputs, write_json
+from orchestration.cli.outputs import SIGNALS, check_outputs, write_files, write_json
 from orchestration.cli.real_time import JOURNAL, IncompleteRecord, keep, status_line
 
 if TYPE_CHECKING:
@@ -238,12 +238,11 @@ def archive(options: ArchiveCommand) -> None:
     """List what an archive of ppy rig serve holds: spans, gaps and events; or export a part."""
     from orchestration.experiment import results
     from orchestration.reporting.console import out as terminal
-    from orchestration.reporting.console import warn, wrote
+    from orchestration.reporting.console import warn
     from orchestration.rig.archive import Archive, read_date
     from orchestration.rig.record import archived_dataset
 
     require("pyarrow")
-    out = options["out"]
     check_outputs(options, out=SIGNALS)
     begin = read_date(options["since"], "--from", -inf)
     end = read_date(options["until"], "--to", inf)
@@ -254,9 +253,7 @@ def archive(options: ArchiveCommand) -> None:
     for line in _lines(contents):
         terminal.print(line)
     write_json(options["json"], contents)
-    if out is not None:
-        results.write(archived_dataset(kept, begin, end), out)
-        wrote(out)
+    write_files(options, out=lambda path: results.write(archived_dataset(kept, begin, end), path))
 
 
 def _lines(contents: Mapping[str, Any]) -> Iterator[str]:

@@ -12,7 +12,7 @@ from orchestration.api.options import MappingOption, source_of
 from orchestration.cli.command import command, refuse
 from orchestration.cli.commands.options import SimulateCommand
 from orchestration.cli.isolation import hearing_ctrl_c, limits
-from orchestration.cli.outputs import SIGNALS, check_outputs
+from orchestration.cli.outputs import SIGNALS, check_outputs, write_files
 from orchestration.reporting import flag
 
 if TYPE_CHECKING:
@@ -68,7 +68,6 @@ def _simulate_model(options: SimulateCommand) -> None:
     from orchestration.reporting.console import note, wrote
 
     out = options["out"]
-    plot = options["plot"]
     found = declared_model(options["model"], options["laid_over"])
     declared = found.with_options(options).with_texts(options["outputs"])
     moved, settings = split_moves(options["settings"] or {}, declared.driven, declared.parameters)
@@ -94,9 +93,11 @@ def _simulate_model(options: SimulateCommand) -> None:
     if out is not None:
         _write(out, model, time, inputs, outputs)
         wrote(out)
-    if plot is not None:
-        pictures.save(draw_signals(model, time, {**inputs, **outputs}, model.title), plot)
-        wrote(plot)
+    signals = {**inputs, **outputs}
+    write_files(
+        options,
+        plot=lambda path: pictures.save(draw_signals(model, time, signals, model.title), path),
+    )
     for path in (options["log_calls"], options["state_out"]):
         if path is not None and path.exists():
             wrote(path)

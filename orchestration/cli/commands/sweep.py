@@ -23,7 +23,7 @@ from orchestration.cli.commands.options import DatasetOption, ReportOption, Swee
 from orchestration.cli.ending import kept_in
 from orchestration.cli.isolation import given_limits
 from orchestration.cli.options import IsolationOptions, PlotOption, RunnableArgument
-from orchestration.cli.outputs import check_outputs, part_of, typed_command
+from orchestration.cli.outputs import check_outputs, part_of, typed_command, write_files
 
 if TYPE_CHECKING:
     import xarray
@@ -112,8 +112,6 @@ def _finish(data: SweepResult, folder: Path | None, options: SweepCommand) -> No
     from orchestration.sweeps.sensitivity import analysis_of, merge_analysis
 
     out = options["out"]
-    plot = options["plot"]
-    report = options["report"]
     tables = []
     analysis = analysis_of(data.attrs["design"])
     shown = data
@@ -129,14 +127,13 @@ def _finish(data: SweepResult, folder: Path | None, options: SweepCommand) -> No
     finally:  # cases are kept where there is nothing to be said of them
         if out is not None:
             _write_result(whole, out, folder)
-    if plot is not None:
-        shown.plot(plot)
-        console.wrote(plot)
-        for line in omissions(shown):
-            console.note(line)
-    if report is not None:
-        sweep_page(data, shown.draw, tables, typed_command()).write(report)
-        console.wrote(report)
+    write_files(
+        options,
+        plot=shown.plot,
+        report=lambda path: sweep_page(data, shown.draw, tables, typed_command()).write(path),
+    )
+    for line in omissions(shown) if options["plot"] is not None else ():
+        console.note(line)
 
 
 def _sweep_of_options(options: SweepCommand) -> Work:
