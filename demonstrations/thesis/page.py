@@ -73,7 +73,7 @@ def run(out: Path) -> Path:
         )
         page.write(path)
     show(by_chapter)
-    console.out.print(f"\n{_verdict(by_chapter)}\nwrote {path}", markup=False)
+    console.out.print(f"\n{_verdict(by_chapter)}\nwrote {path}")
     return path
 
 

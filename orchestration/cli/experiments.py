@@ -14,6 +14,7 @@ from orchestration.cli.ending import kept_in
 from orchestration.cli.isolation import limits
 from orchestration.cli.outputs import part_of
 from orchestration.cli.real_time import IncompleteRecord, keep, status_line
+from orchestration.reporting.console import err, note, out, progress, tell_repairs, wrote
 
 if TYPE_CHECKING:
     import xarray
@@ -51,7 +52,6 @@ def run_and_write(
     from orchestration.experiment.reading import movable
     from orchestration.journal import removed_after
     from orchestration.reporting import write_page
-    from orchestration.reporting.console import wrote
 
     out = options["out"]
     plot = options["plot"]
@@ -101,7 +101,6 @@ def _run_with_progress(
     """Run an experiment with a progress bar, or in real time with a status line."""
     from orchestration.experiment import results
     from orchestration.experiment import run as make
-    from orchestration.reporting.console import err, note, progress
 
     out = options["out"]
 
@@ -139,7 +138,6 @@ def _show(data: xarray.Dataset) -> None:
     """Print the state of a result, its pace, and the extremes of its signals and cycles."""
     from orchestration.experiment import page
     from orchestration.reporting import plain_table
-    from orchestration.reporting.console import out
 
     out.print(page.state(data))
     if "deadlines" in data.attrs:
@@ -222,7 +220,6 @@ def _recorded_inputs(
     from orchestration.records import read_record
     from orchestration.records.tables import split_header_cell
     from orchestration.reporting import flag
-    from orchestration.reporting.console import tell_repairs
 
     file = options["input_file"]
     if file is None:

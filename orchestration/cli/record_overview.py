@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError, quoting
 from orchestration.cli.outputs import check_outputs, write_json
+from orchestration.reporting import option, plain_table
+from orchestration.reporting.console import out
 
 if TYPE_CHECKING:
     from orchestration.cli.commands.options import InfoCommand
@@ -72,46 +74,37 @@ def _as_json(proposal: Proposal | None) -> dict[str, Any]:
 
 def _show(overview: FileOverview) -> None:
     """Print the clock, the columns, and the peculiarities of a record."""
-    from rich.text import Text
-
-    from orchestration.reporting import plain_table
-    from orchestration.reporting.console import out
-
-    out.print(Text(overview.path.name, style="bold"), Text(f" {overview.rows} rows"))
+    out.print(overview.path.name, style="bold", end="  ")
+    out.print(f"{overview.rows} rows")
     clock = overview.clock
     if clock is not None:
         kind = "" if clock.is_even else ", unevenly"
         rate = f"{clock.step:.4g} s ({1.0 / clock.step:.4g} Hz){kind}"
         span = f"{clock.duration:.6g} s from {clock.start:.6g} s"
-        out.print(Text(f"time is '{clock.column}': {span}, {clock.samples} samples every {rate}"))
+        out.print(f"time is '{clock.column}': {span}, {clock.samples} samples every {rate}")
     table = plain_table(None, "column", "unit", "smallest", "largest", "missing", "")
     for column in overview.columns:
         is_number = column.content == "numbers"
         guess = f"{column.guess}?" if column.guess else "none"
         table.add_row(
-            Text(column.name or "(no name)"),
-            Text(column.unit or guess),
-            Text(f"{column.smallest:.6g}" if is_number else ""),
-            Text(f"{column.largest:.6g}" if is_number else ""),
+            column.name or "(no name)",
+            column.unit or guess,
+            f"{column.smallest:.6g}" if is_number else "",
+            f"{column.largest:.6g}" if is_number else "",
             str(column.missing or ""),
-            Text("" if is_number else f"{column.content} {column.example}".strip()),
+            "" if is_number else f"{column.content} {column.example}".strip(),
         )
     out.print(table)
     for note in overview.notes:
-        out.print(Text(f"noted: {note}"), style="dim", soft_wrap=True)
+        out.print(f"noted: {note}", style="dim")
 
 
 def _show_proposal(options: InfoCommand, model: Model, proposal: Proposal) -> None:
     """Print the columns of a model's signals, and the command that follows."""
-    from rich.text import Text
-
-    from orchestration.reporting import option
-    from orchestration.reporting.console import out
-
-    out.print(Text(f"\nfor {model.title}", style="bold"))
+    out.print(f"\nfor {model.title}", style="bold")
     known = {**model.inputs, **model.outputs}
     for signal, column in proposal.matched.items():
-        out.print(Text(f"  {signal} [{known[signal].unit}] is probably '{column}'"))
+        out.print(f"  {signal} [{known[signal].unit}] is probably '{column}'")
     guessed = {}
     for signal, columns in proposal.open.items():
         role = "input" if signal in model.inputs else "output"
@@ -120,7 +113,7 @@ def _show_proposal(options: InfoCommand, model: Model, proposal: Proposal) -> No
         may_be = f"may be {listed}: {pair}" if columns else "has no column"
         if columns and role == "input":
             guessed[columns[0]] = signal
-        out.print(Text(f"  {role} {signal} [{known[signal].unit}] {may_be}"))
+        out.print(f"  {role} {signal} [{known[signal].unit}] {may_be}")
     model_words = ["--model", str(options["of_model"])]
     if options["laid_over"]:
         model_words += ["--with", ",".join(options["laid_over"])]
@@ -130,6 +123,6 @@ def _show_proposal(options: InfoCommand, model: Model, proposal: Proposal) -> No
         command = " ".join(filter(None, (words, proposal.options(), given)))
         condition = " and ".join(f"{signal} is '{column}'" for column, signal in guessed.items())
         begin = f"next, if {condition}" if condition else "next"
-        out.print(Text(f"{begin}: {command}"), soft_wrap=True)
+        out.print(f"{begin}: {command}")
     elif proposal.mapping:
-        out.print(Text(f"columns: {proposal.options()}"), soft_wrap=True)
+        out.print(f"columns: {proposal.options()}")

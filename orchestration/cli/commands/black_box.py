@@ -9,6 +9,8 @@ from orchestration.api.options import BlackBoxKeywords
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import BlackBoxCommand
 from orchestration.cli.outputs import check_outputs, write_files, write_json
+from orchestration.reporting.console import note, progress
+from orchestration.reporting.console import out as console
 
 if TYPE_CHECKING:
     from orchestration.identify.black_box.study import BlackBox
@@ -18,7 +20,6 @@ if TYPE_CHECKING:
 def black_box(options: BlackBoxCommand) -> None:
     """Identify discrete-time models of one column of a record, and choose one."""
     from orchestration.api import black_box as work
-    from orchestration.reporting.console import progress
 
     check_outputs(options, {"the record": options["record"]}, out=(".py",))
     chosen = only(BlackBoxKeywords, options)
@@ -32,8 +33,6 @@ def black_box(options: BlackBoxCommand) -> None:
 def _show(identified: BlackBox, options: BlackBoxCommand) -> None:
     """Print the result, and write the files of the options."""
     from orchestration.identify.black_box.study import class_name
-    from orchestration.reporting.console import note
-    from orchestration.reporting.console import out as console
 
     console.print(str(identified))
     for line in (*identified.columns.notes, *identified.remarks):

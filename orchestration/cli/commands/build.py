@@ -14,6 +14,7 @@ from orchestration.cli.command import command
 from orchestration.cli.commands.options import BuildCommand
 from orchestration.cli.options import platform_list
 from orchestration.cli.outputs import check_outputs
+from orchestration.reporting.console import note, out, progress
 
 if TYPE_CHECKING:
     from fmus.kit import Component
@@ -41,7 +42,6 @@ def build(options: BuildCommand) -> None:
     """
     from fmus.kit import build as kit
     from fmus.kit.build.stock import LIMITS
-    from orchestration.reporting.console import note
 
     platforms = platform_list(options["platforms"])
     planned = _plan(options)
@@ -105,7 +105,6 @@ def _build_all(planned: Sequence[_PlannedFmu], platforms: list[str] | None, cloc
     """Build FMUs; return False if one lacks a platform, which is noted, as its build failed."""
     from fmus.kit import build as kit
     from fmus.kit import files
-    from orchestration.reporting.console import note, out, progress
 
     failures: list[str] = []
 

@@ -10,6 +10,7 @@ from orchestration.cli.commands.options import CompareCommand, ReferenceOptions
 from orchestration.cli.isolation import isolating
 from orchestration.cli.outputs import JSON, check_outputs, write_files, write_json
 from orchestration.cli.verdicts import Case, conclude
+from orchestration.reporting.console import out, progress, tell_repairs, warn
 
 if TYPE_CHECKING:
     from orchestration.identify import Comparison
@@ -33,7 +34,6 @@ def compare(options: CompareCommand) -> None:
     refuse(CompareCommand, options, ("tube", "report"), files)
     from orchestration.cli.models import note_neutral, open_measured
     from orchestration.identify import comparison as work
-    from orchestration.reporting.console import progress
 
     names = options["fit"]
     check_outputs(options, {"the record": options["record"]}, out=JSON)
@@ -54,7 +54,6 @@ def _compare_files(result: Path, reference: Path, options: CompareCommand) -> No
     from orchestration.cli import regression as shown
     from orchestration.experiment.regression import compare as work
     from orchestration.records import read_samples
-    from orchestration.reporting.console import tell_repairs
 
     of_models = (name for name in options if name not in _OF_FILES)
     reason = "is for a model and a record; these are two files"
@@ -72,8 +71,6 @@ def _compare_files(result: Path, reference: Path, options: CompareCommand) -> No
 
 def _cases(comparison: Comparison, percent: float | None) -> list[Case]:
     """Return a case for each output, which fails if it does not reach the required fit."""
-    from orchestration.reporting.console import warn
-
     cases = []
     for name, judgement in comparison.latest.items():
         fit = judgement.fit_percent
@@ -98,7 +95,6 @@ def _write(comparison: Comparison, options: CompareCommand) -> None:
 def show(comparison: Comparison) -> None:
     """Print a comparison: fit per output, and the fitted parameters with their intervals."""
     from orchestration.identify import overview
-    from orchestration.reporting.console import out, warn
 
     out.print(overview(comparison))
     for warning in comparison.fit.all_warnings if comparison.fit else ():

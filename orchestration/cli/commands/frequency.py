@@ -11,6 +11,7 @@ from orchestration.cli.command import command
 from orchestration.cli.commands.options import FrequencyCommand
 from orchestration.cli.isolation import isolating
 from orchestration.cli.outputs import check_outputs, show_and_write
+from orchestration.reporting.console import progress, tell_repairs
 
 if TYPE_CHECKING:
     from orchestration.cli.commands.options import MeasuredOptions
@@ -32,7 +33,6 @@ def frequency(options: FrequencyCommand) -> None:
 def _without_model(options: FrequencyCommand) -> FrequencyResponse:
     """Estimate responses of columns alone, and print the repairs of the record."""
     from orchestration.api import frequency_response
-    from orchestration.reporting.console import tell_repairs
 
     for flag, given in (("--with", options["laid_over"]), ("--preset", options["preset"])):
         if given:
@@ -47,7 +47,6 @@ def _with_model(options: FrequencyCommand) -> FrequencyResponse:
     from orchestration.api import frequency_response
     from orchestration.cli.models import open_measured
     from orchestration.fmu.simulation import source_of
-    from orchestration.reporting.console import progress
 
     model, record, parameters = open_measured(cast("MeasuredOptions", options))  # model is named
     with progress() as tell:

@@ -12,6 +12,7 @@ from orchestration.cli.commands.options import IdentifyCommand
 from orchestration.cli.ending import end_interrupted
 from orchestration.cli.isolation import isolating
 from orchestration.cli.outputs import check_outputs, typed_command, write_files, write_json
+from orchestration.reporting.console import note, out, progress, warn
 
 if TYPE_CHECKING:
     from orchestration.identify import Comparison, Fit, JointComparison
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
 @command(IdentifyCommand)
 def identify(options: IdentifyCommand) -> None:
     """Identify parameters of a component, any FMU or a system from a record."""
-    from orchestration.reporting.console import out
-
     profiled = _profiled(options)
     records = {
         f"the record{f' {k}' if k > 1 else ''}": path
@@ -55,7 +54,6 @@ def _fitted(options: IdentifyCommand, profiled: list[str]) -> JointComparison:
     from orchestration.cli.models import note_neutral, open_runs
     from orchestration.identify import comparison as work
     from orchestration.identify import read_assumptions
-    from orchestration.reporting.console import progress
 
     model, records, parameters = open_runs(options)
     note_neutral(model, parameters)
@@ -81,8 +79,6 @@ def _fitted(options: IdentifyCommand, profiled: list[str]) -> JointComparison:
 
 def _sampled(fit: Fit, count: int | None) -> Posterior | None:
     """Sample the posterior, if samples are asked for."""
-    from orchestration.reporting.console import progress
-
     if count is None:
         return None
     with progress() as tell:
@@ -92,7 +88,6 @@ def _sampled(fit: Fit, count: int | None) -> Posterior | None:
 def _show(found: JointComparison) -> None:
     """Print what was found, and what is doubtful about it."""
     from orchestration.identify import overview
-    from orchestration.reporting.console import out, warn
 
     out.print(overview(*found.comparisons.values()))
     for warning in found.fit.all_warnings:
@@ -102,7 +97,6 @@ def _show(found: JointComparison) -> None:
 def _write(found: Comparison | JointComparison, fit: Fit, options: IdentifyCommand) -> None:
     """Write the parameter set, the pictures and the page."""
     from orchestration.identify import parameter_set
-    from orchestration.reporting.console import note
 
     shared = {name: value for name, value in fit.values.items() if "@" not in name}
 

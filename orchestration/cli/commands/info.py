@@ -13,7 +13,8 @@ from orchestration.api.options import ReadingOptions
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import InfoCommand
 from orchestration.cli.outputs import check_outputs, show_and_write, write_json
-from orchestration.reporting import flag
+from orchestration.reporting import flag, plain_table
+from orchestration.reporting.console import note, out
 
 if TYPE_CHECKING:
     from fmus.kit import Component, Effect
@@ -76,7 +77,6 @@ def _facts_of(name: str, effects: Sequence[str]) -> _Facts:
     from fmus.kit import registry
     from orchestration.fmu import find_model, read_description
     from orchestration.fmu.model import find_class, names_class
-    from orchestration.reporting.console import note
 
     if effects or name in registry.models() or names_class(name):
         return _facts_of_class(name, find_class(name, effects))
@@ -199,8 +199,6 @@ def _show(known: _Facts) -> None:
     from rich.text import Text
 
     from orchestration.fmu.signal import allowed, start_of
-    from orchestration.reporting import plain_table
-    from orchestration.reporting.console import out
 
     out.print(known.name, style="bold", end="  ")
     out.print(f"{known.summary}\n")
@@ -236,8 +234,6 @@ def _show(known: _Facts) -> None:
 def _show_effects(effects: Mapping[type[Effect], str]) -> None:
     """Print the effects that can be laid over a model, one of a sensor or an input once for all."""
     from fmus.kit.effects import effect_name
-    from orchestration.reporting import plain_table
-    from orchestration.reporting.console import out
 
     table = plain_table(
         "effects that --with lays over it, and --effects names as causes",

@@ -25,6 +25,7 @@ from orchestration.cli.commands.options import (
 )
 from orchestration.cli.commands.rig_record import archive, record
 from orchestration.cli.outputs import write_json
+from orchestration.reporting.console import note, out, warn, wrote
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
@@ -44,7 +45,6 @@ def serve(options: ServeCommand) -> None:
     ppy rig stop are an emergency stop.
     """
     from fmus.rig_proxy import ENDPOINT
-    from orchestration.reporting.console import note
     from orchestration.rig import parse_address
     from orchestration.rig.server import WATCHDOG, ServerSettings, default_watchdog, read_options
     from orchestration.rig.server import serve as work
@@ -94,7 +94,6 @@ def watch(options: WatchCommand) -> None:
     from contextlib import nullcontext
     from threading import Thread
 
-    from orchestration.reporting.console import out, warn
     from orchestration.rig import ask, read_endpoint, request_tuning, until_interrupted
     from orchestration.rig.archive import Archive
     from orchestration.rig.watch import (
@@ -144,7 +143,6 @@ def watch(options: WatchCommand) -> None:
 def tune(options: TuneCommand) -> None:
     """Show or move the tunable parameters of a run in real time (ppy run --tunable)."""
     from orchestration.reporting import plain_table
-    from orchestration.reporting.console import out
     from orchestration.rig import request_tuning
 
     run = options["run"]
@@ -206,7 +204,6 @@ def acknowledge(options: AcknowledgeCommand) -> None:
     be used in time.
     """
     from fmus.kit import quoting
-    from orchestration.reporting.console import note
     from orchestration.rig import ask, operator
 
     remote = _server(options)
@@ -270,7 +267,6 @@ def status(options: StatusCommand) -> None:
 
 
 def _server(options: ServerOptions) -> Endpoint:
-    from orchestration.reporting.console import warn
     from orchestration.rig import read_endpoint
 
     return read_endpoint(options["endpoint"], options["credentials"], warn)
@@ -278,7 +274,6 @@ def _server(options: ServerOptions) -> Endpoint:
 
 def _show(answer: Any, path: Path | None) -> None:
     """Print an answer of the server, and write it as JSON if wanted."""
-    from orchestration.reporting.console import out
     from orchestration.rig import summarise_status
 
     out.print(summarise_status(answer))
@@ -289,7 +284,6 @@ def _show(answer: Any, path: Path | None) -> None:
 @command(LogCommand)
 def log(options: LogCommand) -> None:
     """Check that no line of a log of ppy rig serve was changed, put in or taken out later."""
-    from orchestration.reporting.console import out
     from orchestration.rig.server import verify
 
     count = verify(options["files"])
@@ -303,7 +297,6 @@ def keys(options: KeysCommand) -> None:
 
     Nothing is overwritten.
     """
-    from orchestration.reporting.console import wrote
     from orchestration.rig import add_client, make_keys
 
     folder = options["folder"]
@@ -329,7 +322,6 @@ def bridge(options: BridgeCommand) -> None:
 
     Connections are plain on this machine only, and encrypted with CURVE beyond it.
     """
-    from orchestration.reporting.console import note, out, warn
     from orchestration.rig import LOOPBACK, Bridge, read_endpoint, until_interrupted
 
     endpoint = options["endpoint"]

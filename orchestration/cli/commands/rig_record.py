@@ -15,6 +15,8 @@ from orchestration.cli.command import command
 from orchestration.cli.commands.options import ArchiveCommand, RecordRigCommand
 from orchestration.cli.outputs import SIGNALS, check_outputs, write_files, write_json
 from orchestration.cli.real_time import JOURNAL, IncompleteRecord, keep, status_line
+from orchestration.reporting.console import alarm, err, note, warn, wrote
+from orchestration.reporting.console import out as terminal
 
 if TYPE_CHECKING:
     import xarray
@@ -55,7 +57,6 @@ def _follow(options: RecordRigCommand, stimulus: str) -> None:
     """
     from orchestration.experiment import read, results
     from orchestration.experiment.reading import files
-    from orchestration.reporting.console import note
     from orchestration.rig import ask
     from orchestration.rig.record import empty_dataset, plan_recording
 
@@ -109,7 +110,6 @@ def _listen(options: RecordRigCommand) -> None:
 def _prepared(options: RecordRigCommand, reads: Mapping[str, Path | None]) -> tuple[Live, Endpoint]:
     """Return where the record goes until it is written, and the server, if it can be written."""
     from orchestration.experiment.live import Live
-    from orchestration.reporting.console import warn
     from orchestration.rig import read_endpoint
 
     out = options["out"]
@@ -122,9 +122,6 @@ def _prepared(options: RecordRigCommand, reads: Mapping[str, Path | None]) -> tu
 
 def _write(data: xarray.Dataset, out: Path, live: Live, extent: str) -> None:
     """Write a record, and print what it holds."""
-    from orchestration.reporting.console import out as terminal
-    from orchestration.reporting.console import wrote
-
     keep(data, out, live)
     terminal.print(f"{data.attrs['subject']}: {extent}")
     wrote(out, "" if data.attrs["complete"] else "incomplete")
@@ -203,7 +200,6 @@ class _Recording(NamedTuple):
 def _recording(live: Live, names: Mapping[str, str], task: str) -> Iterator[_Recording]:
     """Keep a journal on the disk and a status line; Ctrl-C and SIGTERM end the recording."""
     from fmus.kit.interrupt import deferred
-    from orchestration.reporting.console import alarm, err, note
     from orchestration.rig import on_termination
     from orchestration.rig.record import RecordingObserver
 
@@ -237,8 +233,6 @@ def _journal(live: Live, names: Mapping[str, str]) -> Journal:
 def archive(options: ArchiveCommand) -> None:
     """List what an archive of ppy rig serve holds: spans, gaps and events; or export a part."""
     from orchestration.experiment import results
-    from orchestration.reporting.console import out as terminal
-    from orchestration.reporting.console import warn
     from orchestration.rig.archive import Archive, read_date
     from orchestration.rig.record import archived_dataset
 

@@ -14,6 +14,7 @@ from orchestration.cli.commands.options import SimulateCommand
 from orchestration.cli.isolation import hearing_ctrl_c, limits
 from orchestration.cli.outputs import SIGNALS, check_outputs, write_files
 from orchestration.reporting import flag
+from orchestration.reporting.console import note, out, progress, tell_repairs, wrote
 
 if TYPE_CHECKING:
     from fmus.kit.arrays import Array
@@ -65,7 +66,6 @@ def _simulate_model(options: SimulateCommand) -> None:
     from orchestration.fmu.model import declared_model
     from orchestration.fmu.simulation import LimitOutputs, UnfinishedSimulation, draw_signals
     from orchestration.reporting import pictures
-    from orchestration.reporting.console import note, wrote
 
     out = options["out"]
     found = declared_model(options["model"], options["laid_over"])
@@ -156,7 +156,6 @@ def _run(
 ) -> tuple[Array, dict[str, Array]]:
     """Run a model; return the points in time, fewer if it requests an end, and its outputs."""
     from orchestration.fmu.simulation import EndedSimulation, RunFiles, simulate
-    from orchestration.reporting.console import note, progress
 
     isolation = limits(model.foreign, options)
     given = (options["log_calls"], options["state_in"], options["state_out"])
@@ -190,7 +189,6 @@ def _read_inputs(
     from orchestration.cli.models import check_inputs
     from orchestration.records import read_record
     from orchestration.records.tables import Words
-    from orchestration.reporting.console import tell_repairs
 
     file = options["input_file"]
     if file is None:
@@ -267,7 +265,6 @@ def _moved(
     """Return the values (n,) of inputs and tunable parameters that are moved."""
     from orchestration.experiment import parse
     from orchestration.experiment.preparation import check_values, stimulus_values
-    from orchestration.reporting.console import note
 
     experiment = parse({"component": model.title, "inputs": moved}, "--set", ".")
     values = {}
@@ -284,7 +281,6 @@ def _moved(
 def _show(model: Model, time: Array, outputs: Mapping[str, Array]) -> None:
     from orchestration.fmu.simulation import extremes
     from orchestration.reporting import plain_table
-    from orchestration.reporting.console import out
 
     columns = ("smallest", "largest", "last")
     table = plain_table(None, "output", *columns, right=columns)

@@ -24,6 +24,9 @@ from orchestration.cli.ending import kept_in
 from orchestration.cli.isolation import given_limits
 from orchestration.cli.options import IsolationOptions, PlotOption, RunnableArgument
 from orchestration.cli.outputs import check_outputs, part_of, typed_command, write_files
+from orchestration.reporting import plain_table
+from orchestration.reporting.console import note, progress, wrote
+from orchestration.reporting.console import out as terminal
 
 if TYPE_CHECKING:
     import xarray
@@ -52,8 +55,6 @@ _BESIDE_FILE = (
 @command(SweepCommand)
 def sweep(options: SweepCommand, context: typer.Context) -> None:
     """Run a component, any FMU or a system over many values, or a sweep of a TOML file."""
-    from orchestration.reporting import console
-
     _check_outputs(options)
     model = options["model"]
     out = options["out"]
@@ -67,7 +68,7 @@ def sweep(options: SweepCommand, context: typer.Context) -> None:
         work = _sweep_of_file(Path(model))
     else:
         work = _sweep_of_options(options)
-    with kept_in(folder, "--out", "cases"), console.progress() as tell:
+    with kept_in(folder, "--out", "cases"), progress() as tell:
         tell(f"sweeping {model}")
         how["progress"] = tell.done
         data = work(how)
@@ -106,7 +107,6 @@ def _check_results(out: Path | None, plot: Path | None) -> Callable[[Task, Desig
 
 def _finish(data: SweepResult, folder: Path | None, options: SweepCommand) -> None:
     """Print the summary of a sweep, write it and draw it."""
-    from orchestration.reporting import console
     from orchestration.sweeps.curves import omissions as omissions_of_sweep
     from orchestration.sweeps.page import sweep_page
     from orchestration.sweeps.sensitivity import analysis_of, merge_analysis
@@ -122,7 +122,7 @@ def _finish(data: SweepResult, folder: Path | None, options: SweepCommand) -> No
             shown = analysis.analyse(data)
             omissions = analysis.omissions
             tables = [analysis.table(shown)]
-            console.out.print(*tables)
+            terminal.print(*tables)
             whole = merge_analysis(data, shown)
     finally:  # cases are kept where there is nothing to be said of them
         if out is not None:
@@ -133,14 +133,13 @@ def _finish(data: SweepResult, folder: Path | None, options: SweepCommand) -> No
         report=lambda path: sweep_page(data, shown.draw, tables, typed_command()).write(path),
     )
     for line in omissions(shown) if options["plot"] is not None else ():
-        console.note(line)
+        note(line)
 
 
 def _sweep_of_options(options: SweepCommand) -> Work:
     """Return the sweep that options describe."""
     from orchestration.api import sweep as run_sweep
     from orchestration.cli.models import open_model
-    from orchestration.reporting.console import note
     from orchestration.sweeps.fitted import read_fitted
 
     opened = open_model(options["model"], options["runtime"], options["laid_over"])
@@ -200,7 +199,6 @@ def _draw_cases(fit: SweepFit, over: Sequence[str], cases: SweepKeywords) -> dic
 def _sweep_of_file(path: Path) -> Work:
     """Return the sweep that a file describes."""
     from orchestration.api import sweep_file
-    from orchestration.reporting.console import note
 
     return lambda how: sweep_file(path, note=note, **how)
 
@@ -242,7 +240,6 @@ def _write_result(data: xarray.Dataset, out: Path, parts: Path | None) -> None:
     """Write the result, and only then remove the folder with its parts."""
     from orchestration.experiment import results
     from orchestration.journal import removed_after
-    from orchestration.reporting.console import wrote
     from orchestration.sweeps.storage import zarr_store
 
     with removed_after(parts):
@@ -252,18 +249,16 @@ def _write_result(data: xarray.Dataset, out: Path, parts: Path | None) -> None:
 
 def _show(data: xarray.Dataset) -> None:
     """Print the range of each number over all cases, and the number of cases that failed."""
-    from orchestration.reporting import plain_table
-    from orchestration.reporting.console import note, out
     from orchestration.sweeps.page import case_count, extremes
 
-    out.print(
+    terminal.print(
         f"{data.attrs['model']}: {case_count(data):,} cases, {_ENGINE_NAMES[data.attrs['engine']]}"
     )
     columns = ("smallest", "largest")
     table = plain_table(None, "over all cases", *columns, "unit", right=columns)
     for row in extremes(data):
         table.add_row(row.name, f"{row.smallest:.6g}", f"{row.largest:.6g}", row.unit)
-    out.print(table)
+    terminal.print(table)
     if "failure" in data:
         reasons = data["failure"].values.ravel()
         failed = reasons[reasons != ""]

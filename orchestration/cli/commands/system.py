@@ -20,6 +20,8 @@ from orchestration.cli.commands.options import (
 )
 from orchestration.cli.options import platform_list
 from orchestration.cli.outputs import PICTURE, check_outputs
+from orchestration.reporting import plain_table
+from orchestration.reporting.console import out, progress, warn, wrote
 
 if TYPE_CHECKING:
     from orchestration.fmu import Signal, Value
@@ -42,7 +44,6 @@ def list_systems() -> None:
 @command(SystemArgument)
 def show(options: SystemArgument) -> None:
     """Show a system's members, connections, inputs and outputs."""
-    from orchestration.reporting.console import out
     from orchestration.system import check
 
     with _opened(options["name"]) as system:
@@ -56,8 +57,6 @@ def show(options: SystemArgument) -> None:
 
 
 def _show_members(system: System) -> None:
-    from orchestration.reporting import plain_table
-    from orchestration.reporting.console import out
     from orchestration.system import variable
 
     table = plain_table(None, "member", "FMU", "values given to it")
@@ -76,8 +75,6 @@ def _format_value(value: Value, signal: Signal) -> str:
 
 
 def _show_connections(system: System) -> None:
-    from orchestration.reporting import plain_table
-    from orchestration.reporting.console import out
     from orchestration.system import signal_at
 
     rows = [
@@ -97,7 +94,6 @@ def _show_connections(system: System) -> None:
 @command(DrawSystemCommand)
 def draw(options: DrawSystemCommand) -> None:
     """Draw a system: members as boxes, connections as arrows."""
-    from orchestration.reporting.console import wrote
     from orchestration.system import check
     from orchestration.system import draw as work
 
@@ -114,7 +110,6 @@ def draw(options: DrawSystemCommand) -> None:
 @command(ExportSystemCommand)
 def export(options: ExportSystemCommand) -> None:
     """Write a system with its FMUs as SSP, for any master that reads it."""
-    from orchestration.reporting.console import wrote
     from orchestration.system import ssp
     from orchestration.system.ssp import ENDINGS
 
@@ -136,7 +131,6 @@ def pack(options: PackSystemCommand) -> None:
     """
     from fmus.kit import files
     from orchestration import master
-    from orchestration.reporting.console import progress, wrote
 
     name = options["name"]
     path = options["fmu"] or _named_after(name, ".fmu")
@@ -150,7 +144,6 @@ def pack(options: PackSystemCommand) -> None:
 @command(CheckSystemCommand)
 def check_file(options: CheckSystemCommand) -> None:
     """Check a system: everything connected exists and fits, and every input has one source."""
-    from orchestration.reporting.console import out
     from orchestration.system import check
 
     file = options["file"]
@@ -171,7 +164,6 @@ def _opened(name_or_file: str, runtime: str | None = None) -> Iterator[System]:
     """Yield a system that ships or is in a file; its FMUs may be removed after the context."""
     from fmus.kit.storage import scratch
     from orchestration.fmu.model import refuse_runtime
-    from orchestration.reporting.console import progress
     from orchestration.system import library, ssp
     from orchestration.system.ssp import ENDINGS
 
@@ -196,7 +188,6 @@ def _opened(name_or_file: str, runtime: str | None = None) -> Iterator[System]:
 
 def _warn(system: System) -> int:
     """Print the warnings about a system, and return their number."""
-    from orchestration.reporting.console import warn
     from orchestration.system import warnings
 
     texts = warnings(system)
