@@ -77,7 +77,7 @@ class Simulation(Displayable):
         for name, values in self.outputs.items():
             table.add_row(name, *extremes(values, self.model.outputs[name]))
         yield (
-            f"{self.model.name}: {self.time.size} points from {self.time[0]:g} s to"
+            f"{self.model.title}: {self.time.size} points from {self.time[0]:g} s to"
             f" {self.time[-1]:g} s"
         )
         yield table
@@ -116,14 +116,14 @@ class Simulation(Displayable):
             If it cannot be written.
         """
         signals = self.inputs | self.outputs
-        known = {**self.model.inputs, **self.model.outputs}
+        known = {**self.model.driven, **self.model.outputs}
         units = {name: known[name].unit_in_files for name in signals}
         write_record(Path(path), self.time, signals, units)
         return Path(path)
 
     def draw(self) -> Figure:
         """Draw inputs and outputs over time, one panel each, in display units."""
-        return draw_signals(self.model, self.time, self.inputs | self.outputs)
+        return draw_signals(self.model, self.time, self.inputs | self.outputs, self.model.title)
 
 
 @takes(SimulateKeywords)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -14,10 +15,12 @@ from orchestration.cli.commands.options import SimulateCommand
 from orchestration.cli.isolation import hearing_ctrl_c, limits
 from orchestration.cli.outputs import SIGNALS, check_outputs, write_files
 from orchestration.reporting import flag
-from orchestration.reporting.console import note, out, progress, tell_repairs, wrote
+from orchestration.reporting.console import note, progress, tell_repairs, wrote
+from orchestration.reporting.console import out as terminal
 
 if TYPE_CHECKING:
     from fmus.kit.arrays import Array
+    from orchestration.api.simulation import Simulation
     from orchestration.fmu import Model, Value
     from orchestration.records import Record
 
@@ -60,12 +63,11 @@ def _simulate_system(options: SimulateCommand) -> None:
 
 def _simulate_model(options: SimulateCommand) -> None:
     """Simulate a model; print, write and draw the results, also those of a run that ends early."""
-    from orchestration.api import values_of
+    from orchestration.api.simulation import Simulation, values_of
     from orchestration.cli.experiments import split_moves
     from orchestration.cli.models import build_model
     from orchestration.fmu.model import declared_model
-    from orchestration.fmu.simulation import LimitOutputs, UnfinishedSimulation, draw_signals
-    from orchestration.reporting import pictures
+    from orchestration.fmu.simulation import LimitOutputs, UnfinishedSimulation
 
     out = options["out"]
     found = declared_model(options["model"], options["laid_over"])
@@ -81,23 +83,18 @@ def _simulate_model(options: SimulateCommand) -> None:
     except UnfinishedSimulation as stopped:
         if out is None:
             raise
-        part = _write_part(out, model, stopped.time, stimulus, stopped.outputs)
+        part = out.with_name(f"{out.stem}.part{out.suffix}")
+        inputs = stimulus.at(stopped.time)
+        _write(Simulation(model, stopped.time, inputs, stopped.outputs), part)
         raise UserError(
             f"{stopped}; what was computed until {stopped.time[-1]:g} s is in {part}"
         ) from stopped
-    inputs = stimulus.at(time)
+    result = Simulation(model, time, stimulus.at(time), outputs)
     limit_outputs = LimitOutputs.among(model.outputs, model.parameters)
     for line in limit_outputs.remarks(time, outputs, parameters):
         note(line)
-    _show(model, time, outputs)
-    if out is not None:
-        _write(out, model, time, inputs, outputs)
-        wrote(out)
-    signals = {**inputs, **outputs}
-    write_files(
-        options,
-        plot=lambda path: pictures.save(draw_signals(model, time, signals, model.title), path),
-    )
+    terminal.print(*result.overview(), sep="\n")
+    write_files(options, out=partial(_write, result), plot=result.plot)
     for path in (options["log_calls"], options["state_out"]):
         if path is not None and path.exists():
             wrote(path)
@@ -278,46 +275,14 @@ def _moved(
     return values
 
 
-def _show(model: Model, time: Array, outputs: Mapping[str, Array]) -> None:
-    from orchestration.fmu.simulation import extremes
-    from orchestration.reporting import plain_table
-
-    columns = ("smallest", "largest", "last")
-    table = plain_table(None, "output", *columns, right=columns)
-    for name, values in outputs.items():
-        table.add_row(name, *extremes(values, model.outputs[name]))
-    out.print(f"{model.title}: {time.size} points from {time[0]:g} s to {time[-1]:g} s")
-    out.print(table)
-
-
-def _write_part(
-    out: Path,
-    model: Model,
-    time: Array,
-    stimulus: _Stimulus,
-    outputs: Mapping[str, Array],
-) -> Path:
-    """Write the part of a result that a run computed before it ended early."""
-    part = out.with_name(f"{out.stem}.part{out.suffix}")
-    _write(part, model, time, stimulus.at(time), outputs)
-    return part
-
-
-def _write(
-    path: Path,
-    model: Model,
-    time: Array,
-    inputs: Mapping[str, Array],
-    outputs: Mapping[str, Array],
-) -> None:
+def _write(result: Simulation, path: Path) -> None:
     """Write inputs and outputs in the format of the file's ending."""
-    signals = {**model.driven, **model.outputs}
-    values = {**inputs, **outputs}
     if path.suffix.lower() == ".csv":  # half a second sooner than through a dataset
-        from orchestration.records import write_record
-
-        write_record(path, time, values, {name: signals[name].unit_in_files for name in values})
+        result.to_csv(path)
         return
     from orchestration.experiment import results
 
-    results.write(results.dataset(time, values, signals, inputs, {"title": model.title}), path)
+    signals = {**result.model.driven, **result.model.outputs}
+    values = {**result.inputs, **result.outputs}
+    about = {"title": result.model.title}
+    results.write(results.dataset(result.time, values, signals, result.inputs, about), path)
