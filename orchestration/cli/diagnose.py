@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 from fmus.kit import UserError, registry
 from fmus.kit.build import available_platforms
@@ -36,10 +36,16 @@ from orchestration.cli.commands.options import (
 from orchestration.cli.ending import end_interrupted
 from orchestration.cli.models import build_model, model_file, note_neutral, tell_repairs_of
 from orchestration.cli.options import IsolateOption, JsonOption, platform_list
-from orchestration.cli.outputs import check_outputs, same_file, write_json
-from orchestration.fmu import Model
+from orchestration.cli.outputs import (
+    check_outputs,
+    same_file,
+    show_and_write,
+    typed_command,
+    write_files,
+    write_json,
+)
 from orchestration.fmu.model import declared_model
-from orchestration.records import Record, files_of
+from orchestration.records import files_of
 from orchestration.reporting import saving, write_page
 from orchestration.reporting.console import note, out, progress, tell_repairs, wrote
 from orchestration.system.ssp import ENDINGS
@@ -51,18 +57,11 @@ _SYSTEM_OPTIONS = options_of(
 _OF_ONE = ("system", "compare", "each", "explain", "fmu", "experiment", "ssp")
 _SO_FAR = "this was the best answer so far"
 _OF_SYSTEMS = {"records", "time", "hold", *_SYSTEM_OPTIONS}
-Writer = Callable[[Path, Callable[[str], None]], list[Path]]
+Tell = Callable[[str], None]
+Writer = Callable[[Path, Tell], list[Path]]
 
 
-class Judged(NamedTuple):
-    """A model and the records that it is diagnosed on."""
-
-    model: Model
-    records: list[Record]
-    holdouts: list[Record]
-
-
-def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
+def run_diagnosis(options: DiagnoseCommand) -> DiagnosisResult:
     """Run ``ppy diagnose``; the report repeats the command.
 
     Raises
@@ -71,16 +70,17 @@ def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
         If a record or the model cannot be used, an effect is unknown, or something could not be
         written.
     """
-    _check_explained(options)
-    result = _made(diagnose, options, only(DiagnoseKeywords, options), command)
-    if options["explain"]:
+    explained = options["explain"]
+    if explained and len(explained) != 2:
+        raise UserError(
+            f"--explain {','.join(explained)}: it takes two candidates, not {len(explained)}"
+        )
+    result = _made(diagnose, options, only(DiagnoseKeywords, options))
+    if explained:
         out.print()
-        out.print(*result.explain(*options["explain"]).overview(), sep="\n")
+        out.print(*result.explain(*explained).overview(), sep="\n")
 
-    def fmu(path: Path, tell: Callable[[str], None]) -> list[Path]:
-        return result.fmu(path, _platforms(options), tell)
-
-    def experiment(path: Path, tell: Callable[[str], None]) -> list[Path]:
+    def experiment(path: Path, tell: Tell) -> list[Path]:
         if result.experiment is None:
             is_open = result.verdict in ("ambiguous", "unexplained")
             reason = "there is no experiment" if is_open else "there are no causes to distinguish"
@@ -89,19 +89,18 @@ def run_diagnosis(options: DiagnoseCommand, command: str) -> DiagnosisResult:
         return [result.experiment.to_toml(path)]
 
     write_all(
-        [
-            (_report(result), options["report"]),
-            (fmu, options["fmu"]),
-            (experiment, options["experiment"]),
-            (lambda path, tell: [result.system(path)], options["ssp"]),
-        ]
+        options,
+        report=_report(result),
+        fmu=_fmu(result, options),
+        experiment=experiment,
+        ssp=lambda path, tell: [result.system(path)],
     )
     if result.is_interrupted:
         end_interrupted(_SO_FAR)
     return result
 
 
-def run_each(options: DiagnoseCommand, workers: int, command: str) -> list[str]:
+def run_each(options: DiagnoseCommand, workers: int) -> list[str]:
     """Run ``ppy diagnose --workers``; the page repeats the command. Return all verdicts.
 
     Raises
@@ -127,9 +126,7 @@ def run_each(options: DiagnoseCommand, workers: int, command: str) -> list[str]:
         found = diagnose(files, build_model(declared), workers=workers, **chosen)
     out.print(*found.overview(), sep="\n")
     write_json(options["json"], saving.kept(found))
-    page = options["report"]
-    if page is not None:
-        wrote(write_page(found, page, command))
+    write_files(options, report=partial(write_page, found, command=typed_command()))
     if found.missing:
         end_interrupted(f"{len(found.missing)} of {len(files)} records were not diagnosed")
     if found.failures:
@@ -141,31 +138,39 @@ def _made(
     work: Callable[..., DiagnosisResult],
     options: DiagnoseCommand | LawsCommand,
     chosen: DiagnoseKeywords | LawsKeywords,
-    command: str,
 ) -> DiagnosisResult:
-    """Return the result of a function of the API by its keywords; print it, and write its JSON."""
-    judged = open_judged(options, partial(refuse_without_laws, options=chosen))
+    """Return the result of a function of the API by its keywords; print it, and write its JSON.
+
+    All output files are checked first, and the model before any remark is printed.
+    """
+    name = options["model"] or registry.default_model()
+    check_files(options, model_file(name))
+    declared = declared_model(name, options["laid_over"])
+    refuse_without_laws(declared, chosen)
+    note_neutral(declared, options["settings"] or {})
+    records, holdouts = held_out(options["records"], declared, options)
+    # of a channel that is constant the diagnosis says what follows from it
+    tell_repairs_of((*records, *holdouts), unsaid=("constant",))
+    model = build_model(declared)
     with progress() as tell:
-        how = {**chosen, "holdout": judged.holdouts or None, "progress": tell}
-        result = work(judged.records, judged.model, **how)
-    result = result.as_typed(command, _written(options))
-    _show(result, options["json"])
+        how = {**chosen, "holdout": holdouts or None, "progress": tell}
+        result = work(records, model, **how)
+    result = result.as_typed(typed_command(), _written(options))
+    show_and_write(result, options)
     return result
 
 
-def _check_explained(options: DiagnoseCommand) -> None:
-    """Refuse ``--explain`` with anything but two candidates."""
-    names = options["explain"]
-    if names and len(names) != 2:
-        raise UserError(f"--explain {','.join(names)}: it takes two candidates, not {len(names)}")
+def _fmu(result: DiagnosisResult, options: DiagnoseCommand | LawsCommand) -> Writer:
+    """Return a function that writes the extended model; ``all`` platforms have a compiler here."""
+
+    def fmu(path: Path, tell: Tell) -> list[Path]:
+        platforms = platform_list(options["platforms"]) or available_platforms()
+        return result.fmu(path, platforms, tell)
+
+    return fmu
 
 
-def _platforms(options: DiagnoseCommand | LawsCommand) -> list[str]:
-    """Return the platforms to build an FMU for; ``all`` are those with a compiler here."""
-    return platform_list(options["platforms"]) or available_platforms()
-
-
-def run_laws(options: LawsCommand, command: str) -> DiagnosisResult:
+def run_laws(options: LawsCommand) -> DiagnosisResult:
     """Run ``ppy laws``; the report repeats the command.
 
     Raises
@@ -174,32 +179,26 @@ def run_laws(options: LawsCommand, command: str) -> DiagnosisResult:
         If a record or the model cannot be used, an effect is unknown, or something could not be
         written.
     """
-    result = _made(laws, options, only(LawsKeywords, options), command)
-
-    def is_found(path: Path) -> bool:
-        if not result.causes:
-            note(f"no law is found to lack anything: {path} was not written")
-        return bool(result.causes)
-
-    def effect(path: Path, tell: Callable[[str], None]) -> list[Path]:
-        return [result.effect(path)] if is_found(path) else []
-
-    def fmu(path: Path, tell: Callable[[str], None]) -> list[Path]:
-        return result.fmu(path, _platforms(options), tell) if is_found(path) else []
-
-    write_all(
-        [
-            (_report(result), options["report"]),
-            (effect, options["effect_out"]),
-            (fmu, options["fmu"]),
-        ]
-    )
+    result = _made(laws, options, only(LawsKeywords, options))
+    writers: dict[str, Writer] = {
+        "effect_out": lambda path, tell: [result.effect(path)],
+        "fmu": _fmu(result, options),
+    }
+    if not result.causes:
+        writers = dict.fromkeys(writers, _without_causes)
+    write_all(options, report=_report(result), **writers)
     if result.is_interrupted:
         end_interrupted(_SO_FAR)
     return result
 
 
-def run_system(options: DiagnoseCommand, system: str, command: str) -> SystemResult:
+def _without_causes(path: Path, tell: Tell) -> list[Path]:
+    """Say that a file is not written, as there is nothing to write."""
+    note(f"no law is found to lack anything: {path} was not written")
+    return []
+
+
+def run_system(options: DiagnoseCommand, system: str) -> SystemResult:
     """Run ``ppy diagnose --system``; the report repeats the command.
 
     Raises
@@ -218,47 +217,21 @@ def run_system(options: DiagnoseCommand, system: str, command: str) -> SystemRes
     chosen = only(DiagnoseKeywords, options)
     with progress() as tell:
         chosen["progress"] = tell
-        result = diagnose(record, system=system, **chosen).as_typed(command, {})
+        result = diagnose(record, system=system, **chosen).as_typed(typed_command(), {})
     tell_repairs(result.record.repairs)
-    _show(result, options["json"])
-    write_all([(_report(result), options["report"])])
+    show_and_write(result, options)
+    write_all(options, report=_report(result))
     return result
 
 
-def open_judged(options: DiagnoseCommand | LawsCommand, check: Callable[[Model], None]) -> Judged:
-    """Open the model and the records, after a check that all output files can be written.
-
-    Parameters
-    ----------
-    options : DiagnoseCommand or LawsCommand
-    check : callable
-        Raises UserError for a model that does not fit the options, before any remark is printed.
-
-    Raises
-    ------
-    UserError
-        If a file could not be written, or the model or a record cannot be read.
-    """
-    name = options["model"] or registry.default_model()
-    file = model_file(name)
-    check_files(options, [] if file is None else [file])
-    declared = declared_model(name, options["laid_over"])
-    check(declared)
-    note_neutral(declared, options["settings"] or {})
-    records, holdouts = held_out(options["records"], declared, options)
-    # of a channel that is constant the diagnosis says what follows from it
-    tell_repairs_of((*records, *holdouts), unsaid=("constant",))
-    return Judged(build_model(declared), records, holdouts)
-
-
-def check_files(options: DiagnoseCommand | LawsCommand, sources: Sequence[Path] = ()) -> None:
+def check_files(options: DiagnoseCommand | LawsCommand, model: Path | None = None) -> None:
     """Refuse paths that cannot be written, or that would overwrite another file.
 
     Parameters
     ----------
     options : DiagnoseCommand or LawsCommand
-    sources : sequence of Path
-        Files of the model.
+    model : Path, optional
+        File of the model.
 
     Raises
     ------
@@ -272,14 +245,14 @@ def check_files(options: DiagnoseCommand | LawsCommand, sources: Sequence[Path] 
         Path(text) for text in given["holdout"] or () if len(records) == 1 or Path(text).exists()
     ]
     read: dict[str, Path | None] = {}
-    for k, path in enumerate(records):
-        read[f"the record{_number_after_first(k)}"] = path
-    for role, paths in (("later record", later), ("record held out", unseen)):
-        for k, path in enumerate(paths):
-            read[f"the {role}{_number_after_first(k)}"] = path
-    for source in sources:
-        kind = "FMU" if source.suffix == ".fmu" else "file"
-        read[f"the {kind} of --model"] = source
+    roles = {"record": records, "later record": later, "record held out": unseen}
+    for role, paths in roles.items():
+        for k, path in enumerate(paths, 1):
+            number = f" ({k})" if k > 1 else ""
+            read[f"the {role}{number}"] = path
+    if model is not None:
+        kind = "FMU" if model.suffix == ".fmu" else "file"
+        read[f"the {kind} of --model"] = model
     fmus = {} if given["fmu"] is None else fmu_paths(given["fmu"], ())
     more = {f"--fmu ({kind})": path for kind, path in fmus.items()}
     check_outputs(given, read, more, experiment=(".toml",), effect_out=(".py",), ssp=(".ssp",))
@@ -292,11 +265,6 @@ def check_files(options: DiagnoseCommand | LawsCommand, sources: Sequence[Path] 
                 raise UserError(f"{name} {path}: this is the record itself; {reason}")
 
 
-def _number_after_first(k: int) -> str:
-    """Return the number of an item in brackets from 2 on; empty for the first."""
-    return f" ({k + 1})" if k else ""
-
-
 def _written(options: DiagnoseCommand | LawsCommand) -> dict[str, str]:
     """Return the files of a model or an experiment that a command writes, by option."""
     given = cast("Mapping[str, Any]", options)
@@ -304,37 +272,33 @@ def _written(options: DiagnoseCommand | LawsCommand) -> dict[str, str]:
     return {name: str(given[name]) for name in names if given.get(name) is not None}
 
 
-def _show(result: DiagnosisResult | SystemResult, path: Path | None) -> None:
-    """Print a result, and write it as JSON if wanted."""
-    out.print(*result.overview(), sep="\n")
-    write_json(path, result.to_dict())
-
-
 def _report(result: DiagnosisResult | SystemResult) -> Writer:
     """Return a function that writes the report of a result."""
 
-    def report(path: Path, tell: Callable[[str], None]) -> list[Path]:
+    def report(path: Path, tell: Tell) -> list[Path]:
         tell("drawing the report")
         return [result.report(path)]
 
     return report
 
 
-def write_all(writers: Sequence[tuple[Writer, Path | None]]) -> None:
-    """Write all files that are wanted, even after a failure; then raise the first failure.
+def write_all(options: DiagnoseCommand | LawsCommand, **writers: Writer) -> None:
+    """Write all files that options name, even after a failure; then raise the first failure.
 
     Parameters
     ----------
-    writers : sequence of tuple
-        Function that writes a file, calls its second argument with progress, and returns the files
-        that it wrote; and the path to write to, or None if the file is not wanted.
+    options : DiagnoseCommand or LawsCommand
+    **writers : callable
+        By name of an option: writes its file, calls its second argument with progress, and returns
+        the files that it wrote.
     """
+    given = cast("Mapping[str, Any]", options)
     failures: list[Exception] = []
     written: list[Path] = []
     with progress() as tell:
-        for write, path in writers:
+        for name, write in writers.items():
             try:
-                written += write(path, tell) if path is not None else []
+                written += write(given[name], tell) if given[name] is not None else []
             except Exception as error:
                 failures.append(error)
     for path in written:

@@ -9,7 +9,6 @@ import typer
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import DiagnoseCommand, LawsCommand
 from orchestration.cli.isolation import isolating
-from orchestration.cli.outputs import typed_command
 
 
 @command(DiagnoseCommand)
@@ -23,12 +22,12 @@ def diagnose(options: DiagnoseCommand) -> None:
         from orchestration.cli import diagnose as work
 
         if options["workers"] is not None:
-            verdicts = work.run_each(options, options["workers"], typed_command())
+            verdicts = work.run_each(options, options["workers"])
             _require(options["require"], *verdicts)
         elif options["system"] is not None:
-            work.run_system(options, options["system"], typed_command())
+            work.run_system(options, options["system"])
         else:
-            result = work.run_diagnosis(options, typed_command())
+            result = work.run_diagnosis(options)
             _require(options["require"], result.verdict)
 
 
@@ -49,4 +48,4 @@ def laws(options: LawsCommand) -> None:
     """Search the laws of a model for missing dependences on signals, with the curve of each."""
     from orchestration.cli import diagnose as work
 
-    work.run_laws(options, typed_command())
+    work.run_laws(options)

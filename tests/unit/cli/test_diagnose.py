@@ -171,7 +171,7 @@ def test_a_folder_is_refused_before_anything_of_a_system_is_read(tmp_path):
     usual = {name: option.default for name, option in options_of(DiagnoseCommand).items()}
     options = usual | {"records": [tmp_path / "no.csv"], "json": tmp_path}
     with pytest.raises(UserError, match=r"^--json .*: this is a folder; name a file in it$"):
-        run_system(options, str(tmp_path / "no.ssp"), "ppy")
+        run_system(options, str(tmp_path / "no.ssp"))
 
 
 @pytest.mark.parametrize(
@@ -188,7 +188,7 @@ def test_what_is_about_one_model_is_refused_of_a_system(given, flag):
     usual = {name: option.default for name, option in options_of(DiagnoseCommand).items()}
     options = usual | {"records": [Path("a.csv")]} | given
     with pytest.raises(UserError, match=f"^{flag} is about one model"):
-        run_system(options, "s.ssp", "ppy")
+        run_system(options, "s.ssp")
 
 
 @pytest.mark.parametrize(
