@@ -61,20 +61,23 @@ def command(declared: type) -> Callable[[Body], Body]:
 
 
 def refuse(
-    declared: type, options: Mapping[str, object], names: Iterable[str], reason: str
+    declared: type,
+    options: Mapping[str, object],
+    reason: str,
+    names: Iterable[str] | None = None,
 ) -> None:
     """Refuse options that are for other uses of a command.
 
     Parameters
     ----------
     declared : type
-        Class that declares the options of the command.
+        Class that declares options of the command.
     options : Mapping of str to object
         Their values.
-    names : iterable of str
-        Of those that are refused.
     reason : str
         End of the message, after the flag.
+    names : iterable of str, optional
+        Of those that are refused; by default all that the class declares.
 
     Raises
     ------
@@ -82,7 +85,7 @@ def refuse(
         If one of them is given.
     """
     known = options_of(declared)
-    for name in names:
+    for name in known if names is None else names:
         option = _with_default(known[name])
         if not option.is_default(options[name]):
             raise UserError(f"{option.flags[0]} {reason}")

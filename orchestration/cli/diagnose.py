@@ -111,7 +111,7 @@ def run_each(options: DiagnoseCommand, workers: int) -> list[str]:
         After the results, if some records could not be diagnosed or Ctrl-C was pressed.
     """
     reason = "is of one diagnosis; --workers makes several"
-    refuse(DiagnoseCommand, options, _OF_ONE, reason)
+    refuse(DiagnoseCommand, options, reason, _OF_ONE)
     files = []
     for path in options["records"]:
         files += files_of(path, note, source_of(path, options).reading)
@@ -208,7 +208,7 @@ def run_system(options: DiagnoseCommand, system: str) -> SystemResult:
     """
     of_models = (name for name in options if name not in _OF_SYSTEMS)
     reason = "is about one model; --system tells which member to name with --model"
-    refuse(DiagnoseCommand, options, of_models, reason)
+    refuse(DiagnoseCommand, options, reason, of_models)
     record, *others = options["records"]
     if others:
         raise UserError("a second record is about one model; --system takes one")

@@ -163,7 +163,7 @@ def experiment_on_system(options: SimulateCommand) -> Experiment:
 
     name = options["model"]
     reason = f"is about one model; {name} is a system"
-    refuse(SimulateCommand, options, ("laid_over", "preset"), reason)
+    refuse(SimulateCommand, options, reason, ("laid_over", "preset"))
     tables: dict[str, Any] = {"system": name}
     own = {key: options[key] for key in ("step", "runtime")} | {"duration": options["stop"]}
     tables |= {key: value for key, value in own.items() if value is not None}
@@ -215,18 +215,14 @@ def _recorded_inputs(
     options: SimulateCommand, inputs: Mapping[str, Signal]
 ) -> tuple[dict[str, Any], float | None]:
     """Return the stimuli of a system that a record has, and its end in s; None without a record."""
-    from orchestration.api.declaration import stated_of
     from orchestration.api.options import ReadingOptions
     from orchestration.records import read_record
     from orchestration.records.tables import split_header_cell
-    from orchestration.reporting import flag
 
     file = options["input_file"]
     if file is None:
         return {}, None
-    stated = stated_of(ReadingOptions, options)
-    if stated:
-        raise UserError(f"{flag(stated[0])} is for a record of one model; this is a system")
+    refuse(ReadingOptions, options, "is for a record of one model; this is a system")
     mapping = options["mapping"] or {}
     units = {name: signal.unit for name, signal in inputs.items()}
     record = read_record(file, units, mapping=mapping, inputs=list(units))

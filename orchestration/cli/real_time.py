@@ -48,20 +48,14 @@ def live_run(options: RunCommand, out: Path | None) -> Live | None:
     UserError
         If a value is not allowed, or an option of real time is given without ``--real-time``.
     """
+    from orchestration.cli.command import refuse
+    from orchestration.cli.commands.options import RunCommand
     from orchestration.experiment.live import Live, Tuner
     from orchestration.master import RealTime
 
     if not options["real_time"]:
-        given = {
-            "--missed": options["missed"],
-            "--lag": options["lag"],
-            "--cpu": options["processor"],
-            "--priority": options["priority"] or None,
-            "--tunable": options["tunable"] or None,
-        }
-        for option, value in given.items():
-            if value is not None:
-                raise UserError(f"{option} is about real time; add --real-time")
+        names = ("missed", "lag", "processor", "priority", "tunable")
+        refuse(RunCommand, options, "is about real time; add --real-time", names)
         return None
     lag = RealTime.lag if options["lag"] is None else options["lag"]
     missed = options["missed"] or RealTime.missed

@@ -31,7 +31,7 @@ def compare(options: CompareCommand) -> None:
         _compare_files(options["record"], options["reference"], options)
         return
     files = "is for two files: ppy compare RESULT REFERENCE"
-    refuse(CompareCommand, options, ("tube", "report"), files)
+    refuse(CompareCommand, options, files, ("tube", "report"))
     from orchestration.cli.models import note_neutral, open_measured
     from orchestration.identify import comparison as work
 
@@ -57,7 +57,7 @@ def _compare_files(result: Path, reference: Path, options: CompareCommand) -> No
 
     of_models = (name for name in options if name not in _OF_FILES)
     reason = "is for a model and a record; these are two files"
-    refuse(CompareCommand, options, of_models, reason)
+    refuse(CompareCommand, options, reason, of_models)
     check_outputs(options, {"the result": result, "the reference": reference}, out=JSON)
     one, other = read_samples(result), read_samples(reference)
     tell_repairs([*one.repairs, *other.repairs])

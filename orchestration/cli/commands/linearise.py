@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit import UserError
-from orchestration.api.declaration import only, stated_of
+from orchestration.api.declaration import only
 from orchestration.api.options import LineariseKeywords, MappingOption, source_of
-from orchestration.cli.command import command
+from orchestration.cli.command import command, refuse
 from orchestration.cli.commands.options import LineariseCommand
 from orchestration.cli.commands.sweep import ranges_of
 from orchestration.cli.outputs import check_outputs, show_and_write
-from orchestration.reporting import flag
 
 if TYPE_CHECKING:
     from orchestration.fmu import Model
@@ -27,9 +26,8 @@ def linearise(options: LineariseCommand) -> None:
     name = options["model"]
     reads = {"the record": options["input_file"], "the fit": options["fitted"]}
     check_outputs(options, reads, mat=(".mat",))
-    stated = stated_of(MappingOption, options)
-    if stated and options["input_file"] is None:
-        raise UserError(f"{flag(stated[0])} is about a record; give the record with --input")
+    if options["input_file"] is None:
+        refuse(MappingOption, options, "is about a record; give the record with --input")
     chosen = only(LineariseKeywords, options)
     chosen["over"] = ranges_of(options["over"]) or None
     with progress() as tell:

@@ -58,25 +58,15 @@ def serve(options: ServeCommand) -> None:
     watchdog = options["watchdog"]
     if watchdog is None:
         watchdog = WATCHDOG if options["lockstep"] else default_watchdog(note)
-    settings = ServerSettings(
-        backend=options["backend"],
-        options=read_options([*options["backend_options"]]),
-        rate=options["rate"],
-        watchdog=watchdog,
-        lockstep=options["lockstep"],
-        host=default[0] if host is None else host,
-        port=default[1] if port is None else port,
-        keys=options["keys"],
-        no_keys=options["no_keys"],
-        log=options["log"],
-        archive=options["archive"],
-        archive_size=options["archive_size"],
-        state=options["state"],
-        priority=options["priority"],
-        cpu=options["cpu"],
-        stuck_after=options["stuck_after"],
-        alarm_hook=options["alarm_hook"],
-    )
+    given: dict[str, Any] = {
+        **options,
+        "options": read_options([*options["backend_options"]]),
+        "watchdog": watchdog,
+        "host": default[0] if host is None else host,
+        "port": default[1] if port is None else port,
+    }
+    known = ServerSettings.__annotations__
+    settings = ServerSettings(**{name: given[name] for name in known if name in given})
     if work(settings):
         raise typer.Exit(1)
 

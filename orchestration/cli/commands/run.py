@@ -82,7 +82,7 @@ def _run(
     earlier = results.read(source) if made_again and not chosen else None
     if earlier is None:
         reason = "is for a result that is made again, without --set"
-        refuse(RunCommand, options, ("tube", "report"), reason)
+        refuse(RunCommand, options, reason, ("tube", "report"))
     if earlier is not None and not earlier.attrs["complete"]:
         note(f"{name} is incomplete; it is repeated as far as it goes, {experiment.duration:g} s")
     data = run_and_write(experiment, name, options, live)

@@ -8,13 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from fmus.kit import UserError
-from orchestration.api.declaration import stated_of
 from orchestration.api.options import MappingOption, source_of
 from orchestration.cli.command import command, refuse
 from orchestration.cli.commands.options import SimulateCommand
 from orchestration.cli.isolation import hearing_ctrl_c, limits
 from orchestration.cli.outputs import SIGNALS, check_outputs, write_files
-from orchestration.reporting import flag
 from orchestration.reporting.console import note, progress, tell_repairs, wrote
 from orchestration.reporting.console import out as terminal
 
@@ -38,14 +36,13 @@ def simulate(options: SimulateCommand) -> None:
     from fmus.kit import registry
     from orchestration.system import NAMES
 
-    stated = stated_of(MappingOption, options)
-    if stated and options["input_file"] is None:
-        raise UserError(f"{flag(stated[0])} is about a record; give the record with --input")
+    if options["input_file"] is None:
+        refuse(MappingOption, options, "is about a record; give the record with --input")
     reads = {"the record": options["input_file"], "the state to go on from": options["state_in"]}
     check_outputs(options, reads, out=SIGNALS, log_calls=(), state_out=())
     name = options["model"]
     if Path(name).suffix.lower() in _SYSTEMS or (name in NAMES and name not in registry.models()):
-        refuse(SimulateCommand, options, _OF_ONE_FMU, "is for one FMU; this is a system")
+        refuse(SimulateCommand, options, "is for one FMU; this is a system", _OF_ONE_FMU)
         _simulate_system(options)
     else:
         _simulate_model(options)
