@@ -255,10 +255,7 @@ class Diagnosed(Displayable):
         raise NotImplementedError
 
 
-@make_page.register(Diagnosed)
-def result_page(result: Diagnosed, command: str = "") -> Page:
-    """Make the page of a diagnosis of any kind."""
-    return result.page(command)
+make_page.register(Diagnosed)(Diagnosed.page)
 
 
 class DiagnosisResult(Diagnosed):

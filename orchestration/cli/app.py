@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
 from inspect import cleandoc
-from typing import Annotated, Any, NoReturn, TextIO
+from typing import Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
@@ -306,26 +306,17 @@ def _registry_warnings_as_remarks() -> Iterator[None]:
     """Print warnings about packages that are left out like other remarks, in one line."""
     usual = warnings.showwarning
 
-    def show(
-        message: Warning | str,
-        category: type[Warning],
-        filename: str,
-        lineno: int,
-        file: TextIO | None = None,
-        line: str | None = None,
-    ) -> None:
+    def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
         if issubclass(category, RegistryWarning):
             from orchestration.reporting.console import warn
 
             warn(str(message))
         else:
-            usual(message, category, filename, lineno, file, line)
+            usual(message, category, *where, **more)
 
-    warnings.showwarning = show
-    try:
+    with warnings.catch_warnings():
+        warnings.showwarning = show
         yield
-    finally:
-        warnings.showwarning = usual
 
 
 def _end_aborted(cause: BaseException | None) -> NoReturn:

@@ -154,25 +154,24 @@ def _completion(option: Option) -> Callable[..., list[str]] | None:
     """Return the function that completes a value in a shell; None if there is none."""
     if option.complete:
         return _COMPLETIONS[option.complete]
-    if not option.choices:
-        return None
-    return lambda incomplete: [name for name in option.choices if name.startswith(incomplete)]
+    return _complete(lambda: option.choices) if option.choices else None
 
 
-def _complete_components(incomplete: str) -> list[str]:
-    return [name for name in registry.models() if name.startswith(incomplete)]
+def _complete(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
+    """Return a function that completes a text to names, which are listed when it is called."""
+    return lambda incomplete: [name for name in names() if name.startswith(incomplete)]
 
 
-def _complete_systems(incomplete: str) -> list[str]:
+def _systems() -> Iterable[str]:
     from orchestration.system import NAMES
 
-    return [name for name in NAMES if name.startswith(incomplete)]
+    return NAMES
 
 
-def _complete_experiments(incomplete: str) -> list[str]:
+def _experiments() -> Iterable[str]:
     from orchestration.experiment import shipped
 
-    return [name for name in shipped() if name.startswith(incomplete)]
+    return shipped()
 
 
 def _complete_effects(context: typer.Context, incomplete: str) -> list[str]:
@@ -180,7 +179,6 @@ def _complete_effects(context: typer.Context, incomplete: str) -> list[str]:
 
     Each begins with the effects that are typed already.
     """
-    from fmus.kit import registry
     from orchestration.fmu.model import known_effects
 
     # while an option lacks its value, earlier names are among the arguments that are not
@@ -192,16 +190,13 @@ def _complete_effects(context: typer.Context, incomplete: str) -> list[str]:
     if name is None:
         return []
     before, comma, last = incomplete.rpartition(",")
-    return [
-        f"{before}{comma}{effect}"
-        for effect in known_effects(registry.component(name))
-        if effect.startswith(last)
-    ]
+    effects = known_effects(registry.component(name))
+    return [f"{before}{comma}{effect}" for effect in effects if effect.startswith(last)]
 
 
 _COMPLETIONS: Mapping[str, Callable[..., list[str]]] = {
-    "component": _complete_components,
+    "component": _complete(registry.models),
     "effect": _complete_effects,
-    "experiment": _complete_experiments,
-    "system": _complete_systems,
+    "experiment": _complete(_experiments),
+    "system": _complete(_systems),
 }

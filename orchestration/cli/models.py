@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from fmus.kit import UserError
 from orchestration.reporting.console import detail, note, progress, warn
@@ -23,16 +23,10 @@ if TYPE_CHECKING:
     from orchestration.records import Record, Repair
 
 
-class MeasuredModel(NamedTuple):
-    """A model, the record that it is compared with, and the values of its parameters."""
-
-    model: Model
-    record: Record
-    parameters: dict[str, Value]
-
-
-def open_measured(options: MeasuredOptions, runtime: str | None = None) -> MeasuredModel:
-    """Open a model and a record of it; print the repairs, and the inputs without a source.
+def open_measured(
+    options: MeasuredOptions, runtime: str | None = None
+) -> tuple[Model, Record, dict[str, Value]]:
+    """Open a model, a record of it, and values; print repairs, and the inputs without a source.
 
     Raises
     ------
@@ -46,7 +40,7 @@ def open_measured(options: MeasuredOptions, runtime: str | None = None) -> Measu
         return [read_for(declared, source_of(options["record"], options), options["mapping"])]
 
     model, (record,), parameters = _opened(options, read, runtime)
-    return MeasuredModel(model, record, parameters)
+    return model, record, parameters
 
 
 def open_runs(options: IdentifyCommand) -> tuple[Model, list[Record], dict[str, Value]]:

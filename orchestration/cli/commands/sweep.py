@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,11 +36,10 @@ if TYPE_CHECKING:
     from orchestration.sweeps import Design, SweepResult, Task
     from orchestration.sweeps.fitted import SweepFit
 
-    Work = Callable[[SweepFileKeywords], SweepResult]
+    Work = Callable[..., SweepResult]
 
 _DATASET = (".nc", ".zarr")
 _ZARR = ".zarr"
-_TOML = (".toml",)
 _ENGINE_NAMES = {"fmu": "FMU", "compiled": "compiled"}
 # options of the command line where a file describes the sweep
 _BESIDE_FILE = (
@@ -55,6 +55,8 @@ _BESIDE_FILE = (
 @command(SweepCommand)
 def sweep(options: SweepCommand, context: typer.Context) -> None:
     """Run a component, any FMU or a system over many values, or a sweep of a TOML file."""
+    from orchestration.api import sweep_file
+
     _check_outputs(options)
     model = options["model"]
     out = options["out"]
@@ -63,15 +65,15 @@ def sweep(options: SweepCommand, context: typer.Context) -> None:
     how["folder"] = folder
     how["limits"] = given_limits(options["isolate"], options)
     how["check"] = _check_results(out, options["plot"])
-    if Path(model).suffix.lower() in _TOML:
+    if Path(model).suffix.lower() == ".toml":
         _refuse_beside_file(context)
-        work = _sweep_of_file(Path(model))
+        work: Work = partial(sweep_file, Path(model), note=note)
     else:
         work = _sweep_of_options(options)
     with kept_in(folder, "--out", "cases"), progress() as tell:
         tell(f"sweeping {model}")
         how["progress"] = tell.done
-        data = work(how)
+        data = work(**how)
     _show(data)
     _finish(data, folder, options)
     if "failure" in data and (data["failure"] != "").all():
@@ -157,12 +159,7 @@ def _sweep_of_options(options: SweepCommand) -> Work:
             note(line)
     cases["settings"] = settings
     cases["units"] = None  # they are in the model
-
-    def work(how: SweepFileKeywords) -> SweepResult:
-        keywords: SweepKeywords = {**cases, **how}
-        return run_sweep(model, over, **keywords)
-
-    return work
+    return partial(run_sweep, model, over, **cases)
 
 
 def _settings(model: Model, over: Container[str], options: SweepCommand) -> dict[str, Value]:
@@ -194,13 +191,6 @@ def _draw_cases(fit: SweepFit, over: Sequence[str], cases: SweepKeywords) -> dic
     cases["samples"] = None
     cases["keep"] = [TRACE] if cases["keep"] is None else cases["keep"]
     return drawn
-
-
-def _sweep_of_file(path: Path) -> Work:
-    """Return the sweep that a file describes."""
-    from orchestration.api import sweep_file
-
-    return lambda how: sweep_file(path, note=note, **how)
 
 
 def _refuse_beside_file(context: typer.Context) -> None:
