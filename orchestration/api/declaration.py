@@ -5,7 +5,8 @@ A class of options is a ``TypedDict`` whose keys are annotated with an `Option`:
     class SearchOptions(TypedDict, total=False):
         hold: Annotated[Names, Option("Parameters that are known.")]
 
-The type is one of `orchestration.api.forms`, with the form of its values, or a plain one.
+The type is one of `orchestration.api.forms`, with the form of its values, or a plain one, which a
+form may follow.
 
 `takes` adds the keys to a function as keyword arguments, with defaults, in the signature and in
 the docstring; ``**options: Unpack[SearchOptions]`` declares them for type checkers. The same class,
@@ -88,7 +89,7 @@ class Option(NamedTuple):
         is none. Unless given it is False, no names, or None, by the type; an argument that
         cannot be None is required.
     form : Form
-        Unless given it is that of the type.
+        Form of its values, the last in the annotation; set by `options_of`.
     flag : str
         Name on the command line, ``--on/--off`` for both values of a switch; by default made from
         the name.
@@ -212,10 +213,9 @@ def _options_of(declared: type) -> list[Option]:
     ]
 
 
-def _completed(name: str, kind: Any, *parts: Form | Option) -> Option:
+def _completed(name: str, kind: Any, *parts: Any) -> Option:
     """Return an option with its name and type, and what these and its form imply."""
-    option = cast(Option, parts[-1])
-    form = cast(Form, parts[0]) if len(parts) > 1 else option.form
+    form, option = cast("tuple[Form, Option]", (AS_IT_IS, *parts)[-2:])
     default = option.default
     if default is None and option.argument and not _is_union(kind):
         default = REQUIRED

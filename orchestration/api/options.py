@@ -99,26 +99,26 @@ class ReadingOptions(TypedDict, total=False):
     ]
     rows: Annotated[
         tuple[int, int] | None,
+        ROWS,
         Option(
             "First and last row that is used, numbered as in messages, e.g. 100..2000.",
-            form=ROWS,
         ),
     ]
     segment: Annotated[
         Mapping[str, str] | None,
+        SEGMENT,
         Option(
             "Rows that are used by their label in a column, e.g. CYCLE=3 or STEP=2,4. Repeatable.",
             'Labels, separated by commas, of the used rows by column: ``{"CYCLE": "3"}``.',
-            form=SEGMENT,
         ),
     ]
     discard: Annotated[
         float,
+        PERCENT,
         Option(
             "Largest share of the rows that repairs may leave out, e.g. 5%; default 1%.",
             "Largest share of the rows that repairs may leave out, in percent.",
             default=1.0,
-            form=PERCENT,
         ),
     ]
 
@@ -146,10 +146,10 @@ class MappingOption(ReadingOptions, total=False):
 
     mapping: Annotated[
         Mapping[str, str] | None,
+        MAPPING,
         Option(
             "Column of a signal, e.g. U_cell=voltage or stress=force[N]. Repeatable.",
             'Signal of the model by column of a file, such as ``{"stress": "force[N]"}``.',
-            form=MAPPING,
         ),
     ]
 
@@ -159,6 +159,7 @@ class SettingsOption(TypedDict, total=False):
 
     settings: Annotated[
         Mapping[str, float | str] | None,
+        PARAMETERS,
         Option(
             "Set a parameter, e.g. R1=0.61 or k1=6.3N/mm, or those of a file: specimen.toml, or"
             " MEMBER@specimen.toml in a system. Repeatable.",
@@ -166,7 +167,6 @@ class SettingsOption(TypedDict, total=False):
             ' numbers in the model\'s units, or texts with a unit such as ``"6.3 N/mm"``; or a'
             " ``.toml`` file with a table ``[parameters]`` of them.",
             alias="--params",
-            form=PARAMETERS,
         ),
     ]
 
@@ -176,11 +176,11 @@ class UnitsOption(TypedDict, total=False):
 
     units: Annotated[
         Mapping[str, str] | None,
+        SETTINGS,
         Option(
             "Unit of a variable of which the FMU declares none, e.g. omega=rad/s. Repeatable.",
             "Units of variables of which the FMU declares none.",
             metavar="NAME=UNIT",
-            form=SETTINGS,
         ),
     ]
 
@@ -211,12 +211,12 @@ class RecordOptions(MappingOption, RunsOptions, total=False):
 
     holdout: Annotated[
         "Records | None",
+        RECORDS,
         Option(
             "A record for validation, or labels such as 7,8,9 of some of the records; default the"
             " last third. Repeatable.",
             "Other records for validation, or labels of some of the records, such as"
             ' ``"7,8,9"``. By default the last third of the record, or of several records.',
-            form=RECORDS,
         ),
     ]
     interpolate: Annotated[
@@ -268,6 +268,7 @@ class DiagnoseOptions(RecordOptions, SearchOptions, UnitsOption, total=False):
 
     effects: Annotated[
         Sequence[str] | None,
+        EFFECTS,
         Option(
             "Effects that may be causes by name, e.g. diffusion,sensor_lag(voltage), or none; by"
             " default, or as families, all that the model lists. Any input has some, e.g."
@@ -275,7 +276,6 @@ class DiagnoseOptions(RecordOptions, SearchOptions, UnitsOption, total=False):
             "Effects that may be causes by name, as ``id``, ``id(output)`` or ``id(input)``, or"
             ' none. By default, or as ``["families"]``, all that the model lists. Terms of the laws'
             " are searched beside them; see ``laws``.",
-            form=EFFECTS,
             complete="effect",
         ),
     ]
@@ -290,22 +290,22 @@ class DiagnoseOptions(RecordOptions, SearchOptions, UnitsOption, total=False):
     ]
     compare: Annotated[
         "Record | str | Path | Sequence[Record | str | Path] | None",
+        LATER,
         Option(
             "A later record of the specimen, in which changes are diagnosed. Repeatable, in time.",
             "A later record of the same specimen, or several in time: `DiagnosisResult.changes`"
             " then lists changed parameters, and effects that appeared or disappeared.",
-            form=LATER,
         ),
     ]
     laws: Annotated[
         bool,
+        LEFT_OUT,
         Option(
             "Leave terms of the laws out of the search: causes are effects by name.",
             "Whether terms of the laws may be causes, beside effects by name. Without effects and"
             " laws parameters alone are fitted.",
             default=True,
             flag="--no-laws",
-            form=LEFT_OUT,
         ),
     ]
 
@@ -315,12 +315,12 @@ class LawsOptions(RecordOptions, SearchOptions, total=False):
 
     effects: Annotated[
         Sequence[str] | None,
+        EFFECTS,
         Option(
             "Effects that may be causes beside laws, e.g. diffusion; families is all that"
             " the model lists; default none.",
             "Effects that may be causes beside laws, as in `diagnose`. By default none.",
             default=(),
-            form=EFFECTS,
             complete="effect",
         ),
     ]
@@ -486,7 +486,7 @@ class BuildKeywords(TypedDict, total=False):
         ),
     ]
     platforms: Annotated[
-        Sequence[str] | None, Option(doc="FMI platforms; default this machine's.", form=NAMES)
+        Sequence[str] | None, NAMES, Option(doc="FMI platforms; default this machine's.")
     ]
     fmi: Annotated[int, Option(doc="Version of FMI, 2 or 3; 3 is native.", default=2)]
     clocks: Annotated[
@@ -520,10 +520,10 @@ class FittedOption(TypedDict, total=False):
 
     fit: Annotated[
         Sequence[str],
+        some_of("name the parameters to recalibrate, e.g. R1,R2,C"),
         Option(
             "Parameters to recalibrate, e.g. R1,R2,C.",
             "Parameters that are fitted before the comparison.",
-            form=some_of("name the parameters to recalibrate, e.g. R1,R2,C"),
         ),
     ]
 
@@ -543,12 +543,12 @@ class AssumptionOptions(RunsOptions, total=False):
     ]
     scale: Annotated[
         Mapping[str, str] | None,
+        SETTINGS,
         Option(
             "Search a parameter linear or logarithmic, e.g. k1=linear. Repeatable.",
             "The coordinate in which a parameter is searched, ``linear`` or ``logarithmic``; by"
             " default the logarithm where it is positive by nature.",
             metavar="NAME=SCALE",
-            form=SETTINGS,
         ),
     ]
     prior: Annotated[
@@ -632,11 +632,11 @@ class RiseOption(TypedDict, total=False):
 
     rise: Annotated[
         float,
+        PERCENT,
         Option(
             "Rise above the first value that ends the life, default 15%.",
             "Rise above the first value that ends the life, in percent.",
             default=15.0,
-            form=PERCENT,
         ),
     ]
 
@@ -646,11 +646,11 @@ class AgeOptions(RiseOption, total=False):
 
     fit: Annotated[
         Sequence[str],
+        some_of("name the parameters, e.g. R1,R2,C"),
         Option(
             "Parameters of each window, default R1,R2,C,charge_start.",
             "Parameters that are fitted in each window, and start values of states.",
             default=("R1", "R2", "C", "charge_start"),
-            form=some_of("name the parameters, e.g. R1,R2,C"),
         ),
     ]
     of: Annotated[
@@ -665,18 +665,18 @@ class AgeOptions(RiseOption, total=False):
     ]
     frequency: Annotated[
         float | str,
+        RATE,
         Option(
             "Frequency of the ratio, default 100mHz.",
             default=0.1,
-            form=RATE,
         ),
     ]
     window: Annotated[
         float | str,
+        TIME,
         Option(
             "Length of a window, default 100s.",
             default=100.0,
-            form=TIME,
         ),
     ]
     derating: Annotated[
@@ -700,12 +700,12 @@ class ResponseOptions(TypedDict, total=False):
 
     of: Annotated[
         Sequence[str],
+        RATIOS,
         Option(
             "Ratio of two signals, e.g. voltage/current or force/displacement; default every output"
             " over every input that varies. Repeatable.",
             "Ratios of two signals, such as ``voltage/current`` or ``force/displacement``; by"
             " default every output over every input that varies. Required without a model.",
-            form=RATIOS,
         ),
     ]
     inputs: Annotated[
@@ -726,10 +726,10 @@ class ResponseOptions(TypedDict, total=False):
     ]
     band: Annotated[
         tuple[float, float] | None,
+        BAND,
         Option(
             "Frequencies to show, e.g. 10mHz..2Hz; default all of the record.",
             "Lowest and highest frequency; by default all of the record.",
-            form=BAND,
         ),
     ]
 
@@ -763,30 +763,30 @@ class StudyOptions(TypedDict, total=False):
     ]
     path_orders: Annotated[
         Sequence[int],
+        numbers(1),
         Option(
             "Orders of the path from every input, in all combinations; 50 at most.",
             "Orders of the path from every input, 50 at most, in all combinations with"
             " `noise_orders`.",
             default=(1, 2, 3),
-            form=numbers(1),
         ),
     ]
     noise_orders: Annotated[
         Sequence[int],
+        numbers(1),
         Option(
             "Orders of the noise model; 50 at most.",
             "Orders of the noise model, 50 at most.",
             default=(1, 2, 3),
-            form=numbers(1),
         ),
     ]
     delays: Annotated[
         int | Sequence[int],
+        ONE_OR_ALL,
         Option(
             "Delays in samples: one number, or one for every input.",
             "Delays from every input to the output in samples; 0 for direct feedthrough.",
             default=1,
-            form=ONE_OR_ALL,
         ),
     ]
     criterion: Annotated[
@@ -854,11 +854,11 @@ class LinearisePointOptions(TypedDict, total=False):
 
     at: Annotated[
         Sequence[float | str],
+        TIMES,
         Option(
             "After a simulation of this time, e.g. 2s, or of several: 0s,1s,5s; default the start.",
             "Times of simulations that end at the operating points; by default the start. The"
             " search for an equilibrium begins there.",
-            form=TIMES,
         ),
     ]
     trim: Annotated[
@@ -1036,18 +1036,18 @@ class ControllerOptions(TypedDict, total=False):
     ]
     delay: Annotated[
         float | str,
+        TIME,
         Option(
             "Dead time of the loop that the model does not have.",
             default=0.0,
-            form=TIME,
         ),
     ]
     limits: Annotated[
         "tuple[float, float] | str | None",
+        LIMITS,
         Option(
             "Lowest and highest command, e.g. -1.3A..1.3A; default none.",
             "Lowest and highest command.",
-            form=LIMITS,
         ),
     ]
 
@@ -1104,12 +1104,12 @@ class SweepDesignOptions(OutputsOption, total=False):
     seed: Seed
     keep: Annotated[
         Sequence[str] | None,
+        NAMES,
         Option(
             "Reductions of each output: last,smallest,largest by default, mean, rms, trace (all"
             " points, the default with --fitted).",
             "Reductions of each output: ``last``, ``smallest``, ``largest``, which are the default,"
             " ``mean``, ``rms``, or ``trace`` for all points.",
-            form=NAMES,
         ),
     ]
 

@@ -6,7 +6,7 @@ No ``from __future__ import annotations``: see `orchestration.api.options`.
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, TypedDict
+from typing import Annotated, Any, TypedDict
 
 from fmus.kit import registry
 from orchestration.api.declaration import Form, Option
@@ -148,26 +148,24 @@ class PlatformsOption(TypedDict):
 
     platforms: Annotated[
         Sequence[str],
+        names_among(("linux64", "win64", "darwin64", "aarch64-linux", _ALL)),
         Option(
             "linux64,win64,darwin64,aarch64-linux, or all that a compiler here can serve; default"
             " this machine's.",
             metavar="PLATFORMS",
             # those of the toolchain, which would take its time to load with every command
-            form=names_among(("linux64", "win64", "darwin64", "aarch64-linux", _ALL)),
         ),
     ]
 
 
-def tolerances(meaning: str, flag: str) -> Option:
-    """Return the option for the tolerances of a comparison with a reference."""
+def _read_tolerances(texts: Sequence[str], flag: str) -> object:
+    from orchestration.experiment.regression import read_tolerances
 
-    def read(texts: Sequence[str], name: str) -> object:
-        from orchestration.experiment.regression import read_tolerances
+    return read_tolerances(texts, flag)
 
-        return read_tolerances(texts, name)
 
-    form = Form(read=read, typed=list[str] | None)
-    return Option(meaning, flag=flag, metavar="TOLERANCES", form=form)
+# by how much a result may differ from a reference
+Tolerances = Annotated[Any, Form(_read_tolerances, typed=list[str] | None, metavar="TOLERANCES")]
 
 
 class RecordArgument(TypedDict):
@@ -247,18 +245,18 @@ class IsolationOptions(IsolateOption):
 
     step_timeout: Annotated[
         float | None,
+        Form(parse=_parse_timeout),
         Option(
             "How long a call of an isolated FMU may take; default 60 s.",
             metavar="TIME",
-            form=Form(parse=_parse_timeout),
         ),
     ]
     memory_limit: Annotated[
         float | None,
+        Form(parse=_parse_size),
         Option(
             "Memory of an isolated FMU, such as 2GB; default the machine's.",
             metavar="SIZE",
-            form=Form(parse=_parse_size),
         ),
     ]
 

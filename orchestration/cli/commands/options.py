@@ -5,7 +5,7 @@ No ``from __future__ import annotations``: see `orchestration.api.options`.
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, TypedDict
+from typing import Annotated, TypedDict
 
 from fmus.rig_proxy import ENDPOINT, PORT
 from orchestration.api.declaration import REQUIRED, Option
@@ -66,8 +66,8 @@ from orchestration.cli.options import (
     RunnableArgument,
     RunnableOption,
     RuntimeOption,
+    Tolerances,
     TuningOptions,
-    tolerances,
 )
 
 _Models = Annotated[
@@ -268,13 +268,13 @@ class ExperimentSettingsOption(TypedDict):
 
     settings: Annotated[
         Sequence[str],
+        ASSIGNMENTS,
         Option(
             "Over the file: duration=20s, R1=610mohm, inputs.current.value=1, or parameters of a"
             " file: specimen.toml, MEMBER@specimen.toml.",
             flag="--set",
             alias="--params",
             metavar="KEY=VALUE",
-            form=ASSIGNMENTS,
         ),
     ]
 
@@ -292,11 +292,11 @@ class RunCommand(
     """Options of ``ppy run``."""
 
     tube: Annotated[
-        Any,
-        tolerances(
+        Tolerances,
+        Option(
             "By how much a result made again may differ, as 'voltage=1mV, omega=0.5%' of its range;"
             " default not at all.",
-            "--tolerance",
+            flag="--tolerance",
         ),
     ]
     show_list: Annotated[bool, Option("List the experiments that ship.", flag="--list")]
@@ -474,11 +474,10 @@ class ReferenceOptions(TypedDict):
         ),
     ]
     tube: Annotated[
-        Any,
-        tolerances(
+        Tolerances,
+        Option(
             "With a REFERENCE: 20ms,1% of its range around it; v=1mV for one signal; default the"
             " last bit.",
-            "--tube",
         ),
     ]
 
@@ -524,10 +523,10 @@ class IdentifyCommand(
 
     profile: Annotated[
         list[str] | None,
+        NAMES,
         Option(
             "Of the fitted ones: an interval by the likelihood itself.",
             metavar="PARAMETERS",
-            form=NAMES,
         ),
     ]
     profile_plot: Annotated[
@@ -557,10 +556,10 @@ class IdentifyCommand(
     ]
     fit: Annotated[
         list[str],
+        some_of("name the parameters, e.g. R1,R2,C"),
         Option(
             "Parameters, e.g. R1,R2,C.",
             default=REQUIRED,
-            form=some_of("name the parameters, e.g. R1,R2,C"),
         ),
     ]
 
@@ -698,10 +697,10 @@ class DiagnoseCommand(
     ]
     require: Annotated[
         Sequence[str],
+        names_among(VERDICTS),
         Option(
             f"Exit status 1 unless the verdict is one of these: {', '.join(VERDICTS)}.",
             metavar="VERDICTS",
-            form=names_among(VERDICTS),
         ),
     ]
     fmu: Annotated[
@@ -1076,10 +1075,10 @@ class ServeCommand(TypedDict):
     ]
     archive_size: Annotated[
         float,
+        SIZE,
         Option(
             "Largest size of the archive; the oldest files go.",
             default=1e9,
-            form=SIZE,
         ),
     ]
     state: Annotated[
