@@ -106,16 +106,11 @@ def characterise(options: CharacteriseCommand) -> None:
     """Characterise an actuator by its tests: records, or a folder of them (thesis chapter 3)."""
     from demonstrations.characterise import WRITTEN, write_files
     from demonstrations.characterise import characterise as work
-    from orchestration.api.options import source_of
-    from orchestration.cli.models import open_runs
-    from orchestration.records import files_of
-    from orchestration.reporting.console import note, out, progress, wrote
+    from orchestration.cli.models import open_runs, record_files
+    from orchestration.reporting.console import out, progress, wrote
 
     folder = options["out"]
-    files = []
-    for path in options["records"]:
-        files += files_of(path, note, source_of(path, options).reading)
-    paths = [file for file in files if file.name not in WRITTEN]
+    paths = [file for file in record_files(options) if file.name not in WRITTEN]
     if not paths:
         raise UserError(f"{', '.join(map(str, options['records']))}: there is no record in it")
     read = {f"the record {path}": path for path in paths}

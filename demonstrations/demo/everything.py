@@ -71,7 +71,7 @@ def run(out: Path) -> Path:
         after = comparing.compare(model, unseen, first.fit.values if first.fit else {})
         tell("drawing")
         first.plot(out / "compare.png")
-    screen_compare.show(first)
+    screen_compare.show(first.fit, first)
     for name, judged in after.before.items():
         print(
             f"on the unseen record: {name} {before.before[name].fit_percent:.1f} % ->"

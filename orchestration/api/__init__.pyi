@@ -21,6 +21,7 @@ from .records import held_out as held_out
 from .records import read_record as read_record
 from .results import DiagnosisResult as DiagnosisResult
 from .runs import run as run
+from .simulation import Simulation as Simulation
 from .simulation import as_measured as as_measured
 from .simulation import as_runnable as as_runnable
 from .simulation import points_of as points_of

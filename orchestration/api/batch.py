@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, as_completed
 from contextlib import nullcontext
 from functools import partial
@@ -193,9 +193,13 @@ def diagnose_each(
     """
     results: dict[str, DiagnosisResult] = {}
     failures: dict[str, str] = {}
-    run = _by_processes if min(workers, len(records)) > 1 else _here
+    outcomes: Iterable[tuple[str, _Outcome]] = (
+        (name, partial(diagnose, record)) for name, record in records.items()
+    )
+    if min(workers, len(records)) > 1:
+        outcomes = _by_processes(records, diagnose, workers)
     try:
-        for name, outcome in run(records, diagnose, workers):
+        for name, outcome in outcomes:
             try:
                 results[name] = outcome()
             except UserError as error:
@@ -216,18 +220,10 @@ def diagnose_each(
 _Outcome = Callable[[], DiagnosisResult]
 
 
-def _here(
-    records: Mapping[str, Data], diagnose: Callable[[Data], DiagnosisResult], workers: int
-) -> Iterator[tuple[str, _Outcome]]:
-    """Yield each record with the call that diagnoses it."""
-    for name, record in records.items():
-        yield name, partial(diagnose, record)
-
-
 def _by_processes(
     records: Mapping[str, Data], diagnose: Callable[[Data], DiagnosisResult], workers: int
 ) -> Iterator[tuple[str, _Outcome]]:
-    """Yield each record when it is done, with the call that returns its diagnosis."""
+    """Yield the name of each record when it is done, with the call that returns its diagnosis."""
     in_words_of_shell = option("time").startswith(flag("time"))
     with Pool(Limits(inf, inf), workers, _begin, in_words_of_shell) as pool:
         names: dict[Future[DiagnosisResult], str] = {

@@ -370,12 +370,9 @@ class DiagnosisResult(Diagnosed):
 
     def overview(self) -> list[RenderableType]:
         """Return the renderables that the command prints."""
-        parts: list[RenderableType] = [terminal.overview(answer_of(self._diagnosis, self._written))]
-        if self._changed is not None:
-            parts.append(terminal.comparison(changes_view(self._changed)))
-        if self._law_map is not None:
-            parts.append(terminal.laws([*law_rows(self._law_map)]))
-        return parts
+        changes = None if self._changed is None else changes_view(self._changed)
+        rows = None if self._law_map is None else [*law_rows(self._law_map)]
+        return terminal.parts(answer_of(self._diagnosis, self._written), changes, rows)
 
     def __repr__(self) -> str:
         causes = f" {', '.join([*self.causes, *self.alternatives])}" if self.causes else ""

@@ -27,12 +27,7 @@ def view_overview(shown: DiagnosisView | SystemView | saving.Shown) -> list[Rend
         return [shown.text]
     if isinstance(shown, SystemView):
         return [overview(shown)]
-    parts: list[RenderableType] = [terminal.overview(shown.answer)]
-    if shown.changes is not None:
-        parts.append(terminal.comparison(shown.changes))
-    if shown.laws is not None:
-        parts.append(terminal.laws(shown.laws))
-    return parts
+    return terminal.parts(shown.answer, shown.changes, shown.laws)
 
 
 class StoredResult(Displayable):

@@ -24,7 +24,6 @@ from orchestration.api.options import (
     LawsKeywords,
     MappingOption,
     SettingsOption,
-    source_of,
 )
 from orchestration.cli.command import refuse
 from orchestration.cli.commands.options import (
@@ -34,7 +33,13 @@ from orchestration.cli.commands.options import (
     SystemOption,
 )
 from orchestration.cli.ending import end_interrupted
-from orchestration.cli.models import build_model, model_file, note_neutral, tell_repairs_of
+from orchestration.cli.models import (
+    build_model,
+    model_file,
+    note_neutral,
+    record_files,
+    tell_repairs_of,
+)
 from orchestration.cli.options import IsolateOption, JsonOption, platform_list
 from orchestration.cli.outputs import (
     check_outputs,
@@ -45,7 +50,6 @@ from orchestration.cli.outputs import (
     write_json,
 )
 from orchestration.fmu.model import declared_model
-from orchestration.records import files_of
 from orchestration.reporting import saving, write_page
 from orchestration.reporting.console import note, out, progress, tell_repairs, wrote
 from orchestration.system.ssp import ENDINGS
@@ -112,9 +116,7 @@ def run_each(options: DiagnoseCommand, workers: int) -> list[str]:
     """
     reason = "is of one diagnosis; --workers makes several"
     refuse(DiagnoseCommand, options, reason, _OF_ONE)
-    files = []
-    for path in options["records"]:
-        files += files_of(path, note, source_of(path, options).reading)
+    files = record_files(options)
     read: dict[str, Path | None] = {f"the record {file}": file for file in files}
     check_outputs(options, read)
     name = options["model"] or registry.default_model()

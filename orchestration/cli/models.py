@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         MeasuredOptions,
         MeasuringOptions,
     )
+    from orchestration.cli.options import RecordsArgument
     from orchestration.fmu import Model, Value
     from orchestration.records import Record, Repair
 
@@ -65,6 +66,17 @@ def _opened(
         check_inputs(declared, record.signals, parameters)
     tell_repairs_of(records)
     return build_model(declared, runtime), records, parameters
+
+
+def record_files(options: RecordsArgument) -> list[Path]:
+    """Return the files of records, with all files of a folder that have a table."""
+    from orchestration.api.options import source_of
+    from orchestration.records import files_of
+
+    files = []
+    for path in options["records"]:
+        files += files_of(path, note, source_of(path, options).reading)
+    return files
 
 
 def tell_repairs_of(records: Sequence[Record], unsaid: Collection[str] = ()) -> None:

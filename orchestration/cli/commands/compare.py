@@ -13,7 +13,7 @@ from orchestration.cli.verdicts import Case, conclude
 from orchestration.reporting.console import out, progress, tell_repairs, warn
 
 if TYPE_CHECKING:
-    from orchestration.identify import Comparison
+    from orchestration.identify import Comparison, Fit
 
 _WRITES = ("out", "json", "junit", "plot", "report")
 _OF_FILES = ("record", *ReferenceOptions.__annotations__, *_WRITES)
@@ -43,7 +43,7 @@ def compare(options: CompareCommand) -> None:
             note_neutral(model, parameters)
         with progress() as tell:
             comparison = work.compare(model, record, parameters, names, tell)
-        show(comparison)
+        show(comparison.fit, comparison)
         _write(comparison, options)
         cases = _cases(comparison, options["require"])
         conclude("ppy compare", cases, options["junit"])
@@ -92,10 +92,10 @@ def _write(comparison: Comparison, options: CompareCommand) -> None:
     write_files(options, plot=comparison.plot)
 
 
-def show(comparison: Comparison) -> None:
-    """Print a comparison: fit per output, and the fitted parameters with their intervals."""
+def show(fit: Fit | None, *comparisons: Comparison) -> None:
+    """Print how well records are followed, the fitted parameters, and what is doubtful of them."""
     from orchestration.identify import overview
 
-    out.print(overview(comparison))
-    for warning in comparison.fit.all_warnings if comparison.fit else ():
+    out.print(overview(*comparisons))
+    for warning in fit.all_warnings if fit else ():
         warn(warning)

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 from fmus.kit import UserError
 from orchestration.cli.command import command
+from orchestration.cli.commands.compare import show
 from orchestration.cli.commands.options import IdentifyCommand
 from orchestration.cli.ending import end_interrupted
 from orchestration.cli.isolation import isolating
 from orchestration.cli.outputs import check_outputs, typed_command, write_files, write_json
-from orchestration.reporting.console import note, out, progress, warn
+from orchestration.reporting.console import note, out, progress
 
 if TYPE_CHECKING:
     from orchestration.identify import Comparison, Fit, JointComparison
-    from orchestration.identify.uncertainty import Posterior
 
 
 @command(IdentifyCommand)
@@ -34,10 +34,11 @@ def identify(options: IdentifyCommand) -> None:
         if len(found.comparisons) == 1:
             (one_or_all,) = found.comparisons.values()
         posterior = None
-        if not found.fit.is_interrupted:
-            posterior = _sampled(found.fit, options["posterior"])
+        if options["posterior"] is not None and not found.fit.is_interrupted:
+            with progress() as tell:
+                posterior = found.fit.posterior(options["posterior"], progress=tell)
         figures = one_or_all.to_dict()
-        _show(found)
+        show(found.fit, *found.comparisons.values())
         if posterior is not None:
             out.print(*posterior.overview(), sep="\n")
             figures["fitted"]["posterior"] = posterior.to_dict()
@@ -75,23 +76,6 @@ def _fitted(options: IdentifyCommand, profiled: list[str]) -> JointComparison:
         for k, name in enumerate(profiled):
             found.fit.profile(name, partial(tell.done, k, len(profiled)))
     return found
-
-
-def _sampled(fit: Fit, count: int | None) -> Posterior | None:
-    """Sample the posterior, if samples are asked for."""
-    if count is None:
-        return None
-    with progress() as tell:
-        return fit.posterior(count, progress=tell)
-
-
-def _show(found: JointComparison) -> None:
-    """Print what was found, and what is doubtful about it."""
-    from orchestration.identify import overview
-
-    out.print(overview(*found.comparisons.values()))
-    for warning in found.fit.all_warnings:
-        warn(warning)
 
 
 def _write(found: Comparison | JointComparison, fit: Fit, options: IdentifyCommand) -> None:

@@ -18,7 +18,7 @@ from orchestration.reporting.console import out as terminal
 
 if TYPE_CHECKING:
     from fmus.kit.arrays import Array
-    from orchestration.api.simulation import Simulation
+    from orchestration.api import Simulation
     from orchestration.fmu import Model, Value
     from orchestration.records import Record
 
@@ -60,7 +60,7 @@ def _simulate_system(options: SimulateCommand) -> None:
 
 def _simulate_model(options: SimulateCommand) -> None:
     """Simulate a model; print, write and draw the results, also those of a run that ends early."""
-    from orchestration.api.simulation import Simulation, values_of
+    from orchestration.api import Simulation, values_of
     from orchestration.cli.experiments import split_moves
     from orchestration.cli.models import build_model
     from orchestration.fmu.model import declared_model

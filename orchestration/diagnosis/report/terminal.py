@@ -71,6 +71,18 @@ def laws(rows: Sequence[LawRow]) -> Group:
     )
 
 
+def parts(
+    answer: Answer, changes: ChangesView | None = None, rows: Sequence[LawRow] | None = None
+) -> list[RenderableType]:
+    """Return what a command prints, with the changes and the map of laws that there are."""
+    shown: list[RenderableType] = [overview(answer)]
+    if changes is not None:
+        shown.append(comparison(changes))
+    if rows is not None:
+        shown.append(laws(rows))
+    return shown
+
+
 def _table(title: str, head: Sequence[str], rows: Rows) -> Table:
     right = [name for name in head if name in _FIGURES]
     return plain_table(title, *head, right=right, rows=rows)
