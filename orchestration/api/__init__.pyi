@@ -30,4 +30,3 @@ from .simulation import values_of as values_of
 from .stored import load as load
 from .sweeping import sweep as sweep
 from .sweeping import sweep_file as sweep_file
-from .system_results import SystemResult as SystemResult

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Unpack
 
@@ -80,7 +80,9 @@ def sweep(
     settings = {name: value for name, value in given.items() if name not in starts}
     cases = design(ranges, kind, options["samples"], options["seed"], starts)
     keep = _reductions(options["keep"], kind)
-    _refuse_set_twice(cases.names, {*settings, *driven})
+    twice = next((name for name in cases.names if name in {*settings, *driven}), None)
+    if twice is not None:
+        raise UserError(f"{twice} is swept, and set to one value besides")
     isolate = subject.foreign if options["isolate"] is None else options["isolate"]
     task = Task(
         source_of(subject),
@@ -133,13 +135,6 @@ def _reductions(keep: Sequence[str] | None, kind: str) -> list[str]:
             f"{option('keep', [TRACE])}: {option('kind', kind)} asks for numbers, such as last"
         )
     return kept
-
-
-def _refuse_set_twice(swept: Sequence[str], given: Container[str]) -> None:
-    """Raise UserError for a parameter that is both swept and set to one value."""
-    twice = next((name for name in swept if name in given), None)
-    if twice is not None:
-        raise UserError(f"{twice} is swept, and set to one value besides")
 
 
 def _refuse_unfit(options: SweepKeywords) -> None:

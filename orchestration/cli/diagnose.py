@@ -11,7 +11,6 @@ from fmus.kit import UserError, registry
 from fmus.kit.build import available_platforms
 from orchestration.api import (
     DiagnosisResult,
-    SystemResult,
     diagnose,
     fmu_paths,
     held_out,
@@ -50,7 +49,7 @@ from orchestration.cli.outputs import (
     write_json,
 )
 from orchestration.fmu.model import declared_model
-from orchestration.reporting import saving, write_page
+from orchestration.reporting import Displayable, saving, write_page
 from orchestration.reporting.console import note, out, progress, tell_repairs, wrote
 from orchestration.system.ssp import ENDINGS
 
@@ -172,7 +171,7 @@ def _fmu(result: DiagnosisResult, options: DiagnoseCommand | LawsCommand) -> Wri
     return fmu
 
 
-def run_laws(options: LawsCommand) -> DiagnosisResult:
+def run_laws(options: LawsCommand) -> None:
     """Run ``ppy laws``; the report repeats the command.
 
     Raises
@@ -191,7 +190,6 @@ def run_laws(options: LawsCommand) -> DiagnosisResult:
     write_all(options, report=_report(result), **writers)
     if result.is_interrupted:
         end_interrupted(_SO_FAR)
-    return result
 
 
 def _without_causes(path: Path, tell: Tell) -> list[Path]:
@@ -200,7 +198,7 @@ def _without_causes(path: Path, tell: Tell) -> list[Path]:
     return []
 
 
-def run_system(options: DiagnoseCommand, system: str) -> SystemResult:
+def run_system(options: DiagnoseCommand, system: str) -> None:
     """Run ``ppy diagnose --system``; the report repeats the command.
 
     Raises
@@ -223,7 +221,6 @@ def run_system(options: DiagnoseCommand, system: str) -> SystemResult:
     tell_repairs(result.record.repairs)
     show_and_write(result, options)
     write_all(options, report=_report(result))
-    return result
 
 
 def check_files(options: DiagnoseCommand | LawsCommand, model: Path | None = None) -> None:
@@ -274,7 +271,7 @@ def _written(options: DiagnoseCommand | LawsCommand) -> dict[str, str]:
     return {name: str(given[name]) for name in names if given.get(name) is not None}
 
 
-def _report(result: DiagnosisResult | SystemResult) -> Writer:
+def _report(result: Displayable) -> Writer:
     """Return a function that writes the report of a result."""
 
     def report(path: Path, tell: Tell) -> list[Path]:

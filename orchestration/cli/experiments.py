@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ from orchestration.cli.command import refuse
 from orchestration.cli.commands.options import SimulateCommand
 from orchestration.cli.ending import kept_in
 from orchestration.cli.isolation import limits
-from orchestration.cli.outputs import part_of
+from orchestration.cli.outputs import part_of, write_files
 from orchestration.cli.real_time import IncompleteRecord, keep, status_line
 from orchestration.reporting.console import err, note, out, progress, tell_repairs, wrote
 
@@ -66,12 +67,8 @@ def run_and_write(
             else:
                 keep(data, out, live)
         wrote(out, "" if data.attrs["complete"] else "incomplete")
-    if plot is not None:
-        if plot.suffix.lower() == ".html":
-            write_page(data, plot)
-        else:
-            data.plot(plot)
-        wrote(plot)
+    is_page = plot is not None and plot.suffix.lower() == ".html"
+    write_files(options, plot=partial(write_page, data) if is_page else data.plot)
     return data
 
 
@@ -111,18 +108,11 @@ def _run_with_progress(
     def isolation(foreign: bool) -> Limits | None:
         return limits(foreign and live is None, options)
 
+    run = partial(make, experiment, name, note=note, fits=fits, isolation=isolation)
     if live is None:
         with progress() as tell:
             tell(f"running {name} (FMUs that are not in the cache are built first)")
-            return make(
-                experiment,
-                name,
-                progress=tell.done,
-                note=note,
-                fits=fits,
-                isolation=isolation,
-                folder=folder,
-            )
+            return run(progress=tell.done, folder=folder)
     # no bar: its thread would take time when the next step should begin
     err.print(
         f"running {name} in real time (FMUs that are not in the cache are built first)",
@@ -131,7 +121,7 @@ def _run_with_progress(
     until = f"until {out} is written, what is recorded goes to {live.journal}"
     note("without --out nothing is kept" if out is None else until)
     with status_line(live) as telling:
-        return make(experiment, name, note=note, fits=fits, live=telling, isolation=isolation)
+        return run(live=telling)
 
 
 def _show(data: xarray.Dataset) -> None:

@@ -14,7 +14,8 @@ import pytest
 
 import ppy_rig as ppy
 from demonstrations.records import draw, write
-from orchestration.api import DiagnosisResult, SystemResult
+from orchestration.api import DiagnosisResult
+from orchestration.api.system_results import SystemResult
 from orchestration.diagnosis.changes import Changed
 from orchestration.diagnosis.law_map import map_laws
 from orchestration.fmu.model import declared_model_of

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -19,14 +19,8 @@ from orchestration.reporting.console import note, out, progress
 if TYPE_CHECKING:
     from fmus.kit import Component
 
-
-class _PlannedFmu(NamedTuple):
-    """An FMU to be built, and the path that it is written to."""
-
-    cls: type[Component]
-    runtime: str
-    fmi: int
-    path: Path
+    # component and runtime by the path of the FMU
+    _Planned = Mapping[Path, tuple[type[Component], str]]
 
 
 @command(BuildCommand)
@@ -46,7 +40,7 @@ def build(options: BuildCommand) -> None:
     platforms = platform_list(options["platforms"])
     planned = _plan(options)
     _check_planned(planned, platforms, options)
-    complete = _build_all(planned, platforms, options["clocks"])
+    complete = _build_all(planned, platforms, options)
     if options["runtime"] == kit.STOCK:
         for limit in LIMITS:
             note(f"{kit.STOCK} promises less: {limit}")
@@ -54,24 +48,23 @@ def build(options: BuildCommand) -> None:
         raise typer.Exit(1)
 
 
-def _plan(options: BuildCommand) -> list[_PlannedFmu]:
+def _plan(options: BuildCommand) -> _Planned:
     """Return the FMUs that options select."""
     from fmus.kit import build as kit
     from fmus.kit import registry
 
     names = options["names"] or []
-    fmi = options["fmi"]
     runtime = options["runtime"]
     if (options["laid_over"] or options["settings"]) and not names:
         raise UserError("--with and --set are about one model; name it")
     buildable = registry.components if runtime == kit.STOCK else registry.models
     runtimes = kit.RUNTIMES if runtime == "both" else (runtime,)
-    classes = [_class_with_settings(name, options) for name in names or buildable()]
-    planned = []
-    for cls in classes:
+    planned = {}
+    for name in names or buildable():
+        cls = _class_with_settings(name, options)
         for kind in runtimes:
-            path = options["out"] / kit.archive.folder_of(kind, fmi) / f"{cls.name}.fmu"
-            planned.append(_PlannedFmu(cls, kind, fmi, path))
+            folder = options["out"] / kit.archive.folder_of(kind, options["fmi"])
+            planned[folder / f"{cls.name}.fmu"] = (cls, kind)
     return planned
 
 
@@ -84,24 +77,22 @@ def _class_with_settings(name: str, options: BuildCommand) -> type[Component]:
     return stack(cls, name=f"{cls.name}_set", defaults=values) if values else cls
 
 
-def _check_planned(
-    planned: Sequence[_PlannedFmu], platforms: list[str] | None, options: BuildCommand
-) -> None:
+def _check_planned(planned: _Planned, platforms: list[str] | None, options: BuildCommand) -> None:
     """Refuse builds and files that are impossible, before any work is done."""
     from fmus.kit import build as kit
     from orchestration.cli.models import model_file
 
-    for one in planned:
-        kit.check_build(one.cls, one.runtime, platforms, one.fmi, options["clocks"])
+    for cls, runtime in planned.values():
+        kit.check_build(cls, runtime, platforms, options["fmi"], options["clocks"])
     check_outputs(
         {},
         {f"the model {name}": model_file(name) for name in options["names"] or ()},
-        {f"{one.cls.name} ({one.runtime})": one.path for one in planned},
+        {f"{cls.name} ({runtime})": path for path, (cls, runtime) in planned.items()},
         options["out"],
     )
 
 
-def _build_all(planned: Sequence[_PlannedFmu], platforms: list[str] | None, clocks: bool) -> bool:
+def _build_all(planned: _Planned, platforms: list[str] | None, options: BuildCommand) -> bool:
     """Build FMUs; return False if one lacks a platform, which is noted, as its build failed."""
     from fmus.kit import build as kit
     from fmus.kit import files
@@ -114,10 +105,11 @@ def _build_all(planned: Sequence[_PlannedFmu], platforms: list[str] | None, cloc
 
     with progress() as tell:
         tell(f"building {len(planned)} FMUs")
-        for k, (cls, runtime, fmi, path) in enumerate(planned):
+        for k, (path, (cls, runtime)) in enumerate(planned.items()):
             failed = partial(skip_platform, path) if platforms is None else None
             done = partial(tell.done, k, len(planned))
-            made = kit.build(cls, runtime, platforms, done, failed, fmi, clocks=clocks)
+            version, clocks = options["fmi"], options["clocks"]
+            made = kit.build(cls, runtime, platforms, done, failed, version, clocks=clocks)
             files.write(path, made)
             out.print(str(path))
     return not failures

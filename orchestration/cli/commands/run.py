@@ -16,6 +16,7 @@ from orchestration.cli.outputs import PICTURE, SIGNALS, check_outputs, write_jso
 from orchestration.cli.real_time import live_run, tuned
 from orchestration.cli.regression import as_json, cases, show, write
 from orchestration.cli.verdicts import Case, conclude
+from orchestration.reporting.console import note, out, warn
 
 if TYPE_CHECKING:
     import xarray
@@ -68,7 +69,6 @@ def _run(
     """Run an experiment; return its result, and the comparison with an earlier one if there is."""
     from orchestration.experiment import read, results
     from orchestration.experiment.reading import files, is_result
-    from orchestration.reporting.console import note
 
     source = Path(name)
     chosen = [*options["settings"]]
@@ -104,7 +104,6 @@ def _compare(
 
     from orchestration.experiment import results
     from orchestration.experiment.regression import compare
-    from orchestration.reporting.console import note, out, warn
 
     then, now = (json.loads(made.attrs["guids"]) for made in (earlier, data))
     for member in now:

@@ -81,12 +81,13 @@ def _simulate_model(options: SimulateCommand) -> None:
         if out is None:
             raise
         part = out.with_name(f"{out.stem}.part{out.suffix}")
-        inputs = stimulus.at(stopped.time)
+        inputs = _at(stimulus.time, stopped.time, stimulus.inputs)
         _write(Simulation(model, stopped.time, inputs, stopped.outputs), part)
         raise UserError(
             f"{stopped}; what was computed until {stopped.time[-1]:g} s is in {part}"
         ) from stopped
-    result = Simulation(model, time, stimulus.at(time), outputs)
+    inputs = _at(stimulus.time, time, stimulus.inputs)
+    result = Simulation(model, time, inputs, outputs)
     limit_outputs = LimitOutputs.among(model.outputs, model.parameters)
     for line in limit_outputs.remarks(time, outputs, parameters):
         note(line)
@@ -128,21 +129,13 @@ class _Stimulus(NamedTuple):
     inputs: dict[str, Array]
     wanted: Array
 
-    def at(self, time: Array) -> dict[str, Array]:
-        """Return the inputs at points in time, for instance those that were reached."""
-        from orchestration.fmu.simulation import points_before
 
-        index = points_before(self.time, time)
-        return {name: values[index] for name, values in self.inputs.items()}
+def _at(points: Array, time: Array, signals: Mapping[str, Array]) -> dict[str, Array]:
+    """Return signals (m,) of points in time as they are at other points, held in between."""
+    from orchestration.fmu.simulation import points_before
 
-    def shown(self, outputs: Mapping[str, Array]) -> dict[str, Array]:
-        """Return outputs at the wanted points, from those at all."""
-        from orchestration.fmu.simulation import points_before
-
-        if self.wanted is self.time:
-            return dict(outputs)
-        index = points_before(self.time, self.wanted)
-        return {name: values[index] for name, values in outputs.items()}
+    index = points_before(points, time)
+    return {name: values[index] for name, values in signals.items()}
 
 
 def _run(
@@ -173,7 +166,7 @@ def _run(
         if options["state_out"] is not None:
             note(f"no state is written to {options['state_out']}: the simulation has ended")
         return ended.time, ended.outputs
-    return stimulus.wanted, stimulus.shown(outputs)
+    return stimulus.wanted, _at(stimulus.time, stimulus.wanted, outputs)
 
 
 def _read_inputs(

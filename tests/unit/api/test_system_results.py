@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import ppy_rig as ppy
-from orchestration.api import SystemResult
+from orchestration.api.system_results import SystemResult
 from tests.support.system.judged import rubbing_system
 from tests.support.system.lags import lags
 
