@@ -1,9 +1,11 @@
 """Declaration of options, from which keyword arguments of functions and commands are made.
 
-A class of options is a ``TypedDict`` whose keys are annotated with an `Option`::
+A class of options is a ``TypedDict`` whose keys are annotated with the meaning of an option for the
+command line and, if that differs, for Python, or with an `Option`, which can say more::
 
     class SearchOptions(TypedDict, total=False):
-        hold: Annotated[Names, Option("Parameters that are known.")]
+        hold: Annotated[Names, "Parameters that are known."]
+        starts: Annotated[int, Option("Points that a search begins at.", default=1, least=1)]
 
 The type is one of `orchestration.api.forms`, with the form of its values, or a plain one, which a
 form may follow.
@@ -215,7 +217,10 @@ def _options_of(declared: type) -> list[Option]:
 
 def _completed(name: str, kind: Any, *parts: Any) -> Option:
     """Return an option with its name and type, and what these and its form imply."""
-    form, option = cast("tuple[Form, Option]", (AS_IT_IS, *parts)[-2:])
+    found = {type(part): part for part in parts}
+    form = found.get(Form, AS_IT_IS)
+    meanings: list[Any] = [part for part in parts if isinstance(part, str)]
+    option: Option = found.get(Option) or Option(*meanings)
     default = option.default
     if default is None and option.argument and not _is_union(kind):
         default = REQUIRED

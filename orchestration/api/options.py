@@ -69,10 +69,8 @@ class ReadingOptions(TypedDict, total=False):
     ]
     rate: Annotated[
         Rate,
-        Option(
-            "Rows a second of a file without a time, e.g. 100Hz, or the time between two, 10ms.",
-            "Rows per second of a file without a time.",
-        ),
+        "Rows a second of a file without a time, e.g. 100Hz, or the time between two, 10ms.",
+        "Rows per second of a file without a time.",
     ]
     decimal: Annotated[
         str | None,
@@ -82,35 +80,20 @@ class ReadingOptions(TypedDict, total=False):
         ),
     ]
     table: Annotated[
-        str | None,
-        Option("Name or number of the table, of a file that has several, such as sheets."),
+        str | None, "Name or number of the table, of a file that has several, such as sheets."
     ]
-    begin: Annotated[
-        Time,
-        Option(
-            "First time that is used, e.g. 30s.",
-        ),
-    ]
-    end: Annotated[
-        Time,
-        Option(
-            "Last time that is used, e.g. 2min.",
-        ),
-    ]
+    begin: Annotated[Time, "First time that is used, e.g. 30s."]
+    end: Annotated[Time, "Last time that is used, e.g. 2min."]
     rows: Annotated[
         tuple[int, int] | None,
         ROWS,
-        Option(
-            "First and last row that is used, numbered as in messages, e.g. 100..2000.",
-        ),
+        "First and last row that is used, numbered as in messages, e.g. 100..2000.",
     ]
     segment: Annotated[
         Mapping[str, str] | None,
         SEGMENT,
-        Option(
-            "Rows that are used by their label in a column, e.g. CYCLE=3 or STEP=2,4. Repeatable.",
-            'Labels, separated by commas, of the used rows by column: ``{"CYCLE": "3"}``.',
-        ),
+        "Rows that are used by their label in a column, e.g. CYCLE=3 or STEP=2,4. Repeatable.",
+        'Labels, separated by commas, of the used rows by column: ``{"CYCLE": "3"}``.',
     ]
     discard: Annotated[
         float,
@@ -147,10 +130,8 @@ class MappingOption(ReadingOptions, total=False):
     mapping: Annotated[
         Mapping[str, str] | None,
         MAPPING,
-        Option(
-            "Column of a signal, e.g. U_cell=voltage or stress=force[N]. Repeatable.",
-            'Signal of the model by column of a file, such as ``{"stress": "force[N]"}``.',
-        ),
+        "Column of a signal, e.g. U_cell=voltage or stress=force[N]. Repeatable.",
+        'Signal of the model by column of a file, such as ``{"stress": "force[N]"}``.',
     ]
 
 
@@ -199,10 +180,8 @@ class RunsOptions(TypedDict, total=False):
     ]
     each: Annotated[
         Names,
-        Option(
-            "Parameters that differ from record to record, e.g. ocv,R0.",
-            "Parameters that differ from record to record.",
-        ),
+        "Parameters that differ from record to record, e.g. ocv,R0.",
+        "Parameters that differ from record to record.",
     ]
 
 
@@ -212,12 +191,10 @@ class RecordOptions(MappingOption, RunsOptions, total=False):
     holdout: Annotated[
         "Records | None",
         RECORDS,
-        Option(
-            "A record for validation, or labels such as 7,8,9 of some of the records; default the"
-            " last third. Repeatable.",
-            "Other records for validation, or labels of some of the records, such as"
-            ' ``"7,8,9"``. By default the last third of the record, or of several records.',
-        ),
+        "A record for validation, or labels such as 7,8,9 of some of the records; default the"
+        " last third. Repeatable.",
+        "Other records for validation, or labels of some of the records, such as"
+        ' ``"7,8,9"``. By default the last third of the record, or of several records.',
     ]
     interpolate: Annotated[
         bool | None,
@@ -235,19 +212,15 @@ class SearchOptions(SettingsOption, total=False):
 
     hold: Annotated[
         Names,
-        Option(
-            "Parameters that are known and not fitted, e.g. mass,R1; see --set.",
-            "Parameters that are known and not fitted.",
-        ),
+        "Parameters that are known and not fitted, e.g. mass,R1; see --set.",
+        "Parameters that are known and not fitted.",
     ]
     time: Annotated[
         Time,
-        Option(
-            "Processor time of each search, e.g. 60s, then the best answer so far; else no end.",
-            "Processor time of the search, after which the best answer so far is returned with a"
-            " note; by default it has no end. With a later record to compare it applies to each of"
-            " three searches.",
-        ),
+        "Processor time of each search, e.g. 60s, then the best answer so far; else no end.",
+        "Processor time of the search, after which the best answer so far is returned with a"
+        " note; by default it has no end. With a later record to compare it applies to each of"
+        " three searches.",
     ]
 
 
@@ -281,21 +254,17 @@ class DiagnoseOptions(RecordOptions, SearchOptions, UnitsOption, total=False):
     ]
     fit: Annotated[
         Names,
-        Option(
-            "Parameters that are fitted, all others being held; of an FMU without equations those"
-            " that are fitted too, e.g. p1,p2.",
-            "Parameters of a model with equations that are fitted, all others being held; by"
-            " default all are. Of an FMU without equations, parameters that are fitted at all.",
-        ),
+        "Parameters that are fitted, all others being held; of an FMU without equations those"
+        " that are fitted too, e.g. p1,p2.",
+        "Parameters of a model with equations that are fitted, all others being held; by"
+        " default all are. Of an FMU without equations, parameters that are fitted at all.",
     ]
     compare: Annotated[
         "Record | str | Path | Sequence[Record | str | Path] | None",
         LATER,
-        Option(
-            "A later record of the specimen, in which changes are diagnosed. Repeatable, in time.",
-            "A later record of the same specimen, or several in time: `DiagnosisResult.changes`"
-            " then lists changed parameters, and effects that appeared or disappeared.",
-        ),
+        "A later record of the specimen, in which changes are diagnosed. Repeatable, in time.",
+        "A later record of the same specimen, or several in time: `DiagnosisResult.changes`"
+        " then lists changed parameters, and effects that appeared or disappeared.",
     ]
     laws: Annotated[
         bool,
@@ -360,11 +329,9 @@ class OutputsOption(TypedDict, total=False):
 
     outputs: Annotated[
         Names,
-        Option(
-            "What is recorded: outputs, states, locals, parameters, or all; default the outputs.",
-            "Variables that are recorded: outputs, states, locals, parameters, or ``all`` of them;"
-            " by default the outputs.",
-        ),
+        "What is recorded: outputs, states, locals, parameters, or all; default the outputs.",
+        "Variables that are recorded: outputs, states, locals, parameters, or ``all`` of them;"
+        " by default the outputs.",
     ]
 
 
@@ -380,29 +347,16 @@ class ToleranceOption(UnitsOption, total=False):
         ),
     ]
     model_exchange: Annotated[
-        bool,
-        Option(
-            "Integrate an FMU file by CVode, though it has a solver of its own, too.",
-        ),
+        bool, "Integrate an FMU file by CVode, though it has a solver of its own, too."
     ]
 
 
 class GridOptions(TypedDict, total=False):
     """Points in time of a simulation by stop time and step."""
 
-    stop: Annotated[
-        Time,
-        Option(
-            f"Stop time, {_TIMES}",
-            "Last point; by default that of the FMU.",
-        ),
-    ]
+    stop: Annotated[Time, f"Stop time, {_TIMES}", "Last point; by default that of the FMU."]
     step: Annotated[
-        Time,
-        Option(
-            f"Communication step, {_TIMES}",
-            "Step between points; by default that of the FMU.",
-        ),
+        Time, f"Communication step, {_TIMES}", "Step between points; by default that of the FMU."
     ]
 
 
@@ -479,22 +433,12 @@ class BuildKeywords(TypedDict, total=False):
             choices=("native", "python", "pythonfmu"),
         ),
     ]
-    effects: Annotated[
-        Names,
-        Option(
-            doc="Effects of the catalogue that are added.",
-        ),
-    ]
+    effects: Annotated[Names, Option(doc="Effects of the catalogue that are added.")]
     platforms: Annotated[
         Sequence[str] | None, NAMES, Option(doc="FMI platforms; default this machine's.")
     ]
     fmi: Annotated[int, Option(doc="Version of FMI, 2 or 3; 3 is native.", default=2)]
-    clocks: Annotated[
-        bool,
-        Option(
-            doc="Declare when states are sampled, as clocks of FMI 3.0.",
-        ),
-    ]
+    clocks: Annotated[bool, Option(doc="Declare when states are sampled, as clocks of FMI 3.0.")]
 
 
 # --- compare and fit -----------------------------------------------------------------------------
@@ -521,10 +465,8 @@ class FittedOption(TypedDict, total=False):
     fit: Annotated[
         Sequence[str],
         some_of("name the parameters to recalibrate, e.g. R1,R2,C"),
-        Option(
-            "Parameters to recalibrate, e.g. R1,R2,C.",
-            "Parameters that are fitted before the comparison.",
-        ),
+        "Parameters to recalibrate, e.g. R1,R2,C.",
+        "Parameters that are fitted before the comparison.",
     ]
 
 
@@ -664,27 +606,13 @@ class AgeOptions(RiseOption, total=False):
         ),
     ]
     frequency: Annotated[
-        float | str,
-        RATE,
-        Option(
-            "Frequency of the ratio, default 100mHz.",
-            default=0.1,
-        ),
+        float | str, RATE, Option("Frequency of the ratio, default 100mHz.", default=0.1)
     ]
-    window: Annotated[
-        float | str,
-        TIME,
-        Option(
-            "Length of a window, default 100s.",
-            default=100.0,
-        ),
-    ]
+    window: Annotated[float | str, TIME, Option("Length of a window, default 100s.", default=100.0)]
     derating: Annotated[
         Settings,
-        Option(
-            "Parameter of the degradation estimator, e.g. initial_voltage_limit=1.2V. Repeatable.",
-            "Parameters of the degradation estimator, as in `settings`.",
-        ),
+        "Parameter of the degradation estimator, e.g. initial_voltage_limit=1.2V. Repeatable.",
+        "Parameters of the degradation estimator, as in `settings`.",
     ]
 
 
@@ -701,12 +629,10 @@ class ResponseOptions(TypedDict, total=False):
     of: Annotated[
         Sequence[str],
         RATIOS,
-        Option(
-            "Ratio of two signals, e.g. voltage/current or force/displacement; default every output"
-            " over every input that varies. Repeatable.",
-            "Ratios of two signals, such as ``voltage/current`` or ``force/displacement``; by"
-            " default every output over every input that varies. Required without a model.",
-        ),
+        "Ratio of two signals, e.g. voltage/current or force/displacement; default every output"
+        " over every input that varies. Repeatable.",
+        "Ratios of two signals, such as ``voltage/current`` or ``force/displacement``; by"
+        " default every output over every input that varies. Required without a model.",
     ]
     inputs: Annotated[
         Names,
@@ -719,18 +645,14 @@ class ResponseOptions(TypedDict, total=False):
     ]
     period: Annotated[
         Time,
-        Option(
-            "Period of the inputs, e.g. 10s; default estimated from the record.",
-            "Period of the inputs; by default estimated from the record.",
-        ),
+        "Period of the inputs, e.g. 10s; default estimated from the record.",
+        "Period of the inputs; by default estimated from the record.",
     ]
     band: Annotated[
         tuple[float, float] | None,
         BAND,
-        Option(
-            "Frequencies to show, e.g. 10mHz..2Hz; default all of the record.",
-            "Lowest and highest frequency; by default all of the record.",
-        ),
+        "Frequencies to show, e.g. 10mHz..2Hz; default all of the record.",
+        "Lowest and highest frequency; by default all of the record.",
     ]
 
 
@@ -806,10 +728,8 @@ class SamplePeriodOption(TypedDict, total=False):
 
     step: Annotated[
         Time,
-        Option(
-            "Sample period of a file without time, such as 1s.",
-            "Sample period of a file without time.",
-        ),
+        "Sample period of a file without time, such as 1s.",
+        "Sample period of a file without time.",
     ]
 
 
@@ -855,41 +775,31 @@ class LinearisePointOptions(TypedDict, total=False):
     at: Annotated[
         Sequence[float | str],
         TIMES,
-        Option(
-            "After a simulation of this time, e.g. 2s, or of several: 0s,1s,5s; default the start.",
-            "Times of simulations that end at the operating points; by default the start. The"
-            " search for an equilibrium begins there.",
-        ),
+        "After a simulation of this time, e.g. 2s, or of several: 0s,1s,5s; default the start.",
+        "Times of simulations that end at the operating points; by default the start. The"
+        " search for an equilibrium begins there.",
     ]
     trim: Annotated[
         bool,
-        Option(
-            "Linearise in an equilibrium, whose search begins at that time.",
-            "Whether to linearise in an equilibrium: rates are zero, samples change nothing.",
-        ),
+        "Linearise in an equilibrium, whose search begins at that time.",
+        "Whether to linearise in an equilibrium: rates are zero, samples change nothing.",
     ]
     fix: Annotated[
         Settings,
-        Option(
-            "Value of an input, state or output in the equilibrium, e.g. displacement=0.1mm."
-            " Repeatable.",
-            "Values of inputs, states and outputs in the equilibrium.",
-        ),
+        "Value of an input, state or output in the equilibrium, e.g. displacement=0.1mm."
+        " Repeatable.",
+        "Values of inputs, states and outputs in the equilibrium.",
     ]
     free: Annotated[
         Names,
-        Option(
-            "Inputs and parameters that are solved for in the equilibrium, e.g. current.",
-            "Inputs and parameters that are solved for in the equilibrium; for each of them a state"
-            " or an output is fixed.",
-        ),
+        "Inputs and parameters that are solved for in the equilibrium, e.g. current.",
+        "Inputs and parameters that are solved for in the equilibrium; for each of them a state"
+        " or an output is fixed.",
     ]
     drift: Annotated[
         Names,
-        Option(
-            "States with a constant rate in the equilibrium, e.g. maxwell_elongation.",
-            "States with a constant rate in the equilibrium; all others are at rest.",
-        ),
+        "States with a constant rate in the equilibrium, e.g. maxwell_elongation.",
+        "States with a constant rate in the equilibrium; all others are at rest.",
     ]
 
 
@@ -898,18 +808,13 @@ class LineariseSignalOptions(TypedDict, total=False):
 
     inputs: Annotated[
         Names,
-        Option(
-            "Inputs, or prescribed states; default all inputs.",
-            "Inputs, or prescribed states, whose own laws are then not used; by default all"
-            " inputs.",
-        ),
+        "Inputs, or prescribed states; default all inputs.",
+        "Inputs, or prescribed states, whose own laws are then not used; by default all inputs.",
     ]
     outputs: Annotated[
         Names,
-        Option(
-            "Outputs, states, der(state), next(sampled state); default all outputs.",
-            "Outputs, states, ``der(state)``, ``next(sampled state)``; by default all outputs.",
-        ),
+        "Outputs, states, der(state), next(sampled state); default all outputs.",
+        "Outputs, states, ``der(state)``, ``next(sampled state)``; by default all outputs.",
     ]
     cut: Annotated[
         str | None,
@@ -923,12 +828,10 @@ class LineariseSignalOptions(TypedDict, total=False):
     ]
     step: Annotated[
         Time,
-        Option(
-            "Communication step over which inputs and connections are constant.",
-            "Communication step over which inputs and connections are constant, as with a Jacobi"
-            " master; by default time is continuous. For an FMU that hides its states, the step of"
-            " the pulses.",
-        ),
+        "Communication step over which inputs and connections are constant.",
+        "Communication step over which inputs and connections are constant, as with a Jacobi"
+        " master; by default time is continuous. For an FMU that hides its states, the step of"
+        " the pulses.",
     ]
 
 
@@ -941,10 +844,8 @@ class BandOptions(TypedDict, total=False):
 
     fitted: Annotated[
         File,
-        Option(
-            "Band of parameters drawn from a fit (ppy identify --json).",
-            "Band of parameters drawn from a fit: the file of ``ppy identify --json``.",
-        ),
+        "Band of parameters drawn from a fit (ppy identify --json).",
+        "Band of parameters drawn from a fit: the file of ``ppy identify --json``.",
     ]
     samples: Annotated[
         Number,
@@ -1005,16 +906,11 @@ class ControllerOptions(TypedDict, total=False):
     ]
     controller_settings: Annotated[
         Settings,
-        Option(
-            "Set a parameter of the controller, e.g. stiffness=2N/mm. Repeatable.",
-            "Values of parameters of the controller, in place of those of the design.",
-        ),
+        "Set a parameter of the controller, e.g. stiffness=2N/mm. Repeatable.",
+        "Values of parameters of the controller, in place of those of the design.",
     ]
     sample_period: Annotated[
-        Time,
-        Option(
-            "Sample period of the controller; default that of a sampled model.",
-        ),
+        Time, "Sample period of the controller; default that of a sampled model."
     ]
     phase_margin: Annotated[
         float | None,
@@ -1037,18 +933,13 @@ class ControllerOptions(TypedDict, total=False):
     delay: Annotated[
         float | str,
         TIME,
-        Option(
-            "Dead time of the loop that the model does not have.",
-            default=0.0,
-        ),
+        Option("Dead time of the loop that the model does not have.", default=0.0),
     ]
     limits: Annotated[
         "tuple[float, float] | str | None",
         LIMITS,
-        Option(
-            "Lowest and highest command, e.g. -1.3A..1.3A; default none.",
-            "Lowest and highest command.",
-        ),
+        "Lowest and highest command, e.g. -1.3A..1.3A; default none.",
+        "Lowest and highest command.",
     ]
 
 
@@ -1095,22 +986,18 @@ class SweepDesignOptions(OutputsOption, total=False):
     ]
     samples: Annotated[
         Number,
-        Option(
-            "Number of cases N of latin-hypercube and sobol; sobol-indices has N (parameters + 2).",
-            "Number of cases N of a design that chooses values; ``sobol-indices`` has N for each"
-            " parameter and 2 N besides.",
-        ),
+        "Number of cases N of latin-hypercube and sobol; sobol-indices has N (parameters + 2).",
+        "Number of cases N of a design that chooses values; ``sobol-indices`` has N for each"
+        " parameter and 2 N besides.",
     ]
     seed: Seed
     keep: Annotated[
         Sequence[str] | None,
         NAMES,
-        Option(
-            "Reductions of each output: last,smallest,largest by default, mean, rms, trace (all"
-            " points, the default with --fitted).",
-            "Reductions of each output: ``last``, ``smallest``, ``largest``, which are the default,"
-            " ``mean``, ``rms``, or ``trace`` for all points.",
-        ),
+        "Reductions of each output: last,smallest,largest by default, mean, rms, trace (all"
+        " points, the default with --fitted).",
+        "Reductions of each output: ``last``, ``smallest``, ``largest``, which are the default,"
+        " ``mean``, ``rms``, or ``trace`` for all points.",
     ]
 
 
@@ -1196,19 +1083,13 @@ class OptimiseOptions(TypedDict, total=False):
 
     maximise: Annotated[
         Names,
-        Option(
-            "Outputs to maximise, one or two with --minimise; 'a & b' is the worse of two. One"
-            " objective gives the best point, two a Pareto front.",
-            'Outputs that are maximised at the end of the run; ``"a & b"`` is the worse of two. One'
-            " objective, with those of `minimise`, gives the best point, two a Pareto front.",
-        ),
+        "Outputs to maximise, one or two with --minimise; 'a & b' is the worse of two. One"
+        " objective gives the best point, two a Pareto front.",
+        'Outputs that are maximised at the end of the run; ``"a & b"`` is the worse of two. One'
+        " objective, with those of `minimise`, gives the best point, two a Pareto front.",
     ]
     minimise: Annotated[
-        Names,
-        Option(
-            "Outputs to minimise; 'a & b' is the worse of two.",
-            "Outputs that are minimised.",
-        ),
+        Names, "Outputs to minimise; 'a & b' is the worse of two.", "Outputs that are minimised."
     ]
     levels: Annotated[
         int,

@@ -72,10 +72,7 @@ _RUNNABLE = (
 class ModelArgument(TypedDict):
     """The model, a positional argument."""
 
-    model: Annotated[
-        str,
-        Option(_MODEL, metavar="MODEL", complete="component", argument=True),
-    ]
+    model: Annotated[str, Option(_MODEL, metavar="MODEL", complete="component", argument=True)]
 
 
 class ModelOption(TypedDict):
@@ -90,13 +87,7 @@ class RunnableArgument(TypedDict):
     """The model or the system, a positional argument."""
 
     model: Annotated[
-        str,
-        Option(
-            _RUNNABLE,
-            metavar="MODEL|SYSTEM",
-            complete="component",
-            argument=True,
-        ),
+        str, Option(_RUNNABLE, metavar="MODEL|SYSTEM", complete="component", argument=True)
     ]
 
 
@@ -128,7 +119,7 @@ class LaidOverOption(TypedDict):
 class PresetOption(TypedDict):
     """The preset that a model starts from."""
 
-    preset: Annotated[str | None, Option("Start from a preset (see ppy info).")]
+    preset: Annotated[str | None, "Start from a preset (see ppy info)."]
 
 
 class RuntimeOption(TypedDict):
@@ -172,11 +163,7 @@ class RecordArgument(TypedDict):
     """The record, a positional argument."""
 
     record: Annotated[
-        Path,
-        Option(
-            "Measured record: CSV, Parquet, TDMS, MAT or LabVIEW text.",
-            argument=True,
-        ),
+        Path, Option("Measured record: CSV, Parquet, TDMS, MAT or LabVIEW text.", argument=True)
     ]
 
 
@@ -198,33 +185,20 @@ class JsonOption(TypedDict):
     """The result as figures."""
 
     json: Annotated[
-        File,
-        Option(
-            "The result as JSON; - is standard output, which then holds nothing else.",
-        ),
+        File, "The result as JSON; - is standard output, which then holds nothing else."
     ]
 
 
 class JunitOption(TypedDict):
     """The verdicts for continuous integration."""
 
-    junit: Annotated[
-        File,
-        Option(
-            "The verdicts as JUnit (.xml), as CI servers show them.",
-        ),
-    ]
+    junit: Annotated[File, "The verdicts as JUnit (.xml), as CI servers show them."]
 
 
 class PlotOption(TypedDict):
     """The result as a picture."""
 
-    plot: Annotated[
-        File,
-        Option(
-            "Picture to draw (.png, .svg or .pdf).",
-        ),
-    ]
+    plot: Annotated[File, "Picture to draw (.png, .svg or .pdf)."]
 
 
 class IsolateOption(TypedDict):
@@ -246,30 +220,19 @@ class IsolationOptions(IsolateOption):
     step_timeout: Annotated[
         float | None,
         Form(parse=_parse_timeout),
-        Option(
-            "How long a call of an isolated FMU may take; default 60 s.",
-            metavar="TIME",
-        ),
+        Option("How long a call of an isolated FMU may take; default 60 s.", metavar="TIME"),
     ]
     memory_limit: Annotated[
         float | None,
         Form(parse=_parse_size),
-        Option(
-            "Memory of an isolated FMU, such as 2GB; default the machine's.",
-            metavar="SIZE",
-        ),
+        Option("Memory of an isolated FMU, such as 2GB; default the machine's.", metavar="SIZE"),
     ]
 
 
 class RealTimeOptions(TypedDict):
     """Pace of a run in real time."""
 
-    real_time: Annotated[
-        bool,
-        Option(
-            "Keep pace with the clock, as a rig does, and tell how well.",
-        ),
-    ]
+    real_time: Annotated[bool, "Keep pace with the clock, as a rig does, and tell how well."]
     missed: Annotated[
         str | None,
         Option(
@@ -279,24 +242,10 @@ class RealTimeOptions(TypedDict):
         ),
     ]
     lag: Annotated[
-        Seconds,
-        Option(
-            "Lag beyond which the run stops; default 1 s, with a rig half its watchdog.",
-        ),
+        Seconds, "Lag beyond which the run stops; default 1 s, with a rig half its watchdog."
     ]
-    processor: Annotated[
-        Number,
-        Option(
-            "The only processor to run on.",
-            flag="--cpu",
-        ),
-    ]
-    priority: Annotated[
-        bool,
-        Option(
-            "Ask for a higher priority.",
-        ),
-    ]
+    processor: Annotated[Number, Option("The only processor to run on.", flag="--cpu")]
+    priority: Annotated[bool, "Ask for a higher priority."]
 
 
 TUNING_PORT = 5580

@@ -79,7 +79,7 @@ _Models = Annotated[
         argument=True,
     ),
 ]
-_NoKeys = Annotated[bool, Option("Everybody on this machine may drive the rig, without a key.")]
+_NoKeys = Annotated[bool, "Everybody on this machine may drive the rig, without a key."]
 
 # --- components and FMUs -------------------------------------------------------------------------
 
@@ -87,7 +87,7 @@ _NoKeys = Annotated[bool, Option("Everybody on this machine may drive the rig, w
 class ReportOption(TypedDict):
     """The page of a result."""
 
-    report: Annotated[File, Option("Page (.html) with all of it, to look at and pass on.")]
+    report: Annotated[File, "Page (.html) with all of it, to look at and pass on."]
 
 
 class InfoCommand(LaidOverOption, ReadingOptions, JsonOption, ReportOption):
@@ -118,15 +118,9 @@ class CheckCommand(JsonOption, JunitOption):
     """Options of ``ppy check``."""
 
     fmus: Annotated[
-        list[Path],
-        Option("FMU files, ours or anybody's.", metavar="FMU...", argument=True),
+        list[Path], Option("FMU files, ours or anybody's.", metavar="FMU...", argument=True)
     ]
-    accept: Annotated[
-        File,
-        Option(
-            "Findings that do not count, each with its reason (.toml).",
-        ),
-    ]
+    accept: Annotated[File, "Findings that do not count, each with its reason (.toml)."]
     fail_on: Annotated[
         str,
         Option(
@@ -151,15 +145,9 @@ class BuildCommand(LaidOverOption, SettingsOption, PlatformsOption):
         ),
     ]
     fmi: Annotated[
-        int,
-        Option("Version of FMI, 2 or 3; 3 in OUT/fmi3 and OUT/fmi3-python.", default=2),
+        int, Option("Version of FMI, 2 or 3; 3 in OUT/fmi3 and OUT/fmi3-python.", default=2)
     ]
-    clocks: Annotated[
-        bool,
-        Option(
-            "Declare when states are sampled, as clocks of FMI 3.0.",
-        ),
-    ]
+    clocks: Annotated[bool, "Declare when states are sampled, as clocks of FMI 3.0."]
     out: Annotated[Path, Option("Folder that gets RUNTIME/NAME.fmu.", default=Path("fmu"))]
 
 
@@ -168,18 +156,8 @@ class ExportModelicaCommand(LaidOverOption, SettingsOption):
 
     names: _Models
     out: Annotated[Path, Option("Folder that gets the package.", default=Path("modelica"))]
-    fmus: Annotated[
-        bool,
-        Option(
-            "Also models that FMUs for this machine compute.",
-        ),
-    ]
-    fitted: Annotated[
-        File,
-        Option(
-            "Parameters from a fit (ppy identify --json), as defaults.",
-        ),
-    ]
+    fmus: Annotated[bool, "Also models that FMUs for this machine compute."]
+    fitted: Annotated[File, "Parameters from a fit (ppy identify --json), as defaults."]
 
 
 class NewCommand(ModelOption):
@@ -195,16 +173,10 @@ class NewCommand(ModelOption):
         ),
     ]
     name: Annotated[
-        str,
-        Option(
-            "In small letters, such as dry_friction.",
-            metavar="NAME",
-            argument=True,
-        ),
+        str, Option("In small letters, such as dry_friction.", metavar="NAME", argument=True)
     ]
     law: Annotated[
-        str,
-        Option("Law of the model that an effect changes; any other lists them.", default=""),
+        str, Option("Law of the model that an effect changes; any other lists them.", default="")
     ]
     out: Annotated[Path, Option("Folder that gets the files.", default=Path("."))]
 
@@ -216,8 +188,7 @@ class InputFileOption(TypedDict):
     """The record that drives a simulation."""
 
     input_file: Annotated[
-        File,
-        Option("Record with the inputs, held between samples.", flag="--input"),
+        File, Option("Record with the inputs, held between samples.", flag="--input")
     ]
 
 
@@ -237,30 +208,10 @@ class SimulateCommand(
 ):
     """Options of ``ppy simulate``."""
 
-    log_calls: Annotated[
-        File,
-        Option(
-            "Each call of the FMU, with arguments and status, a line each.",
-        ),
-    ]
-    state_in: Annotated[
-        File,
-        Option(
-            "Go on from the state that --state-out wrote, at its time.",
-        ),
-    ]
-    state_out: Annotated[
-        File,
-        Option(
-            "State of the FMU at the last point.",
-        ),
-    ]
-    out: Annotated[
-        File,
-        Option(
-            "Inputs and outputs, with units: .csv, .nc or .parquet.",
-        ),
-    ]
+    log_calls: Annotated[File, "Each call of the FMU, with arguments and status, a line each."]
+    state_in: Annotated[File, "Go on from the state that --state-out wrote, at its time."]
+    state_out: Annotated[File, "State of the FMU at the last point."]
+    out: Annotated[File, "Inputs and outputs, with units: .csv, .nc or .parquet."]
 
 
 class ExperimentSettingsOption(TypedDict):
@@ -309,18 +260,8 @@ class RunCommand(
             argument=True,
         ),
     ]
-    out: Annotated[
-        File,
-        Option(
-            "Result: .nc, .parquet (both can be run again) or .csv.",
-        ),
-    ]
-    plot: Annotated[
-        File,
-        Option(
-            "Picture (.png, .svg, .pdf) or page (.html).",
-        ),
-    ]
+    out: Annotated[File, "Result: .nc, .parquet (both can be run again) or .csv."]
+    plot: Annotated[File, "Picture (.png, .svg, .pdf) or page (.html)."]
 
 
 class RangesOption(TypedDict):
@@ -342,10 +283,8 @@ class DatasetOption(TypedDict):
 
     out: Annotated[
         File,
-        Option(
-            "Result with units: .nc, or .zarr for more than fits into memory. Interrupted, the same"
-            " command goes on.",
-        ),
+        "Result with units: .nc, or .zarr for more than fits into memory. Interrupted, the same"
+        " command goes on.",
     ]
 
 
@@ -369,10 +308,8 @@ class SweepCommand(
 
     fitted: Annotated[
         File,
-        Option(
-            "Draw parameters from a fit (ppy identify --json): --samples of them, and bands of the"
-            " outputs.",
-        ),
+        "Draw parameters from a fit (ppy identify --json): --samples of them, and bands of the"
+        " outputs.",
     ]
 
 
@@ -393,12 +330,7 @@ class LineariseCommand(
 ):
     """Options of ``ppy linearise``."""
 
-    mat: Annotated[
-        File,
-        Option(
-            "A, B, C, D with names and units, for MATLAB (.mat).",
-        ),
-    ]
+    mat: Annotated[File, "A, B, C, D with names and units, for MATLAB (.mat)."]
 
 
 class DesignCommand(
@@ -450,12 +382,7 @@ class OptimiseCommand(
 
 
 class MeasuringOptions(
-    RunnableOption,
-    LaidOverOption,
-    MappingOption,
-    SettingsOption,
-    PresetOption,
-    ToleranceOption,
+    RunnableOption, LaidOverOption, MappingOption, SettingsOption, PresetOption, ToleranceOption
 ):
     """A model, and how a record that it is compared with is read."""
 
@@ -475,10 +402,8 @@ class ReferenceOptions(TypedDict):
     ]
     tube: Annotated[
         Tolerances,
-        Option(
-            "With a REFERENCE: 20ms,1% of its range around it; v=1mV for one signal; default the"
-            " last bit.",
-        ),
+        "With a REFERENCE: 20ms,1% of its range around it; v=1mV for one signal; default the"
+        " last bit.",
     ]
 
 
@@ -497,16 +422,9 @@ class CompareCommand(
 
     require: Annotated[
         Percent,
-        Option(
-            "Exit status 1 unless every output fits that well, such as 95%; after --fit if given.",
-        ),
+        "Exit status 1 unless every output fits that well, such as 95%; after --fit if given.",
     ]
-    out: Annotated[
-        File,
-        Option(
-            "The figures as JSON (.json).",
-        ),
-    ]
+    out: Annotated[File, "The figures as JSON (.json)."]
 
 
 class IdentifyCommand(
@@ -524,54 +442,26 @@ class IdentifyCommand(
     profile: Annotated[
         list[str] | None,
         NAMES,
-        Option(
-            "Of the fitted ones: an interval by the likelihood itself.",
-            metavar="PARAMETERS",
-        ),
+        Option("Of the fitted ones: an interval by the likelihood itself.", metavar="PARAMETERS"),
     ]
-    profile_plot: Annotated[
-        File,
-        Option(
-            "The profiles as a picture (.png, .svg or .pdf).",
-        ),
-    ]
+    profile_plot: Annotated[File, "The profiles as a picture (.png, .svg or .pdf)."]
     posterior: Annotated[
         Number,
         Option(
-            "Independent samples of the posterior, e.g. 1000; needs the extra sampling.",
-            least=1,
+            "Independent samples of the posterior, e.g. 1000; needs the extra sampling.", least=1
         ),
     ]
-    corner: Annotated[
-        File,
-        Option(
-            "The posterior of all pairs as a picture (.png, .svg or .pdf).",
-        ),
-    ]
-    ssv: Annotated[
-        File,
-        Option(
-            "The values as a parameter set (.ssv), for any system.",
-        ),
-    ]
+    corner: Annotated[File, "The posterior of all pairs as a picture (.png, .svg or .pdf)."]
+    ssv: Annotated[File, "The values as a parameter set (.ssv), for any system."]
     fit: Annotated[
         list[str],
         some_of("name the parameters, e.g. R1,R2,C"),
-        Option(
-            "Parameters, e.g. R1,R2,C.",
-            default=REQUIRED,
-        ),
+        Option("Parameters, e.g. R1,R2,C.", default=REQUIRED),
     ]
 
 
 class AgeCommand(
-    RunnableOption,
-    MappingOption,
-    SettingsOption,
-    AgeOptions,
-    JsonOption,
-    PlotOption,
-    ReportOption,
+    RunnableOption, MappingOption, SettingsOption, AgeOptions, JsonOption, PlotOption, ReportOption
 ):
     """Options of ``ppy age``."""
 
@@ -583,12 +473,7 @@ class AgeCommand(
             argument=True,
         ),
     ]
-    out: Annotated[
-        File,
-        Option(
-            "Windows with their intervals (.csv).",
-        ),
-    ]
+    out: Annotated[File, "Windows with their intervals (.csv)."]
 
 
 class FrequencyCommand(
@@ -605,12 +490,7 @@ class FrequencyCommand(
 ):
     """Options of ``ppy frequency``."""
 
-    out: Annotated[
-        File,
-        Option(
-            "Responses with their intervals (.csv).",
-        ),
-    ]
+    out: Annotated[File, "Responses with their intervals (.csv)."]
     model: Annotated[
         str | None,
         Option(
@@ -627,18 +507,8 @@ class BlackBoxCommand(
 ):
     """Options of ``ppy black-box``."""
 
-    report: Annotated[
-        File,
-        Option(
-            "The page (.html).",
-        ),
-    ]
-    out: Annotated[
-        File,
-        Option(
-            "The model as a class (.py), for ppy build, simulate and diagnose.",
-        ),
-    ]
+    report: Annotated[File, "The page (.html)."]
+    out: Annotated[File, "The model as a class (.py), for ppy build, simulate and diagnose."]
     output: Annotated[str, Option("Column to predict.", default=REQUIRED, metavar="COLUMN")]
 
 
@@ -689,11 +559,7 @@ class DiagnoseCommand(
     """Options of ``ppy diagnose``."""
 
     explain: Annotated[
-        Names,
-        Option(
-            "Compare two candidates, e.g. friction(velocity),nothing.",
-            metavar="A,B",
-        ),
+        Names, Option("Compare two candidates, e.g. friction(velocity),nothing.", metavar="A,B")
     ]
     require: Annotated[
         Sequence[str],
@@ -703,38 +569,24 @@ class DiagnoseCommand(
             metavar="VERDICTS",
         ),
     ]
-    fmu: Annotated[
-        File,
-        Option("The extended model as FMU: F.fmu (native) and F.python.fmu beside it."),
-    ]
+    fmu: Annotated[File, "The extended model as FMU: F.fmu (native) and F.python.fmu beside it."]
     ssp: Annotated[
-        File,
-        Option("An FMU without equations with its correction, as a system.", metavar="S.ssp"),
+        File, Option("An FMU without equations with its correction, as a system.", metavar="S.ssp")
     ]
     experiment: Annotated[
-        File,
-        Option("Experiment (.toml) that would tell alternatives apart, for ppy run."),
+        File, "Experiment (.toml) that would tell alternatives apart, for ppy run."
     ]
 
 
 class LawsCommand(
-    JudgedOptions,
-    LaidOverOption,
-    LawsOptions,
-    JsonOption,
-    ReportOption,
-    PlatformsOption,
+    JudgedOptions, LaidOverOption, LawsOptions, JsonOption, ReportOption, PlatformsOption
 ):
     """Options of ``ppy laws``."""
 
     effect_out: Annotated[
-        File,
-        Option("The best correction as a class to lay over the model.", metavar="F.py"),
+        File, Option("The best correction as a class to lay over the model.", metavar="F.py")
     ]
-    fmu: Annotated[
-        File,
-        Option("The corrected model as FMU: F.fmu (native) and F.python.fmu beside it."),
-    ]
+    fmu: Annotated[File, "The corrected model as FMU: F.fmu (native) and F.python.fmu beside it."]
 
 
 # --- systems -------------------------------------------------------------------------------------
@@ -757,24 +609,16 @@ class SystemArgument(TypedDict):
 class DrawSystemCommand(SystemArgument):
     """Options of ``ppy system draw``."""
 
-    out: Annotated[
-        File,
-        Option(
-            "Picture (.png, .svg or .pdf); default NAME.png.",
-        ),
-    ]
+    out: Annotated[File, "Picture (.png, .svg or .pdf); default NAME.png."]
 
 
 class ExportSystemCommand(SystemArgument, RuntimeOption):
     """Options of ``ppy system export``."""
 
     connectors: Annotated[
-        bool,
-        Option(
-            "Inputs and outputs as connectors of the system; not for libcosim, Ecos.",
-        ),
+        bool, "Inputs and outputs as connectors of the system; not for libcosim, Ecos."
     ]
-    out: Annotated[File, Option("The .ssp, or a .ssd with resources/; default NAME.ssp.")]
+    out: Annotated[File, "The .ssp, or a .ssd with resources/; default NAME.ssp."]
 
 
 class PackSystemCommand(SystemArgument, PlatformsOption):
@@ -786,10 +630,7 @@ class PackSystemCommand(SystemArgument, PlatformsOption):
 class CheckSystemCommand(TypedDict):
     """Options of ``ppy system check``."""
 
-    file: Annotated[
-        Path,
-        Option("System, ours or anybody's.", metavar="FILE.ssp", argument=True),
-    ]
+    file: Annotated[Path, Option("System, ours or anybody's.", metavar="FILE.ssp", argument=True)]
 
 
 # --- rigs ----------------------------------------------------------------------------------------
@@ -802,12 +643,7 @@ class ServerOptions(TypedDict):
     """The server that a command speaks to."""
 
     endpoint: Annotated[str, Option("The rig's server.", default=ENDPOINT, metavar=_ENDPOINT)]
-    credentials: Annotated[
-        File,
-        Option(
-            _KEY_FILE,
-        ),
-    ]
+    credentials: Annotated[File, _KEY_FILE]
 
 
 class TunedRunOption(TypedDict):
@@ -847,18 +683,13 @@ class WatchCommand(ServerOptions, TunedRunOption):
         ),
     ]
     browser: Annotated[
-        bool,
-        Option("Open the page in a browser.", default=True, flag="--browser/--no-browser"),
+        bool, Option("Open the page in a browser.", default=True, flag="--browser/--no-browser")
     ]
     archive: Annotated[
-        File,
-        Option("Archive of the server, for a page with its history.", metavar="FOLDER"),
+        File, Option("Archive of the server, for a page with its history.", metavar="FOLDER")
     ]
     rise: Annotated[
-        Percent,
-        Option(
-            "Alarm once the impedance of the actuator has risen by that, e.g. 15%.",
-        ),
+        Percent, "Alarm once the impedance of the actuator has risen by that, e.g. 15%."
     ]
 
 
@@ -883,8 +714,7 @@ class AcknowledgeCommand(ServerOptions, JsonOption):
 
     timeout: Annotated[float, _timeout(5.0)]
     latch: Annotated[
-        str | None,
-        Option("Name of the latch that is meant, as status has it.", metavar="NAME"),
+        str | None, Option("Name of the latch that is meant, as status has it.", metavar="NAME")
     ]
     alarm: Annotated[
         str | None,
@@ -900,12 +730,7 @@ class LogCommand(TypedDict):
     """Options of ``ppy rig log``."""
 
     files: Annotated[
-        list[Path],
-        Option(
-            "Files of one log, the oldest first.",
-            metavar="FILE...",
-            argument=True,
-        ),
+        list[Path], Option("Files of one log, the oldest first.", metavar="FILE...", argument=True)
     ]
 
 
@@ -917,15 +742,9 @@ class RecordRigCommand(ExperimentSettingsOption, ServerOptions):
     """Options of ``ppy rig record``."""
 
     rate: Annotated[
-        float | None,
-        Option("Rows a second; default those of the experiment.", metavar="HZ"),
+        float | None, Option("Rows a second; default those of the experiment.", metavar="HZ")
     ]
-    max_age: Annotated[
-        Seconds,
-        Option(
-            "Older values become gaps; default two steps.",
-        ),
-    ]
+    max_age: Annotated[Seconds, "Older values become gaps; default two steps."]
     stimulus: Annotated[
         str | None,
         Option(
@@ -936,27 +755,16 @@ class RecordRigCommand(ExperimentSettingsOption, ServerOptions):
     ]
     duration: Annotated[
         Seconds,
-        Option(
-            "How long the rig is heard, e.g. 10min; default until Ctrl-C.",
-            flag="--for",
-        ),
+        Option("How long the rig is heard, e.g. 10min; default until Ctrl-C.", flag="--for"),
     ]
     out: Annotated[Path, Option("Record: .nc, .parquet or .csv.", default=REQUIRED, metavar="FILE")]
-    take_over: Annotated[
-        bool,
-        Option(
-            "Go on from a client that hands the rig over.",
-        ),
-    ]
+    take_over: Annotated[bool, "Go on from a client that hands the rig over."]
 
 
 class ArchiveCommand(JsonOption):
     """Options of ``ppy rig archive``."""
 
-    folder: Annotated[
-        Path,
-        Option("Folder of the archive.", metavar="FOLDER", argument=True),
-    ]
+    folder: Annotated[Path, Option("Folder of the archive.", metavar="FOLDER", argument=True)]
     since: Annotated[
         str | None,
         Option(
@@ -966,12 +774,7 @@ class ArchiveCommand(JsonOption):
         ),
     ]
     until: Annotated[str | None, Option("End of the part.", flag="--to", metavar="DATE")]
-    out: Annotated[
-        File,
-        Option(
-            "Record of the part: .nc, .parquet or .csv.",
-        ),
-    ]
+    out: Annotated[File, "Record of the part: .nc, .parquet or .csv."]
 
 
 class BridgeCommand(TypedDict):
@@ -992,12 +795,10 @@ class KeysCommand(TypedDict):
     """Options of ``ppy rig keys``."""
 
     folder: Annotated[
-        Path,
-        Option("Where the key files go, or are.", metavar="FOLDER", argument=True),
+        Path, Option("Where the key files go, or are.", metavar="FOLDER", argument=True)
     ]
     client: Annotated[
-        str | None,
-        Option("Make keys for one more client of the server there.", metavar="NAME"),
+        str | None, Option("Make keys for one more client of the server there.", metavar="NAME")
     ]
     role: Annotated[
         str | None,
@@ -1020,29 +821,17 @@ class ServeCommand(TypedDict):
         ),
     ]
     backend_options: Annotated[
-        Texts,
-        Option(
-            "Handed on to the backend; repeatable.",
-            flag="--option",
-        ),
+        Texts, Option("Handed on to the backend; repeatable.", flag="--option")
     ]
     rate: Annotated[float, Option("Samples per second, up to 1000.", default=30.0)]
     watchdog: Annotated[
         float | None,
-        Option(
-            "How long the rig goes on without a fresh command, in s; default 0.2, or more where"
-            " other programs may delay the server."
-        ),
+        "How long the rig goes on without a fresh command, in s; default 0.2, or more where"
+        " other programs may delay the server.",
     ]
-    lockstep: Annotated[
-        bool,
-        Option(
-            "The rig waits for the client; emulator and replay only.",
-        ),
-    ]
+    lockstep: Annotated[bool, "The rig waits for the client; emulator and replay only."]
     endpoint: Annotated[
-        str | None,
-        Option("Where to bind; the two ports above are taken, too.", metavar=_ENDPOINT),
+        str | None, Option("Where to bind; the two ports above are taken, too.", metavar=_ENDPOINT)
     ]
     host: Annotated[
         str | None,
@@ -1050,55 +839,24 @@ class ServeCommand(TypedDict):
             "Address to bind to; beyond 127.0.0.1 with --keys only.", flag="--bind", metavar="HOST"
         ),
     ]
-    port: Annotated[
-        Number,
-        Option(
-            "Port, 5570 if not given; 0 is any free one.",
-        ),
-    ]
-    keys: Annotated[
-        File,
-        Option(
-            "Key file of the server, of ppy rig keys.",
-        ),
-    ]
+    port: Annotated[Number, "Port, 5570 if not given; 0 is any free one."]
+    keys: Annotated[File, "Key file of the server, of ppy rig keys."]
     no_keys: _NoKeys
-    log: Annotated[
-        File,
-        Option(
-            "Add every line to this file, too.",
-        ),
-    ]
+    log: Annotated[File, "Add every line to this file, too."]
     archive: Annotated[
-        File,
-        Option("Keep every sample, command and event in files there.", metavar="FOLDER"),
+        File, Option("Keep every sample, command and event in files there.", metavar="FOLDER")
     ]
     archive_size: Annotated[
-        float,
-        SIZE,
-        Option(
-            "Largest size of the archive; the oldest files go.",
-            default=1e9,
-        ),
+        float, SIZE, Option("Largest size of the archive; the oldest files go.", default=1e9)
     ]
     state: Annotated[
-        File,
-        Option("Keeps the latch of each device; default is the user's.", metavar="FOLDER"),
+        File, Option("Keeps the latch of each device; default is the user's.", metavar="FOLDER")
     ]
     priority: Annotated[
         Number,
-        Option(
-            "Real-time priority of the device's process, 1 to 99.",
-            flag="--device-priority",
-        ),
+        Option("Real-time priority of the device's process, 1 to 99.", flag="--device-priority"),
     ]
-    cpu: Annotated[
-        Number,
-        Option(
-            "Core that the device's process stays on.",
-            flag="--device-cpu",
-        ),
-    ]
+    cpu: Annotated[Number, Option("Core that the device's process stays on.", flag="--device-cpu")]
     stuck_after: Annotated[
         int,
         Option(
