@@ -15,7 +15,7 @@ from orchestration.cli.ending import kept_in
 from orchestration.cli.isolation import limits
 from orchestration.cli.outputs import part_of, write_files
 from orchestration.cli.real_time import IncompleteRecord, keep, status_line
-from orchestration.reporting.console import err, note, out, progress, tell_repairs, wrote
+from orchestration.reporting.console import err, note, out, progress, wrote
 
 if TYPE_CHECKING:
     import xarray
@@ -206,17 +206,14 @@ def _recorded_inputs(
 ) -> tuple[dict[str, Any], float | None]:
     """Return the stimuli of a system that a record has, and its end in s; None without a record."""
     from orchestration.api.options import ReadingOptions
-    from orchestration.records import read_record
+    from orchestration.cli.models import read_inputs
     from orchestration.records.tables import split_header_cell
 
-    file = options["input_file"]
-    if file is None:
-        return {}, None
     refuse(ReadingOptions, options, "is for a record of one model; this is a system")
+    record = read_inputs(options, inputs)
+    if record is None:
+        return {}, None
     mapping = options["mapping"] or {}
-    units = {name: signal.unit for name, signal in inputs.items()}
-    record = read_record(file, units, mapping=mapping, inputs=list(units))
-    tell_repairs(record.repairs)
     formulas = [target for target in mapping.values() if split_header_cell(target)[0] not in inputs]
     if formulas:
         raise UserError(f"--map {formulas[0]}: a formula is for a record of one model")
@@ -225,7 +222,7 @@ def _recorded_inputs(
     stimuli = {
         name: {
             "kind": "file",
-            "file": str(file),
+            "file": str(options["input_file"]),
             "column": columns.get(name),
             "unit": own_units.get(name),
         }

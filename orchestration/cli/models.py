@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmus.kit import UserError
-from orchestration.reporting.console import detail, note, progress, warn
+from orchestration.reporting.console import detail, note, progress, tell_repairs, warn
 
 if TYPE_CHECKING:
     from fmus.kit import Component
@@ -16,11 +16,13 @@ if TYPE_CHECKING:
         BuildCommand,
         ExportModelicaCommand,
         IdentifyCommand,
+        LineariseCommand,
         MeasuredOptions,
         MeasuringOptions,
+        SimulateCommand,
     )
     from orchestration.cli.options import RecordsArgument
-    from orchestration.fmu import Model, Value
+    from orchestration.fmu import Model, Signal, Value
     from orchestration.records import Record, Repair
 
 
@@ -79,6 +81,23 @@ def record_files(options: RecordsArgument) -> list[Path]:
     return files
 
 
+def read_inputs(
+    options: LineariseCommand | SimulateCommand, inputs: Mapping[str, Signal]
+) -> Record | None:
+    """Read the record that drives a model or a system, if one is given, and print its repairs."""
+    from orchestration.api.options import source_of
+    from orchestration.records import read_record
+
+    file = options["input_file"]
+    if file is None:
+        return None
+    units = {name: signal.unit for name, signal in inputs.items()}
+    mapping = options["mapping"]
+    record = read_record(source_of(file, options), units, mapping=mapping, inputs=list(units))
+    tell_repairs(record.repairs)
+    return record
+
+
 def tell_repairs_of(records: Sequence[Record], unsaid: Collection[str] = ()) -> None:
     """Print the repairs of records: those alike in one line, with the names of their files.
 
@@ -88,8 +107,6 @@ def tell_repairs_of(records: Sequence[Record], unsaid: Collection[str] = ()) -> 
     unsaid : collection of str
         Kinds of repairs that are not printed.
     """
-    from orchestration.reporting.console import tell_repairs
-
     alike: dict[Repair, list[str]] = {}
     for record in records:
         run = f", run {record.label}" if record.label else ""

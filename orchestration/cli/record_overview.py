@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fmus.kit import UserError, quoting
 from orchestration.cli.outputs import check_outputs, write_json
@@ -46,30 +46,20 @@ def record_info(options: InfoCommand) -> None:
     from orchestration.records import read_overview
 
     file = Path(options["model"])
-    path = options["json"]
     check_outputs(options, {"the record": file})
     if options["laid_over"] and options["of_model"] is None:
         raise UserError("--with: name the model of the record with --model")
     overview = read_overview(source_of(file, options))
-    model = None
-    proposal = None
-    if options["of_model"] is not None:
-        model = declared_model(options["of_model"], options["laid_over"])
-        proposal = overview.proposal(_units(model))
+    name = options["of_model"]
+    model = None if name is None else declared_model(name, options["laid_over"])
     _show(overview)
-    if model is not None and proposal is not None:
+    figures = overview.to_dict()
+    if model is not None:
+        signals = {**model.inputs, **model.outputs}.values()
+        proposal = overview.proposal({signal.name: signal.unit for signal in signals})
         _show_proposal(options, model, proposal)
-    write_json(path, overview.to_dict() | _as_json(proposal))
-
-
-def _units(model: Model) -> dict[str, str]:
-    return {s.name: s.unit for s in (*model.inputs.values(), *model.outputs.values())}
-
-
-def _as_json(proposal: Proposal | None) -> dict[str, Any]:
-    if proposal is None:
-        return {}
-    return {"map": proposal.mapping, "matched": proposal.matched, "open": proposal.open}
+        figures |= {"map": proposal.mapping, "matched": proposal.matched, "open": proposal.open}
+    write_json(options["json"], figures)
 
 
 def _show(overview: FileOverview) -> None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fmus.kit import UserError
 from orchestration.api.declaration import only
-from orchestration.api.options import LineariseKeywords, MappingOption, source_of
+from orchestration.api.options import LineariseKeywords, MappingOption
 from orchestration.cli.command import command, refuse
 from orchestration.cli.commands.options import LineariseCommand
 from orchestration.cli.commands.sweep import ranges_of
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 def linearise(options: LineariseCommand) -> None:
     """Linearise a component, an FMU or a system about an operating point, or cut a loop of it."""
     from orchestration.api import linearise as work
+    from orchestration.cli.models import read_inputs
     from orchestration.reporting.console import progress
 
     name = options["model"]
@@ -32,9 +33,13 @@ def linearise(options: LineariseCommand) -> None:
     chosen["over"] = ranges_of(options["over"]) or None
     with progress() as tell:
         tell(f"linearising {name}")
-        model, stimulus = _model_and_stimulus(name, options)
-        if stimulus is not None:
-            chosen["time"] = stimulus.pop("time")
+        model = model_or_system(name, options["laid_over"])
+        stimulus = None
+        if options["input_file"] is not None and isinstance(model, str):
+            raise UserError(f"--input is of one model; {name} is a system")
+        if not isinstance(model, str) and (record := read_inputs(options, model.inputs)):
+            chosen["time"] = record.time
+            stimulus = record.signals
         linear = work(model, stimulus, **chosen)
     show_and_write(linear, options, mat=linear.to_mat, plot=linear.plot)
 
@@ -55,24 +60,3 @@ def model_or_system(name: str, laid_over: Sequence[str]) -> Model | str:
             raise UserError(f"--with is of one model; {name} is a system")
         return name
     return declared_model(name, laid_over)
-
-
-def _model_and_stimulus(
-    name: str, options: LineariseCommand
-) -> tuple[Model | str, dict[str, Any] | None]:
-    """Return the model or system, and the record that drives a model, if one does."""
-    from orchestration.records import read_record
-    from orchestration.reporting.console import tell_repairs
-
-    model = model_or_system(name, options["laid_over"])
-    file = options["input_file"]
-    if file is None:
-        return model, None
-    if isinstance(model, str):
-        raise UserError(f"--input is of one model; {name} is a system")
-    units = {signal.name: signal.unit for signal in model.inputs.values()}
-    record = read_record(
-        source_of(file, options), units, mapping=options["mapping"], inputs=list(units)
-    )
-    tell_repairs(record.repairs)
-    return model, {"time": record.time, **record.signals}
