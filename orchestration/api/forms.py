@@ -72,11 +72,14 @@ def numbers(least: int) -> Form:
         return values
 
     def given(value: str | int | Sequence[int], name: str) -> list[int]:
-        if isinstance(value, str):
-            return read(value, name)
-        return list(value) if isinstance(value, Iterable) else [value]
+        return read(value, name) if isinstance(value, str) else _listed(value)
 
     return Form(read, _join, str, given=given)
+
+
+def _listed(value: Any, name: str = "") -> list[Any]:
+    """Return one value or several as a list; a text is one."""
+    return list(value) if isinstance(value, Iterable) and not isinstance(value, str) else [value]
 
 
 def seconds(given: str | float) -> float:
@@ -279,9 +282,7 @@ LATER = Form(
 TEXTS = Form(typed=list[str] | None, write=list, metavar="KEY=VALUE")
 ASSIGNMENTS = TEXTS._replace(read=with_files)
 RECORDS = TEXTS._replace(read=_read_records, metavar="RECORD", kind=_RECORDS)
-RATIOS = TEXTS._replace(
-    given=lambda value, name: [value] if isinstance(value, str) else [*value], metavar="A/B"
-)
+RATIOS = TEXTS._replace(given=_listed, metavar="A/B")
 SEGMENT = SETTINGS._replace(metavar="COLUMN=LABEL")
 ROWS = Form(
     row_range,
@@ -332,7 +333,7 @@ TIMES = Form(
     lambda text, flag: [seconds(one) for one in comma_list(text, flag)],
     lambda values: [",".join(_in_seconds(one) for one in values)],
     str | None,
-    given=lambda value, name: [value] if isinstance(value, int | float | str) else list(value),
+    given=_listed,
     metavar="TIMES",
     kind=f"{TIME.kind}, or sequence of these",
 )

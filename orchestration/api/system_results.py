@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from fmus.kit import UserError
 from orchestration.api.results import Diagnosed
 from orchestration.diagnosis.systems import (
-    MemberDiagnosis,
     MemberParameter,
     SystemDiagnosis,
     SystemView,
@@ -77,7 +76,9 @@ class SystemResult(Diagnosed):
             for one in members
             for cause in one["group"]
         }
-        fitted = _parameters(diagnosis.members)
+        fitted: dict[str, MemberParameter] = {}
+        for one in diagnosis.members:
+            fitted |= {f"{one.name}.{name}": found for name, found in one.parameters.items()}
         self.parameters = {n: one.estimate for n, one in fitted.items()}
         self.changed = [name for name, one in fitted.items() if one.differs]
         self.record: Record = diagnosis.record
@@ -124,8 +125,3 @@ def _named(members: Sequence[dict[str, Any]], key: str) -> list[str]:
     """Return names of causes, those of the first suspects first."""
     wrong = sorted(members, key=lambda one: one["verdict"] != "wrong")
     return [f"{one['member']}.{name}" for one in wrong for name in one[key]]
-
-
-def _parameters(members: Sequence[MemberDiagnosis]) -> dict[str, MemberParameter]:
-    """Return the parameters of all members, by ``member.parameter``."""
-    return {f"{m.name}.{name}": one for m in members for name, one in m.parameters.items()}

@@ -98,9 +98,9 @@ def _junit(command: str, cases: Sequence[Case]) -> bytes:
         named = {"classname": case.subject, "name": case.name, "time": "0"}
         shown = {key: quoting.visible(text) for key, text in named.items()}
         element = ElementTree.SubElement(suite, "testcase", shown)
-        if case.failure:
-            ElementTree.SubElement(element, "failure", message=quoting.visible(case.failure))
-        elif case.skipped:
-            ElementTree.SubElement(element, "skipped", message=quoting.visible(case.skipped))
+        outcome = "failure" if case.failure else "skipped"
+        message = case.failure or case.skipped
+        if message:
+            ElementTree.SubElement(element, outcome, message=quoting.visible(message))
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)

@@ -502,9 +502,7 @@ class FrequencyCommand(
     ]
 
 
-class BlackBoxCommand(
-    RecordArgument, InputsOption, SamplePeriodOption, StudyOptions, JsonOption, total=False
-):
+class BlackBoxCommand(RecordArgument, InputsOption, SamplePeriodOption, StudyOptions, JsonOption):
     """Options of ``ppy black-box``."""
 
     report: Annotated[File, "The page (.html)."]

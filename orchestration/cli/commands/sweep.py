@@ -59,12 +59,11 @@ def sweep(options: SweepCommand, context: typer.Context) -> None:
 
     _check_outputs(options)
     model = options["model"]
-    out = options["out"]
-    folder = part_of(out)
+    folder = part_of(options["out"])
     how = only(SweepFileKeywords, options)
     how["folder"] = folder
     how["limits"] = given_limits(options["isolate"], options)
-    how["check"] = _check_results(out, options["plot"])
+    how["check"] = partial(_check_results, options)
     if Path(model).suffix.lower() == ".toml":
         _refuse_beside_file(context)
         work: Work = partial(sweep_file, Path(model), note=note)
@@ -92,19 +91,16 @@ def _check_outputs(options: SweepCommand) -> None:
         zarr_store.check(store)
 
 
-def _check_results(out: Path | None, plot: Path | None) -> Callable[[Task, Design], None]:
-    """Return a check that refuses a sweep whose result could not be written or drawn."""
+def _check_results(options: SweepCommand, task: Task, cases: Design) -> None:
+    """Refuse a sweep whose result could not be written or drawn."""
+    from orchestration.sweeps.execution import check_memory
+    from orchestration.sweeps.sensitivity import check_picture
 
-    def check(task: Task, cases: Design) -> None:
-        from orchestration.sweeps.execution import check_memory
-        from orchestration.sweeps.sensitivity import check_picture
-
-        if out is None or out.suffix.lower() != _ZARR:
-            check_memory(task, cases)
-        if plot is not None:
-            check_picture(cases.kind, task.keep)
-
-    return check
+    out = options["out"]
+    if out is None or out.suffix.lower() != _ZARR:
+        check_memory(task, cases)
+    if options["plot"] is not None:
+        check_picture(cases.kind, task.keep)
 
 
 def _finish(data: SweepResult, folder: Path | None, options: SweepCommand) -> None:
