@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from fmus.kit import UserError
+from fmus.kit import UserError, files, registry, stack
+from fmus.kit import build as kit
 from orchestration.cli.command import command
 from orchestration.cli.commands.options import BuildCommand
 from orchestration.cli.options import platform_list
@@ -34,7 +35,6 @@ def build(options: BuildCommand) -> None:
 
     ppy export modelica writes components in the Modelica language.
     """
-    from fmus.kit import build as kit
     from fmus.kit.build.stock import LIMITS
 
     platforms = platform_list(options["platforms"])
@@ -50,9 +50,6 @@ def build(options: BuildCommand) -> None:
 
 def _plan(options: BuildCommand) -> _Planned:
     """Return the FMUs that options select."""
-    from fmus.kit import build as kit
-    from fmus.kit import registry
-
     names = options["names"] or []
     runtime = options["runtime"]
     if (options["laid_over"] or options["settings"]) and not names:
@@ -70,7 +67,6 @@ def _plan(options: BuildCommand) -> _Planned:
 
 def _class_with_settings(name: str, options: BuildCommand) -> type[Component]:
     """Return a component with effects laid over it, and with settings as its defaults."""
-    from fmus.kit import stack
     from orchestration.cli.models import class_and_settings
 
     cls, values = class_and_settings(name, options)
@@ -79,7 +75,6 @@ def _class_with_settings(name: str, options: BuildCommand) -> type[Component]:
 
 def _check_planned(planned: _Planned, platforms: list[str] | None, options: BuildCommand) -> None:
     """Refuse builds and files that are impossible, before any work is done."""
-    from fmus.kit import build as kit
     from orchestration.cli.models import model_file
 
     for cls, runtime in planned.values():
@@ -94,9 +89,6 @@ def _check_planned(planned: _Planned, platforms: list[str] | None, options: Buil
 
 def _build_all(planned: _Planned, platforms: list[str] | None, options: BuildCommand) -> bool:
     """Build FMUs; return False if one lacks a platform, which is noted, as its build failed."""
-    from fmus.kit import build as kit
-    from fmus.kit import files
-
     failures: list[str] = []
 
     def skip_platform(path: Path, platform: str, error: UserError) -> None:
