@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fmus.kit import UserError
 from fmus.kit.declare import summary
+from fmus.kit.effects import effect_name, unstack
 from orchestration.api.declaration import stated_of
 from orchestration.api.options import ReadingOptions
 from orchestration.cli.command import command
@@ -104,7 +105,6 @@ def _facts_of(name: str, effects: Sequence[str]) -> _Facts:
 
 def _facts_of_class(name: str, cls: type[Component]) -> _Facts:
     """Return the declarations of a component's class."""
-    from fmus.kit.effects import effect_name, unstack
     from orchestration.fmu.model import known_effects
     from orchestration.fmu.signal import declared_signal
 
@@ -148,8 +148,6 @@ def _relaxed_assumption(cls: type[Component], effect: type[Effect]) -> str:
 
 def _as_json(known: _Facts) -> dict[str, Any]:
     """Return the facts of a model in the form that ``--json`` writes."""
-    from fmus.kit.effects import effect_name
-
     signals = {
         group: [_signal_as_json(signal, known.sources) for signal in members]
         for group, members in known.signals.items()
@@ -233,8 +231,6 @@ def _show(known: _Facts) -> None:
 
 def _show_effects(effects: Mapping[type[Effect], str]) -> None:
     """Print the effects that can be laid over a model, one of a sensor or an input once for all."""
-    from fmus.kit.effects import effect_name
-
     table = plain_table(
         "effects that --with lays over it, and --effects names as causes",
         "effect",
