@@ -111,8 +111,9 @@ def _diagnose(record: Path) -> tuple[DiagnosisResult, Path]:
 def _run_beside(endpoint: str, extended: Path, seed: int) -> Run:
     """Run the nominal and the extended model together with the rig, in real time."""
     time = np.arange(round(_BESIDE * _RATE) + 1) / _RATE
-    with screen.progress() as tell:
-        tell(f"the same rig, rested; the extended model runs beside it for {_BESIDE:g} s")
+    with screen.progress(
+        f"the same rig, rested; the extended model runs beside it for {_BESIDE:g} s"
+    ) as tell:
         return run_system(
             side_by_side(endpoint, extended),
             time,

@@ -43,8 +43,7 @@ def run(out: Path) -> Path:
         If the page cannot be written, or there is no compiler for the coupled components.
     """
     path = target(out)
-    with console.progress() as tell:
-        tell("recomputing tables and equations")
+    with console.progress("recomputing tables and equations") as tell:
         by_chapter = chapters.claims()
         page = Page("The thesis, recomputed", _verdict(by_chapter))
         page.text(

@@ -110,8 +110,7 @@ def _run_with_progress(
 
     run = partial(make, experiment, name, note=note, fits=fits, isolation=isolation)
     if live is None:
-        with progress() as tell:
-            tell(f"running {name} (FMUs that are not in the cache are built first)")
+        with progress(f"running {name} (FMUs that are not in the cache are built first)") as tell:
             return run(progress=tell.done, folder=folder)
     # no bar: its thread would take time when the next step should begin
     err.print(

@@ -283,8 +283,14 @@ class _Rate(ProgressColumn):
 
 
 @contextmanager
-def progress() -> Iterator[Tell]:
-    """Show the current step, its progress and its remaining time on standard error."""
+def progress(step: str = "") -> Iterator[Tell]:
+    """Show the current step, its progress and its remaining time on standard error.
+
+    Parameters
+    ----------
+    step : str
+        The first step; empty if it is told.
+    """
     columns = (
         SpinnerColumn(),
         TextColumn("{task.description}", markup=False, table_column=Column(ratio=1, no_wrap=True)),
@@ -298,6 +304,8 @@ def progress() -> Iterator[Tell]:
     tell = Tell(bar)
     if bar is not None:
         bar.start()
+    if step:
+        tell(step)
     try:
         yield tell
     finally:
@@ -327,8 +335,7 @@ def bar(step: str = "") -> Iterator[Tell | NotebookBar | None]:
         finally:
             below.finish()
     elif _is_watched():
-        with progress() as tell:
-            tell(step)
+        with progress(step) as tell:
             yield tell
     else:
         yield None

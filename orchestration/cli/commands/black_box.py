@@ -23,8 +23,7 @@ def black_box(options: BlackBoxCommand) -> None:
 
     check_outputs(options, {"the record": options["record"]}, out=(".py",))
     chosen = only(BlackBoxKeywords, options)
-    with progress() as tell:
-        tell(f"identifying models of {options['output']}")
+    with progress(f"identifying models of {options['output']}") as tell:
         chosen["progress"] = tell.done
         identified = work(options["record"], options["output"], options["inputs"], **chosen)
     _show(identified, options)

@@ -95,8 +95,7 @@ def _build_all(planned: _Planned, platforms: list[str] | None, options: BuildCom
         failures.append(platform)
         note(f"{path} is without {platform}: {error}")
 
-    with progress() as tell:
-        tell(f"building {len(planned)} FMUs")
+    with progress(f"building {len(planned)} FMUs") as tell:
         for k, (path, (cls, runtime)) in enumerate(planned.items()):
             failed = partial(skip_platform, path) if platforms is None else None
             done = partial(tell.done, k, len(planned))

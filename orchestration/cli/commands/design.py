@@ -26,8 +26,7 @@ def design(options: DesignCommand) -> None:
     check_outputs(options, {"the fit": options["fitted"]}, folder=folder)
     chosen = only(DesignKeywords, options)
     chosen["over"] = ranges_of(options["over"]) or None
-    with progress() as tell:
-        tell(f"designing a controller for {name}")
+    with progress(f"designing a controller for {name}"):
         found = work(model_or_system(name, options["laid_over"]), **chosen)
     show_and_write(found, options, plot=found.plot)
     if folder is not None:

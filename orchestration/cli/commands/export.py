@@ -76,8 +76,7 @@ def _fmus(classes: Sequence[type[Component]]) -> dict[str, bytes]:
     from fmus.kit import build
     from orchestration.reporting.console import progress
 
-    with progress() as tell:
-        tell(f"building {len(classes)} FMUs unless they are there")
+    with progress(f"building {len(classes)} FMUs unless they are there"):
         return {cls.name: build.build_cached(cls, "native").read_bytes() for cls in classes}
 
 

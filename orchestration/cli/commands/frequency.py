@@ -49,7 +49,6 @@ def _with_model(options: FrequencyCommand) -> FrequencyResponse:
     from orchestration.fmu.simulation import source_of
 
     model, record, parameters = open_measured(cast("MeasuredOptions", options))  # model is named
-    with progress() as tell:
-        tell(f"simulating {source_of(model).name} over {record.time.size} samples")
+    with progress(f"simulating {source_of(model).name} over {record.time.size} samples"):
         keywords = only(FrequencyKeywords, {**options, "settings": parameters})
         return frequency_response(record, model, **keywords)

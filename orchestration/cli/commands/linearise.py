@@ -31,8 +31,7 @@ def linearise(options: LineariseCommand) -> None:
         refuse(MappingOption, options, "is about a record; give the record with --input")
     chosen = only(LineariseKeywords, options)
     chosen["over"] = ranges_of(options["over"]) or None
-    with progress() as tell:
-        tell(f"linearising {name}")
+    with progress(f"linearising {name}"):
         model = model_or_system(name, options["laid_over"])
         stimulus = None
         if options["input_file"] is not None and isinstance(model, str):

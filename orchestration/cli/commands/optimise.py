@@ -30,8 +30,10 @@ def optimise(options: OptimiseCommand) -> None:
     chosen["settings"] = values_of(model, options["settings"], options["preset"])
     folder = part_of(options["json"])
     chosen["folder"] = folder
-    with kept_in(folder, "--json", "points"), console.progress() as tell:
-        tell(f"optimising {options['model']}")
+    with (
+        kept_in(folder, "--json", "points"),
+        console.progress(f"optimising {options['model']}") as tell,
+    ):
         chosen["progress"] = tell.done
         front = work(model, over, **chosen)
     with removed_after(folder):

@@ -149,8 +149,7 @@ def _run(
     # an FMU may change the working folder
     files = RunFiles(*(path and path.absolute() for path in given))
     try:
-        with hearing_ctrl_c(isolation), progress() as tell:
-            tell(f"simulating {model.title}")
+        with hearing_ctrl_c(isolation), progress(f"simulating {model.title}") as tell:
             outputs = simulate(
                 model,
                 stimulus.time,

@@ -69,8 +69,7 @@ def sweep(options: SweepCommand, context: typer.Context) -> None:
         work: Work = partial(sweep_file, Path(model), note=note)
     else:
         work = _sweep_of_options(options)
-    with kept_in(folder, "--out", "cases"), progress() as tell:
-        tell(f"sweeping {model}")
+    with kept_in(folder, "--out", "cases"), progress(f"sweeping {model}") as tell:
         how["progress"] = tell.done
         data = work(**how)
     _show(data)

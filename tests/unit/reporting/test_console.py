@@ -29,6 +29,12 @@ def test_every_step_is_a_line_of_its_own(told):
     assert told() == [f"step {k}" for k in range(10)]
 
 
+def test_the_first_step_can_be_named_at_once(told):
+    with console.progress("building") as tell:
+        tell("simulating")
+    assert told() == ["building", "simulating"]
+
+
 def test_a_short_step_tells_nothing_of_how_far_it_is(told):
     with console.progress() as tell:
         tell("simulating")
