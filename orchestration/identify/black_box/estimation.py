@@ -15,18 +15,14 @@ from orchestration.identify.black_box.orders import Count, Orders, orders
 from orchestration.identify.black_box.polynomials import integrates
 from orchestration.identify.black_box.prediction_error import Coefficients, PredictionError
 from orchestration.identify.black_box.result import Identification, Parameter
-from orchestration.identify.black_box.search import (
-    Optimum,
-    cost_near,
-    optimum,
-    refine,
-)
+from orchestration.identify.black_box.search import Optimum, optimum, refine
 from orchestration.identify.noise import fit_autoregression
 from orchestration.identify.uncertainty import Covariance, parameter_covariance, sandwich_covariance
 
 # A model without an offset is not searched if it costs more than so many times what BIC grants for
 # one parameter.
 _HOPELESS_PENALTIES = 10.0
+_NOT_CONVERGED = "the search used up its iterations; a lower order may do"
 _THROUGH_ZERO = ", and zero where all inputs are, as far as the data tell"
 
 
@@ -186,7 +182,6 @@ def _as_optimum(identification: Identification) -> Optimum:
         orders=model.orders,
         parts=model.coefficients,
         cost=float(identification.residual @ identification.residual),
-        samples=len(identification.residual),
         converged=identification.converged,
     )
 
@@ -208,12 +203,11 @@ def _search_without_offset(
     """
     # BIC per sample is log V + d log(N) / N: the loss may rise by this factor for a parameter less
     penalty = np.log(without_offset.samples) / without_offset.samples
-    if cost_near(without_offset, best.parts) > best.cost * np.exp(_HOPELESS_PENALTIES * penalty):
-        return None
-    through_zero = refine(without_offset, best.parts)
+    hopeless = best.cost * np.exp(_HOPELESS_PENALTIES * penalty)
+    through_zero = refine(without_offset, best.parts, hopeless)
     limits = [smaller.cost for smaller in contained if smaller.cost >= best.cost]
     limit = min([best.cost * np.exp(penalty), *limits])
-    return through_zero if through_zero.cost <= limit else None
+    return through_zero if through_zero and through_zero.cost <= limit else None
 
 
 def _assemble(
@@ -243,7 +237,8 @@ def _assemble(
         messages=(
             model.describe_operating_point() + ("" if problem.offset else _THROUGH_ZERO),
             *messages,
-            *_describe_doubts(model, best.converged),
+            *model.describe_instability(),
+            *([] if best.converged else [_NOT_CONVERGED]),
         ),
     )
 
@@ -294,11 +289,3 @@ def _make_model(
     if np.isfinite(static):
         return replace(model, output_offset=static)
     return replace(model, input_offsets=0.0 * mean)
-
-
-def _describe_doubts(model: PolynomialModel, converged: bool) -> list[str]:
-    """Return messages on an unstable model and on a search that did not converge."""
-    doubts = model.describe_instability()
-    if not converged:
-        doubts.append("the search used up its iterations; a lower order may do")
-    return doubts

@@ -6,7 +6,6 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from fmus.kit import UserError
 from fmus.kit.arrays import Array
 from orchestration.identify import fitting
 
@@ -15,16 +14,13 @@ _ENOUGH = 1e-9
 
 
 class ResidualProblem(Protocol):
-    """Prediction errors as functions of parameters, some of which are not admissible."""
+    """Prediction errors as functions of parameters."""
 
     def errors(self, theta: Array, /) -> Array:
-        """Return the prediction errors (n,)."""
+        """Return the prediction errors (n,); raise UserError if the predictor is not stable."""
 
     def jacobian(self, theta: Array, /) -> Array:
         """Return the derivatives (n, p) of the prediction errors by the parameters."""
-
-    def admissible(self, theta: Array, /) -> bool:
-        """Return whether the predictor is stable."""
 
 
 class GaussNewtonMinimum(NamedTuple):
@@ -53,7 +49,7 @@ def minimise(
     ----------
     problem : ResidualProblem
     theta : ndarray, shape (p,)
-        Where to start; admissible.
+        Where to start; the predictor is stable there.
     trials : int
         Points that are tried, at most.
     enough : float
@@ -66,16 +62,15 @@ def minimise(
     size = (
         float(np.linalg.norm(problem.errors(theta))) or 1.0
     )  # so that no unit decides when a search ends
-
-    def errors(at: Array) -> Array:
-        if not problem.admissible(at):
-            raise UserError("the predictor is not stable")
-        return problem.errors(at) / size
-
-    def slopes(at: Array) -> Array:
-        return problem.jacobian(at) / size
-
     ends = np.full_like(theta, np.inf)
-    end = fitting.minimise(errors, slopes, theta, -ends, ends, enough, trials=trials)
+    end = fitting.minimise(
+        lambda at: problem.errors(at) / size,
+        lambda at: problem.jacobian(at) / size,
+        theta,
+        -ends,
+        ends,
+        enough,
+        trials=trials,
+    )
     e = problem.errors(end.q)
     return GaussNewtonMinimum(end.q, float(e @ e), end.converged)

@@ -107,12 +107,11 @@ class Orders:
 
         The coefficient ``b2_3`` is that of q^-3 in the B of the second input.
         """
-        paths = []
+        groups = [("a", 1, self.na)]  # letter, first number and count
         for i, (b, f, k) in enumerate(zip(self.nb, self.nf, self.nk, strict=True), start=1):
-            paths += [f"b{i}_{k + j}" for j in range(b)]
-            paths += [f"f{i}_{j + 1}" for j in range(f)]
-        noise = [*_numbered("c", self.nc), *_numbered("d", self.nd)]
-        return (*_numbered("a", self.na), *paths, *noise)
+            groups += [(f"b{i}_", k, b), (f"f{i}_", 1, f)]
+        groups += [("c", 1, self.nc), ("d", 1, self.nd)]
+        return tuple(f"{x}{first + j}" for x, first, count in groups for j in range(count))
 
     def __str__(self) -> str:
         """Return the orders that are not zero as text: ``na = 2, nb = 2 1, nk = 1 1``."""
@@ -123,11 +122,6 @@ class Orders:
             if any(values)
         ]
         return ", ".join([*written, f"nk = {' '.join(map(str, self.nk))}"])
-
-
-def _numbered(letter: str, count: int) -> list[str]:
-    """Name the coefficients of one polynomial: a1, a2, ..."""
-    return [f"{letter}{j + 1}" for j in range(count)]
 
 
 def orders(

@@ -14,9 +14,11 @@ the parameters. Source: Ljung, sections 10.2 and 10.3.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from fmus.kit.arrays import Array
 from orchestration.identify.black_box.orders import Orders
@@ -80,8 +82,6 @@ class PredictionError:
             self._delayed(values, delay, count)
             for values, delay, count in zip(inputs.T, orders.nk, orders.nb, strict=True)
         ]
-        self._impulse = np.zeros(self.samples)
-        self._impulse[:1] = 1.0  # of no samples there is none
         # which parameters the errors are linear in: all but the coefficients of F, C and D
         self.linear = self.vector(
             Coefficients(
@@ -177,29 +177,15 @@ class PredictionError:
         They have a row for each, (count, samples), and depend on F, C and D alone, by which the
         equations of this module filter the signals.
         """
-        n = self.orders
-        count = n.na + sum(n.nb) + self.offset + sum(n.nf)
-        slopes = np.zeros((count, self.samples))
-        slopes[: n.na] = filtered(parts.d, parts.c, self._past_outputs)
-        b_row = n.na
-        transient_row = count - sum(n.nf)
-        for regressors, f in zip(self._past_inputs, parts.f, strict=True):
-            nb, nf = len(regressors), len(f) - 1
-            # one filter after the other: the product of polynomials with roots near one is inexact
-            through_f = filtered(_ONE, f, np.array([self._impulse, regressors[0]]))
-            impulse, driven = -filtered(parts.d, parts.c, through_f)
-            _delay(slopes[transient_row : transient_row + nf], impulse)
-            # an input delayed by k more samples passes the filter as the input itself does, but for
-            # its k values before the first sample, each of which adds an impulse response
-            _delay(slopes[b_row : b_row + nb], driven)
-            for k in range(nb):
-                for j in range(k):
-                    slopes[b_row + k, j:] += regressors[k, j] * impulse[: self.samples - j]
-            b_row += nb
-            transient_row += nf
-        if self.offset:
-            slopes[b_row] = -filtered(parts.d, parts.c, np.ones(self.samples))
-        return slopes
+        past_outputs = filtered(parts.d, parts.c, self._past_outputs)
+        # a free response is a combination of impulse responses, each a sample later than the last
+        impulses = [np.eye(count, self.samples) for count in self.orders.nf]
+        constant = np.ones((int(self.offset), self.samples))
+        # one filter after the other: the product of polynomials with roots near one is inexact
+        driven = [*map(partial(filtered, _ONE), parts.f, self._past_inputs), constant]
+        free = map(partial(filtered, _ONE), parts.f, impulses)
+        rows = np.vstack([*driven, *free])
+        return np.vstack([past_outputs, -filtered(parts.d, parts.c, rows)])
 
     def nonlinear_slopes(self, parts: Coefficients) -> Array:
         """Return the derivatives of the errors by the coefficients of every F, C and D.
@@ -209,21 +195,16 @@ class PredictionError:
         paths = self._paths(parts)
         v = self._disturbance(parts, paths)
         e = filtered(parts.d, parts.c, v)
-        slopes = np.zeros((int(np.count_nonzero(~self.linear)), self.samples))
-        position = 0
-        for f, w in zip(parts.f, paths, strict=True):
-            nf = len(f) - 1
-            if nf:
-                filtered_path = filtered(parts.d, parts.c, filtered(_ONE, f, w))
-                _delay(slopes[position : position + nf], filtered_path, 1)
-            position += nf
-        nc = self.orders.nc
-        _delay(slopes[position : position + nc], -filtered(_ONE, parts.c, e), 1)
-        _delay(slopes[position + nc :], filtered(_ONE, parts.c, v), 1)
-        return slopes
+        by_f = [
+            _delayed_from_rest(filtered(parts.d, parts.c, filtered(_ONE, f, w)), len(f) - 1)
+            for f, w in zip(parts.f, paths, strict=True)
+        ]
+        by_c = _delayed_from_rest(-filtered(_ONE, parts.c, e), self.orders.nc)
+        by_d = _delayed_from_rest(filtered(_ONE, parts.c, v), self.orders.nd)
+        return np.vstack([*by_f, by_c, by_d])
 
 
-def _delay(rows: Array, values: Array, first: int = 0) -> None:
-    """Write a signal that began at rest into rows of zeros, delayed by ``first`` and more."""
-    for k, row in enumerate(rows, start=first):
-        row[k:] = values[: len(values) - k]
+def _delayed_from_rest(values: Array, count: int) -> Array:
+    """Return a signal that began at rest, delayed by one to ``count`` samples (count, n)."""
+    windows = sliding_window_view(np.pad(values, (count, 0)), len(values))
+    return windows[:count][::-1]

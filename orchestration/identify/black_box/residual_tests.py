@@ -117,9 +117,9 @@ def residual_tests(
         raise UserError(f"lags = {lags}: must be from 1 to a quarter of the {len(e)} samples")
     if not (np.isfinite(e).all() and np.isfinite(u).all()) or np.ptp(e) == 0.0:
         raise UserError("residual and inputs must be finite numbers, and the residual not constant")
-    r_e = _cross_covariance(e, e, lags)[lags:]
+    r_e = _cross_covariance(e, e, lags)
     return ResidualTests(
-        r_e / r_e[0],
+        r_e[lags:] / r_e[lags],
         float(-ndtri(significance / 2.0)) / np.sqrt(len(e)),
         whiteness(e, lags, significance),
         tuple(_correlate_with_input(e, column, r_e, lags, significance) for column in u.T),
@@ -136,20 +136,22 @@ def _cross_covariance(x: Array, y: Array, lags: int) -> Array:
 def _correlate_with_input(
     e: Array, u: Array, r_e: Array, lags: int, significance: float
 ) -> ResidualInputCorrelation:
-    """Correlate a residual with one input, given the residual's autocovariance R_e (lags + 1,)."""
+    """Correlate a residual with one input.
+
+    The residual's autocovariance R_e (2 lags + 1,) is given from minus to plus the lags.
+    """
     n = len(e)
     all_lags = np.arange(-lags, lags + 1)
-    r_u = _cross_covariance(u, u, 2 * lags)[2 * lags :]
-    if r_u[0] == 0.0:
+    r_u = _cross_covariance(u, u, 2 * lags)
+    power = r_u[2 * lags]
+    if power == 0.0:
         none = np.zeros(len(all_lags))
         return ResidualInputCorrelation(all_lags, none, 0.0, 0.0, 1.0, significance)
     values = _cross_covariance(e, u, lags)
     # covariance of the estimates at lags k and l: sum_s R_e(s) R_u(s + k - l) / n
-    covariance = np.zeros(lags + 1)
-    for s in range(-lags, lags + 1):
-        covariance += r_e[abs(s)] * r_u[np.abs(np.arange(lags + 1) + s)]
+    covariance = np.correlate(r_u, r_e, "valid")[lags:]
     statistic, freedom = _joint_statistic(values[lags:], covariance / n)
-    scale = np.sqrt(r_e[0] * r_u[0])
+    scale = np.sqrt(r_e[lags] * power)
     limit = float(-ndtri(significance / 2.0)) * np.sqrt(max(covariance[0], 0.0) / n) / scale
     p_value = float(chdtrc(freedom, statistic))
     return ResidualInputCorrelation(

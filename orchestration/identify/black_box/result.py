@@ -137,6 +137,10 @@ class Identification:
         """
         return {p.name: p for p in self.parameters}[name]
 
+    def parameter_rows(self) -> list[list[str]]:
+        """Return name, value and standard error of every parameter, for tables."""
+        return [[p.name, f"{p.value:.6g}", f"{p.standard_error:.2g}"] for p in self.parameters]
+
     def residual_tests(self, lags: int | None = None, significance: float = 0.01) -> ResidualTests:
         """Test whether the residual is white and independent of the inputs.
 

@@ -51,15 +51,12 @@ class Optimum(NamedTuple):
     parts : Coefficients
     cost : float
         Sum of squared prediction errors.
-    samples : int
-        Number of errors.
     converged : bool
     """
 
     orders: Orders
     parts: Coefficients
     cost: float
-    samples: int
     converged: bool
 
 
@@ -91,32 +88,25 @@ def optimum(problem: PredictionError, contained: Sequence[Optimum] = ()) -> Opti
         is_only_minimum = is_only_minimum and not is_lower
         if not is_lower and (is_only_minimum or k + 1 >= _ROUNDS):
             break
-    return _follow_to_end(reduced, best.theta)
+    return _optimum_at(reduced, minimise(reduced, best.theta))
 
 
-def cost_near(problem: PredictionError, near: Coefficients) -> float:
-    """Return the cost with F, C and D of a model, and all other parameters at their optimum."""
+def refine(problem: PredictionError, near: Coefficients, hopeless: float) -> Optimum | None:
+    """Search from F, C and D of a model, and return the optimum; None from a hopeless start.
+
+    That is one whose cost, with all other parameters at their optimum, is above `hopeless`.
+    """
     reduced = ReducedPredictionError(problem)
-    e = reduced.errors(reduced.coordinates([*near.f, near.c, near.d]))
-    return float(e @ e)
-
-
-def refine(problem: PredictionError, near: Coefficients) -> Optimum:
-    """Search from F, C and D of a model, and return the optimum."""
-    reduced = ReducedPredictionError(problem)
-    return _follow_to_end(reduced, reduced.coordinates([*near.f, near.c, near.d]))
-
-
-def _follow_to_end(reduced: ReducedPredictionError, x: Array) -> Optimum:
-    """Search from one point to the end, and return the optimum."""
-    return _optimum_at(reduced, minimise(reduced, x))
+    start = reduced.coordinates([*near.f, near.c, near.d])
+    e = reduced.errors(start)
+    return None if e @ e > hopeless else _optimum_at(reduced, minimise(reduced, start))
 
 
 def _optimum_at(reduced: ReducedPredictionError, minimum: GaussNewtonMinimum) -> Optimum:
     """Return the model at a minimum."""
     problem = reduced.problem
     parts = problem.coefficients(reduced.theta(minimum.theta))
-    return Optimum(problem.orders, parts, minimum.cost, problem.samples, minimum.converged)
+    return Optimum(problem.orders, parts, minimum.cost, minimum.converged)
 
 
 def _lowest_minima(

@@ -117,7 +117,7 @@ def _past(values: Array, count: int) -> list[Array]:
 
 def _delayed(values: Array, lag: int) -> Array:
     """Return a signal (n,) delayed by ``lag`` samples; zero before."""
-    return np.concatenate([np.zeros(min(lag, len(values))), values[: max(len(values) - lag, 0)]])
+    return np.pad(values, (lag, 0))[: len(values)]
 
 
 def _steiglitz_mcbride(

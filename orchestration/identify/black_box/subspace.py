@@ -125,7 +125,7 @@ def _best_horizon(
 def _delayed(u: Array, lags: list[int]) -> Array:
     """Return inputs (n, m) delayed by ``lags`` samples, at their first value before."""
     delayed = [
-        np.concatenate([np.full(lag, column[0]), column])[: len(u)]
+        np.pad(column, (lag, 0), mode="edge")[: len(u)]
         for column, lag in zip(u.T, lags, strict=True)
     ]
     return np.stack(delayed, axis=1)
@@ -207,7 +207,7 @@ def _with_delays(matrices: _Realisation, later: list[int]) -> _Realisation:
     a, b, c, d, k = matrices
     n = len(a)
     none = np.zeros(sum(later))
-    extended = block_diag(a, *(np.eye(lag, k=-1) for lag in later if lag))
+    extended = block_diag(a, *(np.eye(lag, k=-1) for lag in later))
     entry = np.vstack([b, np.zeros((len(none), b.shape[1]))])
     end = n
     for i, lag in enumerate(later):
@@ -262,7 +262,9 @@ class _GainErrors:
         self._v = disturbance
 
     def errors(self, gain: Array) -> Array:
-        """Return the prediction errors (n,)."""
+        """Return the prediction errors (n,); raise UserError if the predictor is not stable."""
+        if not self.admissible(gain):
+            raise UserError("the predictor is not stable")
         drive = np.outer(self._v, gain)
         predicted = states(self._predictor(gain), drive, np.zeros(len(gain))) @ self._c
         return self._v - predicted

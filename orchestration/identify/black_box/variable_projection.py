@@ -114,10 +114,6 @@ class ReducedPredictionError:
             shapes.append((scale * polynomial, by_coordinates[1:]))
         return shapes
 
-    def admissible(self, x: Array) -> bool:
-        """Return whether coordinates are finite; all finite ones are those of a stable model."""
-        return bool(np.isfinite(x).all())
-
     def theta(self, x: Array) -> Array:
         """Return all parameters (p,), the linear ones at their optimum."""
         return self._projection_at(x).theta

@@ -146,11 +146,8 @@ def _free_responses(samples: int, denominators: list[Array], numerator: Array) -
 
 def _in_z(numerator: Array, denominator: Array) -> tuple[Array, Array]:
     """Return numerator and denominator in z of a quotient of polynomials in q^-1."""
-    size = max(len(numerator), len(denominator))
-    above = np.pad(numerator, (0, size - len(numerator)))
-    below = np.pad(denominator, (0, size - len(denominator)))
-    # roots at the origin that cancel
-    spare = 0
-    while spare < size - 1 and above[size - 1 - spare] == 0.0 and below[size - 1 - spare] == 0.0:
-        spare += 1
-    return np.trim_zeros(above[: size - spare], "f"), below[: size - spare]
+    above, below = (np.trim_zeros(x, "b") for x in (numerator, denominator))
+    # without roots at the origin that cancel
+    size = max(len(above), len(below))
+    above, below = (np.pad(x, (0, size - len(x))) for x in (above, below))
+    return np.trim_zeros(above, "f"), below

@@ -119,16 +119,13 @@ class BlackBox(Displayable):
         """Yield the sentence, a table of the models and the coefficients, for notebooks."""
         yield self.sentence
         head, *rows = self.search.lines()
-        models = plain_table("the best of every structure", *head, right=head[1:])
-        for row in rows:
-            models.add_row(*row)
-        yield models
+        yield plain_table("the best of every structure", *head, right=head[1:], rows=rows)
         chosen = self.chosen.identification
-        columns = ("value", "standard error")
-        coefficients = plain_table(f"the {self.chosen.structure} model", "coefficient", *columns)
-        for p in chosen.parameters:
-            coefficients.add_row(p.name, f"{p.value:.6g}", f"{p.standard_error:.2g}")
-        yield coefficients
+        yield plain_table(
+            f"the {self.chosen.structure} model",
+            *("coefficient", "value", "standard error"),
+            rows=chosen.parameter_rows(),
+        )
         yield from chosen.messages
 
     def to_frame(self) -> pandas.DataFrame:

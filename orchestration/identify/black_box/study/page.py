@@ -91,6 +91,6 @@ def _add_chosen_model(page: Page, result: BlackBox) -> None:
     if chosen.parameters:
         page.table(
             ["coefficient", "value", "standard error"],
-            [[p.name, f"{p.value:.6g}", f"{p.standard_error:.2g}"] for p in chosen.parameters],
+            chosen.parameter_rows(),
         )
     page.items([*chosen.messages, *result.remarks])

@@ -1,10 +1,11 @@
-"""Claims: a search ends at the minimum, and enters no model that is not admissible."""
+"""Claims: a search ends at the minimum, and enters no model whose errors are refused."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from fmus.kit import UserError
 from orchestration.identify.black_box import armax, input_output_data
 from orchestration.identify.black_box.gauss_newton import minimise
 from tests.support.black_box import box_jenkins_record
@@ -20,15 +21,14 @@ class Valley:
     def jacobian(self, theta):
         return np.array([[-20.0 * theta[0], 10.0], [-1.0, 0.0]])
 
-    def admissible(self, theta):
-        return True
-
 
 class Wall(Valley):
     """The same where x may be no larger than a half: there x = 1/2, y = 1/4 is the lowest."""
 
-    def admissible(self, theta):
-        return bool(theta[0] <= 0.5)
+    def errors(self, theta):
+        if theta[0] > 0.5:
+            raise UserError("x is larger")
+        return super().errors(theta)
 
 
 def test_a_curved_valley_is_followed_to_its_end():
@@ -38,7 +38,7 @@ def test_a_curved_valley_is_followed_to_its_end():
     assert end.cost == pytest.approx(0.0, abs=1e-12)
 
 
-def test_models_that_are_not_admissible_are_not_entered():
+def test_models_whose_errors_are_refused_are_not_entered():
     end = minimise(Wall(), np.array([-1.2, 1.0]))
     assert end.theta[0] <= 0.5
     assert end.cost == pytest.approx(0.25, rel=0.05)
