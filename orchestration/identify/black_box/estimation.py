@@ -283,7 +283,7 @@ def _make_model(
     )
     if problem.offset:
         # the constant is that of the whole equation; the output's is the constant over A at rest
-        above = 0.0 if integrates(parts.a) else parts.offset / parts.a.sum()
+        above = 0.0 if integrates(parts.a) else parts.offset / float(parts.a.sum())
         return replace(model, output_offset=float(data.output.mean()) + above)
     static = model.static_output(mean)
     if np.isfinite(static):

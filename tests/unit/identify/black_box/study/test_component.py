@@ -14,6 +14,7 @@ from scipy.signal import lfilter
 from fmus.kit import UserError
 from fmus.kit.build.building import build_cached
 from orchestration.fmu.model import load_class
+from orchestration.identify.black_box import box_jenkins, input_output_data
 from orchestration.identify.black_box.study.component import class_name, identifiers, source
 from tests.support.hosts import run_fmpy
 
@@ -44,6 +45,18 @@ def test_the_component_runs_as_the_filter_that_made_the_data(signals, found, tmp
         assert result["signal_lambda"][settled] == pytest.approx(expected[settled], abs=1e-9), (
             runtime
         )
+
+
+def test_an_estimated_operating_point_is_a_number_in_the_file(signals, tmp_path):
+    """Its level is that of the filters that made the data, at the means of the inputs."""
+    u, y = signals
+    data = input_output_data(u, y + 3.0, STEP, ("drive", "load"), "y")
+    model = box_jenkins(data, [2, 2], [1, 2], 0, 0, [0, 2]).model
+    path = tmp_path / "model.py"
+    path.write_text(source(model, "model", dict.fromkeys(("drive", "load", "y"), "V"), "A model."))
+    starts = {p.name: p.start for p in load_class(f"{path}:Model").layout.parameters}
+    level = 3.0 + u.mean(axis=0) @ [0.9 / 0.2, 0.3 / 0.3]
+    assert starts["y_mean"] == pytest.approx(level, abs=0.01)
 
 
 def test_names_of_columns_become_names_of_variables():
