@@ -18,7 +18,7 @@ from orchestration.api.linearisation import linearise
 from orchestration.api.options import DesignKeywords, LineariseKeywords
 from orchestration.api.results import DiagnosisResult
 from orchestration.api.simulation import as_declared, values_of
-from orchestration.experiment.system_model import is_system
+from orchestration.experiment.subjects import is_system
 from orchestration.fmu import Model
 from orchestration.fmu.signal import read_amount
 from orchestration.linear import (

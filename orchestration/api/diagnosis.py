@@ -31,7 +31,7 @@ from orchestration.diagnosis import law_map
 from orchestration.diagnosis.changes import changes_in_time
 from orchestration.diagnosis.foreign import FmuDiagnosis, diagnose_fmu
 from orchestration.diagnosis.systems import SystemOptions, diagnose_system
-from orchestration.experiment.system_model import find_system
+from orchestration.experiment.subjects import find_system
 from orchestration.fmu import Model
 from orchestration.fmu.signal import numeric
 from orchestration.identify.comparison import with_measured

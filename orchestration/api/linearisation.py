@@ -18,8 +18,8 @@ from orchestration.api.forms import seconds
 from orchestration.api.options import LineariseKeywords
 from orchestration.api.simulation import Inputs, as_declared, inputs_over, values_of
 from orchestration.api.sweeping import ranges_over
-from orchestration.experiment.subjects import with_classes
-from orchestration.experiment.system_model import find_system, is_system, system_model
+from orchestration.experiment.subjects import find_system, is_system, with_classes
+from orchestration.experiment.system_model import system_model
 from orchestration.fmu import Model, Value
 from orchestration.fmu.signal import declared_signal, numeric, read_setting
 from orchestration.fmu.simulation import source_of

@@ -11,7 +11,7 @@ from fmus.kit.build import host_platform
 from orchestration import master
 from orchestration.api.declaration import takes
 from orchestration.api.options import BuildKeywords
-from orchestration.experiment.system_model import find_system, is_system
+from orchestration.experiment.subjects import find_system, is_system
 from orchestration.fmu.check import Findings, check_fmu
 from orchestration.fmu.model import find_class
 from orchestration.system import System

@@ -17,12 +17,8 @@ from fmus.kit.symbolic import check_component
 from orchestration.api.declaration import takes
 from orchestration.api.forms import seconds
 from orchestration.api.options import SimulateKeywords
-from orchestration.experiment.system_model import (
-    find_system,
-    fused_model,
-    is_system,
-    system_model,
-)
+from orchestration.experiment.subjects import find_system, is_system
+from orchestration.experiment.system_model import fused_model, system_model
 from orchestration.fmu import Model, Value
 from orchestration.fmu.isolation import isolation
 from orchestration.fmu.model import built, declared_model, declared_model_of

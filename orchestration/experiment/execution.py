@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,13 +18,7 @@ from orchestration.experiment.live import Follower, Live, admitted, first_open_l
 from orchestration.experiment.model import Experiment
 from orchestration.experiment.preparation import Preparation, prepare
 from orchestration.experiment.subjects import Subject, open_subject
-from orchestration.experiment.variants import (
-    KeptVariants,
-    Obtain,
-    Remarked,
-    compute_anew,
-    kept_variants,
-)
+from orchestration.experiment.variants import Obtain, Remarked, compute_anew, kept_variants
 from orchestration.fmu.isolation import Limits
 from orchestration.master import Run, Statistics, Stopped
 from orchestration.master.reference import imbalance
@@ -109,46 +103,47 @@ def run(
         raise UserError(
             f"{option('folder', str(folder))} keeps variants that are done, and {where} has none"
         )
+    calls = _Calls(progress, note, fits, isolation)
     with open_subject(experiment, where) as subject:
         for line in subject.notes:
             note(line)
         if not experiment.variants:
-            return _run_one(
-                experiment, subject, where, progress, note, fits, live=live, isolation=isolation
-            )
+            return _run_one(experiment, subject, where, calls, live)
         with kept_variants(folder, experiment) as kept:
-            return _run_variants(
-                experiment, subject, where, progress, note, fits, isolation=isolation, kept=kept
-            )
+            return _run_variants(experiment, subject, where, calls, kept)
+
+
+class _Calls(NamedTuple):
+    """What a run calls; see `run`."""
+
+    progress: Callable[[int, int], None]
+    note: Callable[[str], None]
+    fits: Callable[[xarray.Dataset], None]
+    isolation: Callable[[bool], Limits | None]
 
 
 def _run_one(
     experiment: Experiment,
     subject: Subject,
     where: str,
-    progress: Callable[[int, int], None],
-    note: Callable[[str], None],
-    fits: Callable[[xarray.Dataset], None],
-    *,
+    calls: _Calls,
     live: Live | None = None,
-    isolation: Callable[[bool], Limits | None],
     obtain: Obtain = compute_anew,
 ) -> ExperimentResult:
-    """Run an experiment without variants, unless `obtain` has its result in a journal.
-
-    The other parameters are those of `run`.
-    """
+    """Run an experiment without variants, unless `obtain` has its result in a journal."""
     if live is not None:
         _refuse_fused(experiment, where)
         experiment = live.tuner.added_to(experiment, subject, where)
-    prepared = prepare(_record_links(experiment, subject), subject, where, note)
+    prepared = prepare(_record_links(experiment, subject), subject, where, calls.note)
     if live is not None:
         prepared = live.tuner.begin(prepared)
-    fits(_first_point(prepared))
+    calls.fits(_first_point(prepared))
     paced = None if live is None else admitted(live, prepared)
 
     def compute() -> Remarked:
-        ran, failure = _run_prepared(prepared, paced, progress, isolation(subject.foreign))
+        ran, failure = _run_prepared(
+            prepared, paced, calls.progress, calls.isolation(subject.foreign)
+        )
         if ran.time.size == 0:
             raise KeyboardInterrupt
         data, remarks = _make_result(prepared, ran, where)
@@ -158,7 +153,7 @@ def _run_one(
 
     result, remarks = obtain(prepared, compute, partial(_restore, prepared, where))
     for line in remarks:
-        note(line)
+        calls.note(line)
     return result
 
 
@@ -166,14 +161,10 @@ def _run_variants(
     experiment: Experiment,
     subject: Subject,
     where: str,
-    progress: Callable[[int, int], None],
-    note: Callable[[str], None],
-    fits: Callable[[xarray.Dataset], None],
-    *,
-    isolation: Callable[[bool], Limits | None],
-    kept: KeptVariants | None,
+    calls: _Calls,
+    kept: Callable[[int], Obtain],
 ) -> ExperimentResult:
-    """Run the variants of an experiment, one after another; parameters as in `run`.
+    """Run the variants of an experiment, one after another.
 
     Raise UserError for a variant that failed, and KeyboardInterrupt for one that was interrupted,
     as a result has all variants or none.
@@ -182,16 +173,12 @@ def _run_variants(
     for number, (name, settings) in enumerate(experiment.variants.items()):
         here = f"{where}: {name}"
         changes = {"parameters": {**experiment.parameters, **settings}, "variants": {}}
-        runs[name] = _run_one(
-            experiment.model_copy(update=changes),
-            subject,
-            here,
-            _progress_of_part(progress, number, len(experiment.variants)),
-            _prefixed(note, name),
-            fits,
-            isolation=isolation,
-            obtain=compute_anew if kept is None else partial(kept.find, number),
+        of_variant = calls._replace(
+            progress=_progress_of_part(calls.progress, number, len(experiment.variants)),
+            note=_prefixed(calls.note, name),
         )
+        variant = experiment.model_copy(update=changes)
+        runs[name] = _run_one(variant, subject, here, of_variant, obtain=kept(number))
         if "failure" in runs[name].attrs:
             raise UserError(f"{here}: {runs[name].attrs['failure']}")
         if not runs[name].attrs["complete"]:
@@ -199,7 +186,7 @@ def _run_variants(
     data = results.side_by_side(runs, experiment, where)
     if experiment.work_loop:
         for line in work_loop.overtaken(work_loop.tracked_loops(data, experiment.work_loop)):
-            note(line)
+            calls.note(line)
     return data
 
 

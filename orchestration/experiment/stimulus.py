@@ -87,6 +87,10 @@ class StimulusTable(ValueTable):
             return given.to(unit, f"{key} = {given.value:g} {given.unit}")
         return [q.to(unit, f"{key} = {q.value:g} {q.unit}") for q in given]
 
+    def _amounts_in(self, unit: str, *keys: str) -> Iterator[Any]:
+        """Yield the amount of each key in a unit."""
+        return (self._amount_in(unit, key) for key in keys)
+
     def _check_frequency(self, key: str, frequency: float, time: Array) -> None:
         """Raise UserError for a frequency that the communication points alias to a lower one."""
         step = time[1] - time[0]
@@ -120,10 +124,6 @@ class _Wave(StimulusTable):
     amplitude: Amount
     offset: Amount = _ZERO
 
-    def _amplitude_and_offset(self, driven: DrivenInput) -> tuple[float, float]:
-        """Return amplitude and offset in the unit of the input."""
-        return self._amount_in(driven.unit, "amplitude"), self._amount_in(driven.unit, "offset")
-
 
 class Square(_Wave):
     """Square wave whose periods begin at `delay`, each with its high half."""
@@ -134,7 +134,7 @@ class Square(_Wave):
 
     def _signal(self, time: Array, driven: DrivenInput) -> Array:
         self._check_frequency("frequency", self.frequency, time)
-        amplitude, offset = self._amplitude_and_offset(driven)
+        amplitude, offset = self._amounts_in(driven.unit, "amplitude", "offset")
         return waveforms.square_wave(time - self.delay, amplitude, self.frequency, offset)
 
 
@@ -147,7 +147,7 @@ class Sine(_Wave):
 
     def _signal(self, time: Array, driven: DrivenInput) -> Array:
         self._check_frequency("frequency", self.frequency, time)
-        amplitude, offset = self._amplitude_and_offset(driven)
+        amplitude, offset = self._amounts_in(driven.unit, "amplitude", "offset")
         return waveforms.sine(time - self.delay, amplitude, self.frequency, offset)
 
 
@@ -161,7 +161,7 @@ class Chirp(_Wave):
     def _signal(self, time: Array, driven: DrivenInput) -> Array:
         self._check_frequency("start_frequency", self.start_frequency, time)
         self._check_frequency("stop_frequency", self.stop_frequency, time)
-        amplitude, offset = self._amplitude_and_offset(driven)
+        amplitude, offset = self._amounts_in(driven.unit, "amplitude", "offset")
         return waveforms.chirp(
             time, amplitude, self.start_frequency, self.stop_frequency, float(time[-1]), offset
         )
@@ -179,7 +179,7 @@ class Multisine(StimulusTable):
     def _signal(self, time: Array, driven: DrivenInput) -> Array:
         for k, frequency in enumerate(self.frequencies):
             self._check_frequency(f"frequencies[{k}]", frequency, time)
-        rms, offset = self._amount_in(driven.unit, "rms"), self._amount_in(driven.unit, "offset")
+        rms, offset = self._amounts_in(driven.unit, "rms", "offset")
         return waveforms.multisine(
             time, self.frequencies, rms, driven.seed if self.seed is None else self.seed, offset
         )
@@ -246,7 +246,7 @@ class Staircase(StimulusTable):
 
     def _signal(self, time: Array, driven: DrivenInput) -> Array:
         self._require_steps("period", self.period, 2, time)
-        forces = (self._amount_in(driven.unit, key) for key in ("bias", "increment", "maximum"))
+        forces = self._amounts_in(driven.unit, "bias", "increment", "maximum")
         return waveforms.force_staircase(time, self.period, *forces)
 
 

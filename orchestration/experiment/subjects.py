@@ -7,8 +7,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Any, Protocol
+from typing import Any
 
+from fmus.kit import registry
 from fmus.kit.arrays import Array, Signals
 from fmus.kit.errors import UserError, find, suggestion
 from fmus.kit.record import CompiledModel
@@ -21,45 +22,11 @@ from orchestration.fmu.model import declared_model, refuse_runtime
 from orchestration.fmu.signal import read_signal
 from orchestration.fmu.simulation import FmuSource, LimitOutputs
 from orchestration.master.reference import Mechanical, fuse, mechanical
-from orchestration.system import Member, Port, System, library, ssp
+from orchestration.system import NAMES, Member, Port, System, library, ssp
 from orchestration.system import checking as check
 from orchestration.system.ssp import ENDINGS
 
 Progress = Callable[[int], None]
-
-
-class Runner(Protocol):
-    """Function that runs a subject over communication points."""
-
-    def __call__(
-        self,
-        time: Array,
-        inputs: Signals,
-        settings: Mapping[str, Value],
-        record: Sequence[str],
-        progress: Progress,
-        *,
-        pace: master.RealTime | None = None,
-        isolation: Limits | None = None,
-    ) -> master.Run:
-        """Return the recorded outputs.
-
-        Parameters
-        ----------
-        time : ndarray, shape (n,)
-            Communication points, s.
-        inputs : Mapping of str to ndarray, shape (n,)
-        settings : Mapping of str to float or str
-            Parameters.
-        record : sequence of str
-            Names of outputs.
-        progress : callable
-            Called with the number of computed points.
-        pace : RealTime, optional
-            Options of real time.
-        isolation : Limits, optional
-            Limits of another process, in which the FMUs run.
-        """
 
 
 _NOT_RECORDABLE = ("parameter", "input", "independent")
@@ -91,8 +58,12 @@ class Subject:
         GUID of every FMU.
     couplings : list of Mechanical
         Couplings whose energy imbalance can be computed.
-    run : callable
-        A `Runner`.
+    system : System
+        What is run.
+    prefix : str
+        Removed from the names of signals of the system.
+    options : Master
+        Options of running it.
     foreign : bool
         Whether one of the FMUs is not ours.
     notes : sequence of str
@@ -113,7 +84,9 @@ class Subject:
     step: float
     guids: Mapping[str, str]
     couplings: Sequence[Mechanical]
-    run: Runner
+    system: System
+    prefix: str
+    options: Master
     foreign: bool
     notes: Sequence[str] = ()
 
@@ -121,6 +94,56 @@ class Subject:
     def driven(self) -> Mapping[str, Signal]:
         """Everything that a stimulus can drive: inputs and tunable parameters."""
         return {**self.inputs, **self.tunable}
+
+    def run(
+        self,
+        time: Array,
+        inputs: Signals,
+        settings: Mapping[str, Value],
+        record: Sequence[str],
+        progress: Progress,
+        *,
+        pace: master.RealTime | None = None,
+        isolation: Limits | None = None,
+    ) -> master.Run:
+        """Run it over communication points, and return the recorded outputs.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            Communication points, s.
+        inputs : Mapping of str to ndarray, shape (n,)
+        settings : Mapping of str to float or str
+            Parameters.
+        record : sequence of str
+            Names of outputs.
+        progress : callable
+            Called with the number of computed points.
+        pace : RealTime, optional
+            Options of real time.
+        isolation : Limits, optional
+            Limits of another process, in which the FMUs run.
+        """
+        system = self.system.given(
+            {f"{self.prefix}{name}": value for name, value in settings.items()}
+        )
+        names = [f"{self.prefix}{name}" for name in record]
+        driven = {
+            name if name in system.inputs else f"{self.prefix}{name}": values
+            for name, values in inputs.items()
+        }
+        if self.options.method == "fused":
+            return _run_fused(system, time, driven, names, progress)
+        return master.run(
+            system,
+            time,
+            driven,
+            record=names,
+            progress=progress,
+            real_time=pace,
+            isolation=isolation,
+            **self.options.model_dump(exclude_none=True),
+        )
 
 
 @contextmanager
@@ -137,12 +160,13 @@ def open_subject(experiment: Experiment, where: str) -> Iterator[Subject]:
             if experiment.component is not None:
                 subject = _component_subject(experiment, experiment.component)
             else:
-                subject = _system_subject(experiment, str(experiment.system), folder)
+                system = find_system(str(experiment.system), experiment.chosen_runtime, folder)
+                subject = replace(subject_of(system, experiment.master), notes=unknown_laws(system))
         except UserError as error:
-            system = experiment.system
+            file = experiment.system
             # `where` is the system's own file if it is run without an experiment
-            is_same_file = system is not None and Path(where).absolute() == Path(system)
-            message = str(error).removeprefix(f"{system}: ") if is_same_file else error
+            is_same_file = file is not None and Path(where).absolute() == Path(file)
+            message = str(error).removeprefix(f"{file}: ") if is_same_file else error
             raise UserError(f"{where}: {message}") from error
         yield subject
 
@@ -166,13 +190,33 @@ def _component_subject(experiment: Experiment, name: str) -> Subject:
     return replace(subject_of(system, experiment.master, f"{member}."), notes=model.notes)
 
 
-def _system_subject(experiment: Experiment, name: str, folder: Path) -> Subject:
-    """Return the system of a name, or of a file, which is unpacked into a folder, as a subject."""
+def is_system(name: str) -> bool:
+    """Return whether a name is that of a system or of its file, and not that of a component."""
+    is_name = name in NAMES and name not in registry.models()
+    return is_name or Path(name).suffix.lower() in ENDINGS
+
+
+def find_system(name: str, runtime: str | None = None, folder: Path | None = None) -> System:
+    """Return the system of a name or a file.
+
+    Parameters
+    ----------
+    name : str
+        Name of a system that ships, or an ``.ssp`` or ``.ssd`` file.
+    runtime : {"native", "python"}, optional
+        Kind of build of a system that ships; native by default.
+    folder : Path, optional
+        Where FMUs of a file are unpacked; by default in one that is kept until the process ends.
+
+    Raises
+    ------
+    UserError
+        If there is no such system, it cannot be read, or a kind of build is given for a file.
+    """
     if Path(name).suffix.lower() in ENDINGS:
-        refuse_runtime(experiment.chosen_runtime, name)
-        system = ssp.read(Path(name), folder)
-        return replace(subject_of(system, experiment.master), notes=unknown_laws(system))
-    return subject_of(library.system(name, experiment.runtime), experiment.master)
+        refuse_runtime(runtime, name)
+        return ssp.read(Path(name), folder or scratch.make("system"))
+    return library.system(name, runtime or "native")
 
 
 def subject_of(system: System, master_options: Master | None = None, prefix: str = "") -> Subject:
@@ -241,7 +285,9 @@ def subject_of(system: System, master_options: Master | None = None, prefix: str
         step=system.step,
         guids=guids,
         couplings=mechanical(system) if options.couples_evenly else [],
-        run=_runner(system, prefix, options),
+        system=system,
+        prefix=prefix,
+        options=options,
         foreign=any(member.cls is None for member in system.members),
     )
 
@@ -252,41 +298,6 @@ def _why_not_settable(system: System) -> dict[str, str]:
     for name, targets in system.inputs.items():
         reasons |= dict.fromkeys([name, *map(str, targets)], f"give it as inputs.{name}")
     return reasons
-
-
-def _runner(system: System, prefix: str, master_options: Master) -> Runner:
-    """Return the function that runs a system; it puts a prefix before names of signals."""
-
-    def run(
-        time: Array,
-        inputs: Signals,
-        settings: Mapping[str, Value],
-        record: Sequence[str],
-        progress: Progress,
-        *,
-        pace: master.RealTime | None = None,
-        isolation: Limits | None = None,
-    ) -> master.Run:
-        ready = system.given({f"{prefix}{name}": value for name, value in settings.items()})
-        names = [f"{prefix}{name}" for name in record]
-        driven = {
-            name if name in system.inputs else f"{prefix}{name}": values
-            for name, values in inputs.items()
-        }
-        if master_options.method == "fused":
-            return _run_fused(ready, time, driven, names, progress)
-        return master.run(
-            ready,
-            time,
-            driven,
-            record=names,
-            progress=progress,
-            real_time=pace,
-            isolation=isolation,
-            **master_options.model_dump(exclude_none=True),
-        )
-
-    return run
 
 
 def _is_settable(variable: Any) -> bool:

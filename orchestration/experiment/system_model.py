@@ -17,48 +17,18 @@ from typing import Any
 
 import numpy as np
 
-from fmus.kit import UserError, registry
+from fmus.kit import UserError
 from fmus.kit.arrays import Array, Indices, Signals
 from fmus.kit.record import CompiledModel
-from fmus.kit.storage import scratch
 from orchestration.experiment.model import Master
 from orchestration.experiment.subjects import Subject, subject_of, unknown_laws, with_classes
 from orchestration.fmu import Model, Signal, Value
-from orchestration.fmu.model import refuse_runtime
 from orchestration.fmu.signal import numeric
 from orchestration.fmu.simulation import FmuSource
 from orchestration.master.reference import fuse
-from orchestration.system import NAMES, System, interface, library, ssp
+from orchestration.system import System, interface
 
 _ROUNDING = 1e-9  # relative, by which a distance may exceed whole steps
-
-
-def is_system(name: str) -> bool:
-    """Return whether a name is that of a system or of its file, and not that of a component."""
-    return (name in NAMES and name not in registry.models()) or Path(
-        name
-    ).suffix.lower() in ssp.ENDINGS
-
-
-def find_system(name: str, runtime: str | None = None) -> System:
-    """Return the system of a name or a file; its FMUs are unpacked until the process ends.
-
-    Parameters
-    ----------
-    name : str
-        Name of a system that ships, or an ``.ssp`` or ``.ssd`` file.
-    runtime : {"native", "python"}, optional
-        Kind of build of a system that ships; native by default.
-
-    Raises
-    ------
-    UserError
-        If there is no such system, it cannot be read, or a kind of build is given for a file.
-    """
-    if Path(name).suffix.lower() in ssp.ENDINGS:
-        refuse_runtime(runtime, name)
-        return ssp.read(Path(name), scratch.make("system"))
-    return library.system(name, runtime or "native")
 
 
 def system_model(system: System, master: Master | None = None, name: str = "") -> Model:

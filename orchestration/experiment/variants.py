@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -57,60 +58,48 @@ class _VariantJournal(WorkJournal):
         self.keep(row, numbers)
 
 
-class KeptVariants:
-    """Results of the variants of an experiment, in a journal.
+def _find(
+    folder: Path,
+    experiment: Experiment,
+    row: int,
+    prepared: Preparation,
+    compute: Compute,
+    restore: Restore,
+) -> Remarked:
+    """Return the result of a variant and the remarks on it, from the journal or computed."""
+    journal = _open_journal(folder, experiment, prepared)
+    if journal.is_done(row):
+        *signals, seconds = np.array(journal.numbers[row])
+        values = np.reshape(signals, (len(prepared.signals), -1))
+        result = restore(dict(zip(prepared.signals, values, strict=True)), float(seconds))
+        return result, journal.remarks(row)
+    result, remarks = compute()
+    if result.attrs["complete"]:
+        signals = [result[name].values for name in prepared.signals]
+        numbers = np.concatenate([*signals, [result.attrs["wall_time"]]])
+        journal.keep_remarked(row, numbers, remarks)
+    return result, remarks
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of the journal, locked by this process.
-    experiment : Experiment
-        Experiment with variants.
-    """
 
-    def __init__(self, folder: Path, experiment: Experiment):
-        self._folder = folder
-        self._experiment = experiment
-
-    def find(self, row: int, prepared: Preparation, compute: Compute, restore: Restore) -> Remarked:
-        """Return the result of a variant and the remarks on it, from the journal or computed.
-
-        Raises
-        ------
-        UserError
-            If the journal is of another experiment.
-        """
-        journal = self._open_journal(prepared)
-        if journal.is_done(row):
-            *signals, seconds = np.array(journal.numbers[row])
-            values = np.reshape(signals, (len(prepared.signals), -1))
-            result = restore(dict(zip(prepared.signals, values, strict=True)), float(seconds))
-            return result, journal.remarks(row)
-        result, remarks = compute()
-        if result.attrs["complete"]:
-            signals = [result[name].values for name in prepared.signals]
-            numbers = np.concatenate([*signals, [result.attrs["wall_time"]]])
-            journal.keep_remarked(row, numbers, remarks)
-        return result, remarks
-
-    def _open_journal(self, prepared: Preparation) -> _VariantJournal:
-        """Open the journal; its width is known when a variant is prepared."""
-        inputs, noise = prepared.inputs, prepared.noise
-        about = {
-            "the experiment": digest(self._experiment.model_dump_json(exclude_none=True)),
-            "the FMUs": digest(json.dumps(dict(prepared.subject.guids), sort_keys=True)),
-            "inputs and noise": digest(
-                sorted(inputs), *inputs.values(), sorted(noise), *noise.values()
-            ),
-        }
-        width = len(prepared.signals) * prepared.time.size + 1
-        shape = (len(self._experiment.variants), width)
-        return _VariantJournal(self._folder, "experiment", about, shape)
+def _open_journal(folder: Path, experiment: Experiment, prepared: Preparation) -> _VariantJournal:
+    """Open the journal; its width is known when a variant is prepared."""
+    inputs, noise = prepared.inputs, prepared.noise
+    about = {
+        "the experiment": digest(experiment.model_dump_json(exclude_none=True)),
+        "the FMUs": digest(json.dumps(dict(prepared.subject.guids), sort_keys=True)),
+        "inputs and noise": digest(
+            sorted(inputs), *inputs.values(), sorted(noise), *noise.values()
+        ),
+    }
+    width = len(prepared.signals) * prepared.time.size + 1
+    return _VariantJournal(folder, "experiment", about, (len(experiment.variants), width))
 
 
 @contextmanager
-def kept_variants(folder: Path | None, experiment: Experiment) -> Iterator[KeptVariants | None]:
-    """Lock the folder of a journal and yield its results; None without a folder.
+def kept_variants(folder: Path | None, experiment: Experiment) -> Iterator[Callable[[int], Obtain]]:
+    """Lock the folder of a journal, and yield the `Obtain` of each variant, by its number.
+
+    Without a folder all are computed. It raises UserError if the journal is of another experiment.
 
     Raises
     ------
@@ -118,8 +107,8 @@ def kept_variants(folder: Path | None, experiment: Experiment) -> Iterator[KeptV
         If another process uses the folder, or it has other files.
     """
     if folder is None:
-        yield None
+        yield lambda row: compute_anew
         return
     check(folder)
     with locked_folder(folder):
-        yield KeptVariants(folder, experiment)
+        yield lambda row: partial(_find, folder, experiment, row)

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmus.kit import UserError, files
-from orchestration.experiment.subjects import with_classes
-from orchestration.experiment.system_model import find_system
+from orchestration.experiment.subjects import find_system, with_classes
 from orchestration.fmu import Model
 from orchestration.fmu.model import built
 from orchestration.linear.operating_point import OperatingPoint

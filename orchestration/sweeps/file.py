@@ -14,8 +14,8 @@ from fmus.kit.arrays import Array
 from fmus.kit.files import is_file
 from orchestration.experiment import Experiment, parse, read, shipped
 from orchestration.experiment.preparation import prepare
-from orchestration.experiment.subjects import open_subject
-from orchestration.experiment.system_model import find_system, system_model
+from orchestration.experiment.subjects import find_system, open_subject
+from orchestration.experiment.system_model import system_model
 from orchestration.experiment.values import ValueTable, checked, read_toml
 from orchestration.fmu import Model, Value, find_model
 from orchestration.sweeps.fitted import read_fitted

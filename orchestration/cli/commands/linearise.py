@@ -51,7 +51,7 @@ def model_or_system(name: str, laid_over: Sequence[str]) -> Model | str:
     UserError
         If there is no such model or effect, or effects are for a system.
     """
-    from orchestration.experiment.system_model import is_system
+    from orchestration.experiment.subjects import is_system
     from orchestration.fmu.model import declared_model
 
     if is_system(name):

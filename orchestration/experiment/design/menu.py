@@ -18,7 +18,7 @@ Limits = Mapping[str, tuple[float, float]]
 _STAYS_PER_DURATION = (600.0, 120.0, 25.0)
 _SHAPES: dict[str, Callable[..., Array]] = {
     "constant": lambda time, value: np.full(time.size, value),
-    "multilevel": lambda time, levels, dwell, seed: waveforms.multilevel(time, levels, dwell, seed),
+    "multilevel": waveforms.multilevel,
     "ramps": lambda time, times, levels: waveforms.ramps(time, times, levels),
     "steps": lambda time, times, levels, initial: waveforms.steps(time, times, levels, initial),
 }

@@ -16,12 +16,8 @@ import orchestration as ppy
 from fmus import component
 from fmus.kit import UserError
 from orchestration.experiment.model import Master
-from orchestration.experiment.system_model import (
-    find_system,
-    fused_model,
-    is_system,
-    system_model,
-)
+from orchestration.experiment.subjects import find_system, is_system
+from orchestration.experiment.system_model import fused_model, system_model
 from orchestration.fmu.simulation import source_of
 from orchestration.system import Member, Port, System, library, ssp
 from tests.support.closed_loop import TIME, closed_loop, references
