@@ -173,10 +173,7 @@ def _run_variants(
     for number, (name, settings) in enumerate(experiment.variants.items()):
         here = f"{where}: {name}"
         changes = {"parameters": {**experiment.parameters, **settings}, "variants": {}}
-        of_variant = calls._replace(
-            progress=_progress_of_part(calls.progress, number, len(experiment.variants)),
-            note=_prefixed(calls.note, name),
-        )
+        of_variant = _calls_of_variant(calls, name, number, len(experiment.variants))
         variant = experiment.model_copy(update=changes)
         runs[name] = _run_one(variant, subject, here, of_variant, obtain=kept(number))
         if "failure" in runs[name].attrs:
@@ -190,16 +187,12 @@ def _run_variants(
     return data
 
 
-def _progress_of_part(
-    progress: Callable[[int, int], None], number: int, parts: int
-) -> Callable[[int, int], None]:
-    """Return the `progress` function of one of several parts with equally many points."""
-    return lambda done, whole: progress(number * whole + done, parts * whole)
-
-
-def _prefixed(note: Callable[[str], None], name: str) -> Callable[[str], None]:
-    """Return a function that calls `note` with a name before each line."""
-    return lambda line: note(f"{name}: {line}")
+def _calls_of_variant(calls: _Calls, name: str, number: int, count: int) -> _Calls:
+    """Return the calls of one of several variants with equally many points."""
+    return calls._replace(
+        progress=lambda done, whole: calls.progress(number * whole + done, count * whole),
+        note=lambda line: calls.note(f"{name}: {line}"),
+    )
 
 
 def _first_point(prepared: Preparation) -> ExperimentResult:

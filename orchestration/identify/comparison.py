@@ -126,7 +126,15 @@ class Comparison(Displayable):
         ImportError
             If pandas is not installed.
         """
-        return presentation.frame(self)
+        import pandas
+
+        rows = {
+            (output, label): run[output].to_dict(self.model.outputs[output].unit)
+            for output in self.before
+            for label, run in presentation.runs(self).items()
+        }
+        table = pandas.DataFrame.from_dict(rows, orient="index").drop(columns="ljung_box_p")
+        return table.rename_axis(["output", "run"])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures, ready for JSON, as ``ppy compare --json`` writes them.
@@ -136,7 +144,26 @@ class Comparison(Displayable):
         dict
             Numbers with their units; None for numbers that are not finite.
         """
-        return presentation.figures(self)
+        record = self.record
+        figures: dict[str, Any] = {
+            "record": {
+                "file": record.source.name,
+                "samples": int(record.time.size),
+                "seconds": float(record.time[-1] - record.time[0]),
+                "notes": [repair.message for repair in record.repairs],
+            },
+            "model": self.model.name,
+            "set": self.parameters,
+            "outputs": self._figures_of(self.before),
+            "remarks": list(self.remarks),
+        }
+        if self.fit is not None and self.after is not None:
+            figures["fitted"] = {"outputs": self._figures_of(self.after), **self.fit.to_dict()}
+        return figures
+
+    def _figures_of(self, run: Mapping[str, GoodnessOfFit]) -> dict[str, Any]:
+        """Return the figures of every output of a run."""
+        return {name: one.to_dict(self.model.outputs[name].unit) for name, one in run.items()}
 
 
 def read_for(model: Model, path: Source, mapping: Mapping[str, str] | None = None) -> Record:

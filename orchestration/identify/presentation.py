@@ -1,10 +1,9 @@
-"""Fits and comparisons as text, tables and JSON."""
+"""Fits and comparisons as text and tables."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.console import Group, RenderableType
 from rich.table import Table
@@ -14,8 +13,6 @@ from fmus.kit.units import format_difference, format_value
 from orchestration.reporting import plain_table
 
 if TYPE_CHECKING:
-    import pandas
-
     from orchestration.identify.comparison import Comparison, GoodnessOfFit
     from orchestration.identify.grey_box import Fit
 
@@ -128,50 +125,3 @@ def coupled(fit: Fit) -> list[Text]:
     if not pairs:
         return []
     return [Text(f"known together better than each, by their correlation: {', '.join(pairs)}")]
-
-
-def frame(comparison: Comparison) -> pandas.DataFrame:
-    """Return a row for every output and run: fit, RMS error with its unit, whiteness."""
-    import pandas
-
-    rows = {
-        (output, label): run[output].to_dict(comparison.model.outputs[output].unit)
-        for output in comparison.before
-        for label, run in runs(comparison).items()
-    }
-    table = pandas.DataFrame.from_dict(rows, orient="index").drop(columns="ljung_box_p")
-    return table.rename_axis(["output", "run"])
-
-
-def figures(comparison: Comparison) -> dict[str, Any]:
-    """Return the figures, ready for JSON: numbers with their units, None for NaN.
-
-    Parameters
-    ----------
-    comparison : Comparison
-
-    Returns
-    -------
-    dict
-    """
-
-    def output_figures(run: Mapping[str, GoodnessOfFit]) -> dict[str, Any]:
-        outputs = comparison.model.outputs
-        return {name: goodness.to_dict(outputs[name].unit) for name, goodness in run.items()}
-
-    record = comparison.record
-    result: dict[str, Any] = {
-        "record": {
-            "file": record.source.name,
-            "samples": int(record.time.size),
-            "seconds": float(record.time[-1] - record.time[0]),
-            "notes": [repair.message for repair in record.repairs],
-        },
-        "model": comparison.model.name,
-        "set": comparison.parameters,
-        "outputs": output_figures(comparison.before),
-        "remarks": list(comparison.remarks),
-    }
-    if comparison.fit is not None and comparison.after is not None:
-        result["fitted"] = {"outputs": output_figures(comparison.after), **comparison.fit.to_dict()}
-    return result

@@ -76,37 +76,27 @@ class PredictionError:
         self.offset = offset
         self.first = max(first, orders.first)
         self.samples = len(output) - self.first
-        self.present_output = self._past(output, 0)
+        self.present_output = output[self.first :]
         self._past_outputs = self._delayed(output, 1, orders.na)
         self._past_inputs = [
             self._delayed(values, delay, count)
             for values, delay, count in zip(inputs.T, orders.nk, orders.nb, strict=True)
         ]
         # which parameters the errors are linear in: all but the coefficients of F, C and D
-        self.linear = self.vector(
-            Coefficients(
-                a=np.ones(orders.na + 1),
-                b=tuple(map(np.ones, orders.nb)),
-                f=tuple(np.zeros(count + 1) for count in orders.nf),
-                c=np.zeros(orders.nc + 1),
-                d=np.zeros(orders.nd + 1),
-                offset=1.0,
-                transient=tuple(map(np.ones, orders.nf)),
-            )
-        ).astype(bool)
+        every = self.coefficients(np.ones(self.size))
+        f = tuple(map(np.zeros_like, every.f))
+        linear = every._replace(f=f, c=0.0 * every.c, d=0.0 * every.d)
+        self.linear = self.vector(linear).astype(bool)
 
     @property
     def size(self) -> int:
         """The number of estimated parameters: polynomials, offset and free responses."""
         return self.orders.parameters + self.offset + sum(self.orders.nf)
 
-    def _past(self, values: Array, lag: int) -> Array:
-        """Return a signal delayed by ``lag`` samples, from the first sample on."""
-        return values[self.first - lag : len(values) - lag]
-
-    def _delayed(self, values: Array, first: int, count: int) -> Array:
-        """Return a signal delayed by ``first`` and more samples (count, samples)."""
-        rows = [self._past(values, lag) for lag in range(first, first + count)]
+    def _delayed(self, values: Array, least: int, count: int) -> Array:
+        """Return a signal delayed by ``least`` and more samples (count, samples)."""
+        lags = range(least, least + count)
+        rows = [values[self.first - lag : len(values) - lag] for lag in lags]
         return np.array(rows).reshape(count, self.samples)
 
     def coefficients(self, theta: Array) -> Coefficients:
@@ -152,11 +142,6 @@ class PredictionError:
         """Return v (samples,): the part of the output that the paths do not explain."""
         equation = self.present_output + parts.a[1:] @ self._past_outputs
         return equation - sum(paths) - parts.offset
-
-    def disturbance(self, theta: Array) -> Array:
-        """Return v (samples,): the part of the output that the inputs do not explain."""
-        parts = self.coefficients(theta)
-        return self._disturbance(parts, self._paths(parts))
 
     def errors(self, theta: Array) -> Array:
         """Return the prediction errors (samples,)."""

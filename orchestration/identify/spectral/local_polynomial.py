@@ -266,24 +266,21 @@ def _fit_widest_window(spectra: Spectra, line: int, between: Indices) -> tuple[_
         count = max(count // 2, spectra.narrowest)
 
 
-class _Regressors(NamedTuple):
-    """Columns of the least squares in a window.
-
-    The first ``fitted`` columns are the terms of transient and responses, the others one more term
-    of each. ``columns`` are those whose coefficients are the responses at the line.
-    """
-
-    matrix: Spectrum
-    fitted: int
-    columns: list[int]
-
-
 def _regressors(
     spectra: Spectra, line: int, window: Indices, smooth: list[int], one_term: list[int]
-) -> _Regressors:
+) -> tuple[Spectrum, int, list[int]]:
     """Return the regressors of a window for inputs of smooth responses, and for those of one term.
 
     If there are any of one term, these are the responses of the result.
+
+    Returns
+    -------
+    matrix : ndarray of complex, shape (n, columns)
+        Terms of transient and responses, and after them one more term of each.
+    fitted : int
+        Number of columns without the latter.
+    columns : list of int
+        Those whose coefficients are the responses at the line.
     """
     terms = _smooth_terms(line, window)
     inputs = spectra.inputs[window]
@@ -293,7 +290,7 @@ def _regressors(
     fitted = before + len(one_term)
     columns = list(range(before, fitted)) if one_term else list(range(TERMS, before, TERMS))
     matrix = np.hstack([*blocks, *(group[:, TERMS:] for group in groups)])
-    return _Regressors(matrix, fitted, columns)
+    return matrix, fitted, columns
 
 
 def _fit_window(

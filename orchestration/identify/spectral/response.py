@@ -180,9 +180,7 @@ class Response:
                 name: [finite_or_none(one) for one in column]
                 for name, column in self.columns().items()
             },
-            "degrees_of_freedom": [int(one) for one in self.freedom],
-            "left_out": {
-                reason: [float(one) for one in lines] for reason, lines in self.left_out.items()
-            },
-            "model_agrees": None if agrees is None else [bool(one) for one in agrees],
+            "degrees_of_freedom": self.freedom.astype(int).tolist(),
+            "left_out": {reason: lines.tolist() for reason, lines in self.left_out.items()},
+            "model_agrees": None if agrees is None else agrees.tolist(),
         }

@@ -8,6 +8,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from fmus.kit import files
 from orchestration.identify.black_box.data import InputOutputData
 from orchestration.identify.black_box.excitation import pexcit
@@ -227,7 +229,7 @@ def _row_figures(row: Row) -> dict[str, Any]:
 
 def _real_and_imaginary(roots: Roots) -> list[list[float]]:
     """Return real and imaginary part of every root, as JSON has no complex numbers."""
-    return [[float(z.real), float(z.imag)] for z in roots]
+    return np.column_stack([roots.real, roots.imag]).tolist()
 
 
 def study(
