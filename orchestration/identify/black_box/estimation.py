@@ -161,7 +161,7 @@ def identify(
         As of :func:`arx`.
     """
     check_varies(data)
-    messages = check_excitation(data, tuple(chosen.excitation(i) for i in range(len(chosen.nb))))
+    messages = check_excitation(data, chosen.excitation)
     inputs = data.inputs - data.inputs.mean(axis=0)
     output = data.output - float(data.output.mean())
     problem = PredictionError(inputs, output, chosen, first)

@@ -95,12 +95,13 @@ class Orders:
         order = min(self.na, self.nc) if len(self.nf) == 1 else 0
         return (replace(without_noise, na=0, nf=(order,)),) if order else ()
 
-    def excitation(self, i: int) -> int:
-        """Return the order to which input i must excite persistently (Ljung, section 13.2).
+    @property
+    def excitation(self) -> tuple[int, ...]:
+        """Order to which every input must excite persistently (Ljung, section 13.2).
 
         It is one for every parameter of its path.
         """
-        return self.nb[i] + max(self.nf[i], self.na)
+        return tuple(b + max(f, self.na) for b, f in zip(self.nb, self.nf, strict=True))
 
     def names(self) -> tuple[str, ...]:
         """Name the coefficients in the order in which they are estimated: a1, b1_1, ..., f1_1, ...

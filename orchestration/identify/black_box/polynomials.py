@@ -28,13 +28,6 @@ def roots(polynomial: Array) -> Roots:
     return np.asarray(np.roots(polynomial), dtype=np.complex128)
 
 
-def is_stable(polynomial: Array) -> bool:
-    """Return whether all roots are within the unit circle."""
-    return bool(
-        np.isfinite(polynomial).all() and np.abs(roots(polynomial)).max(initial=0.0) < _INSIDE
-    )
-
-
 def integrates(polynomial: Array) -> bool:
     """Return whether a denominator has a root at one."""
     return bool(abs(polynomial.sum()) <= _AT_ONE * np.abs(polynomial).sum())
@@ -55,11 +48,11 @@ def stabilised(polynomial: Array) -> Array:
     ndarray, shape (p,)
         The polynomial itself if it is stable.
     """
-    if is_stable(polynomial):
-        return polynomial
     z = roots(polynomial)
     size = np.abs(z)
     outside = size >= _INSIDE
+    if not outside.any():
+        return polynomial
     z[outside] *= np.minimum(1.0 / size[outside], _REFLECTED) / size[outside]
     reflected = np.real(np.poly(z))
     # `roots` leaves out those that are delays
@@ -70,8 +63,9 @@ def filtered(numerator: Array, denominator: Array, values: Array) -> Array:
     """Filter values along the last axis, from rest."""
     from scipy.signal import lfilter  # half a second to load, which only a black box needs
 
-    if not values.size:
-        return values  # SciPy refuses an empty array
+    # SciPy refuses an empty array
+    if not values.size or len(numerator) == len(denominator) == 1:
+        return numerator[0] / denominator[0] * values
     if len(denominator) == 1:
         # SciPy convolves row by row where there is no denominator, which is slower than to filter
         denominator = np.append(denominator, 0.0)

@@ -14,7 +14,6 @@ the parameters. Source: Ljung, sections 10.2 and 10.3.
 
 from __future__ import annotations
 
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -162,15 +161,19 @@ class PredictionError:
         They have a row for each, (count, samples), and depend on F, C and D alone, by which the
         equations of this module filter the signals.
         """
+        impulse = np.eye(1, self.samples)
+        driven = []
+        free = []
+        for regressors, f in zip(self._past_inputs, parts.f, strict=True):
+            # one filter after the other: the product of polynomials with roots near one is inexact
+            through_f = filtered(_ONE, f, np.vstack([regressors, impulse]))
+            *rows, response = -filtered(parts.d, parts.c, through_f)
+            driven += rows
+            # impulse responses, each a sample later than the last, span every free response
+            free.append(_delayed_from_rest(response, 0, len(f) - 1))
+        constant = -filtered(parts.d, parts.c, np.ones((int(self.offset), self.samples)))
         past_outputs = filtered(parts.d, parts.c, self._past_outputs)
-        # a free response is a combination of impulse responses, each a sample later than the last
-        impulses = [np.eye(count, self.samples) for count in self.orders.nf]
-        constant = np.ones((int(self.offset), self.samples))
-        # one filter after the other: the product of polynomials with roots near one is inexact
-        driven = [*map(partial(filtered, _ONE), parts.f, self._past_inputs), constant]
-        free = map(partial(filtered, _ONE), parts.f, impulses)
-        rows = np.vstack([*driven, *free])
-        return np.vstack([past_outputs, -filtered(parts.d, parts.c, rows)])
+        return np.vstack([past_outputs, *driven, constant, *free])
 
     def nonlinear_slopes(self, parts: Coefficients) -> Array:
         """Return the derivatives of the errors by the coefficients of every F, C and D.
@@ -181,15 +184,15 @@ class PredictionError:
         v = self._disturbance(parts, paths)
         e = filtered(parts.d, parts.c, v)
         by_f = [
-            _delayed_from_rest(filtered(parts.d, parts.c, filtered(_ONE, f, w)), len(f) - 1)
+            _delayed_from_rest(filtered(parts.d, parts.c, filtered(_ONE, f, w)), 1, len(f) - 1)
             for f, w in zip(parts.f, paths, strict=True)
         ]
-        by_c = _delayed_from_rest(-filtered(_ONE, parts.c, e), self.orders.nc)
-        by_d = _delayed_from_rest(filtered(_ONE, parts.c, v), self.orders.nd)
+        by_c = _delayed_from_rest(-filtered(_ONE, parts.c, e), 1, self.orders.nc)
+        by_d = _delayed_from_rest(filtered(_ONE, parts.c, v), 1, self.orders.nd)
         return np.vstack([*by_f, by_c, by_d])
 
 
-def _delayed_from_rest(values: Array, count: int) -> Array:
-    """Return a signal that began at rest, delayed by one to ``count`` samples (count, n)."""
-    windows = sliding_window_view(np.pad(values, (count, 0)), len(values))
-    return windows[:count][::-1]
+def _delayed_from_rest(values: Array, least: int, count: int) -> Array:
+    """Return a signal that began at rest, delayed by ``least`` and more samples (count, n)."""
+    padded = np.concatenate([np.zeros(least + count), values])
+    return sliding_window_view(padded, len(values))[count:0:-1]

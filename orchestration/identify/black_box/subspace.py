@@ -247,31 +247,24 @@ def kalman_gain(a: Array, c: Array, disturbance: Array) -> Array:
     return min(searches, key=lambda search: search.cost).theta / unit
 
 
-class _GainErrors:
-    """Prediction errors as functions of the gain.
+class _GainErrors(NamedTuple):
+    """Prediction errors as functions of the gain; see `kalman_gain`."""
 
-    Parameters
-    ----------
-    a, c, disturbance
-        See `kalman_gain`.
-    """
-
-    def __init__(self, a: Array, c: Array, disturbance: Array):
-        self._a = a
-        self._c = c
-        self._v = disturbance
+    a: Array
+    c: Array
+    disturbance: Array
 
     def errors(self, gain: Array) -> Array:
         """Return the prediction errors (n,); raise UserError if the predictor is not stable."""
         if not self.admissible(gain):
             raise UserError("the predictor is not stable")
-        drive = np.outer(self._v, gain)
-        predicted = states(self._predictor(gain), drive, np.zeros(len(gain))) @ self._c
-        return self._v - predicted
+        drive = np.outer(self.disturbance, gain)
+        predicted = states(self._predictor(gain), drive, np.zeros(len(gain))) @ self.c
+        return self.disturbance - predicted
 
     def jacobian(self, gain: Array) -> Array:
         """Return the derivatives (n, p) of the prediction errors by the gain."""
-        drive = np.outer(self.errors(gain), self._c)
+        drive = np.outer(self.errors(gain), self.c)
         return -states(self._predictor(gain).T, drive, np.zeros(len(gain)))
 
     def admissible(self, gain: Array) -> bool:
@@ -280,4 +273,4 @@ class _GainErrors:
 
     def _predictor(self, gain: Array) -> Array:
         """Return the state matrix (n, n) of the predictor."""
-        return self._a - np.outer(gain, self._c)
+        return self.a - np.outer(gain, self.c)

@@ -56,7 +56,7 @@ def test_coefficients_are_counted_and_named():
     assert two_paths.parameters == 7
     assert two_paths.first == 3  # u2(t - 3) is the oldest sample of the equation
     assert two_paths.highest == 2
-    assert [two_paths.excitation(i) for i in range(2)] == [4, 1]
+    assert two_paths.excitation == (4, 1)
     assert str(two_paths) == "nb = 2 1, nf = 2 0, nc = 1, nd = 1, nk = 1 3"
 
 
