@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from fmus.kit import UserError
 from fmus.kit.arrays import Array, Signals
+from fmus.kit.errors import UserError, error_context
 from orchestration.experiment import results, work_loop
 from orchestration.experiment.live import Follower, Live, admitted, first_open_loop, link_outputs
 from orchestration.experiment.model import Experiment
@@ -132,8 +132,9 @@ def _run_one(
 ) -> ExperimentResult:
     """Run an experiment without variants, unless `obtain` has its result in a journal."""
     if live is not None:
-        _refuse_fused(experiment, where)
-        experiment = live.tuner.added_to(experiment, subject, where)
+        with error_context(where):
+            _refuse_fused(experiment)
+            experiment = live.tuner.added_to(experiment, subject)
     prepared = prepare(_record_links(experiment, subject), subject, where, calls.note)
     if live is not None:
         prepared = live.tuner.begin(prepared)
@@ -248,12 +249,10 @@ def _cut_at_open_loop(ran: Run) -> tuple[Run, str]:
     return replace(ran, time=ran.time[kept], signals=signals, complete=False), reason
 
 
-def _refuse_fused(experiment: Experiment, where: str) -> None:
+def _refuse_fused(experiment: Experiment) -> None:
     """Raise UserError if the system is fused, for then there are no steps to pace."""
     if experiment.master is not None and experiment.master.method == "fused":
-        raise UserError(
-            f"{where}: a fused system is computed at once and cannot be run in real time"
-        )
+        raise UserError("a fused system is computed at once and cannot be run in real time")
 
 
 def _record_links(experiment: Experiment, subject: Subject) -> Experiment:

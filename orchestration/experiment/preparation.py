@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fmus.kit.arrays import Array, Signals
-from fmus.kit.errors import UserError, error_context, suggestion
+from fmus.kit.errors import UserError, error_context, find, suggestion
 from fmus.kit.units import convert, format_range, format_value
 from orchestration.experiment.model import (
     UNITS_OF_LOOP,
@@ -20,7 +20,7 @@ from orchestration.experiment.model import (
     WorkLoopTable,
 )
 from orchestration.experiment.stimulus import DrivenInput
-from orchestration.experiment.subjects import Subject, known
+from orchestration.experiment.subjects import Subject
 from orchestration.fmu import Signal, Value
 from orchestration.fmu import simulation as simulate
 from orchestration.fmu.signal import check_type, is_text, read_setting, split_assignment
@@ -117,69 +117,71 @@ def prepare(
         defaults["master"] = experiment.master or Master()
     complete = experiment.model_copy(update=defaults)
     time = points(complete, where, subject.start)
-    settings = dict(subject.settings) | _resolve_settings(complete, subject, where)
-    inputs = _make_stimuli(complete, subject, settings, time - time[0], where, note)
+    with error_context(where):
+        settings = dict(subject.settings) | _resolve_settings(complete, subject)
+        inputs = _make_stimuli(
+            complete, subject, settings, time - time[0], lambda line: note(f"{where}: {line}")
+        )
+        record = _recorded_outputs(complete, subject)
+        recorded = {output: subject.outputs[output] for output in record}
+        noise = {
+            output: _make_noise(output, table, complete, recorded.get(output), time.size)
+            for output, table in complete.noise.items()
+        }
+        signals = {name: subject.driven[name] for name in inputs} | recorded
+        if complete.over != "time":
+            find(complete.over, signals, "over: nothing recorded")
+        if complete.work_loop:
+            _check_work_loop(complete.work_loop, subject, time, inputs, signals)
+    for name, signal in subject.inputs.items():
+        if name not in inputs:
+            start = format_value(signal.start, signal)
+            note(f"no values for the input {name}; it stays at {start}")
     for name, signal in subject.open_inputs.items():
         if name not in settings:
             note(checking.describe_open_input(name, signal))
-    record = _recorded_outputs(complete, subject, where)
-    recorded = {output: subject.outputs[output] for output in record}
-    noise = {
-        output: _make_noise(output, table, complete, recorded.get(output), time.size, where)
-        for output, table in complete.noise.items()
-    }
-    signals = {name: subject.driven[name] for name in inputs} | recorded
-    if complete.over != "time":
-        known(complete.over, signals, "over: nothing recorded", where)
-    if complete.work_loop:
-        _check_work_loop(complete.work_loop, time, inputs, signals, where)
-        if complete.work_loop.coupling:
-            for key, name in complete.work_loop.coupling.parameters.items():
-                about = f"work_loop.coupling.{key}: no parameter"
-                known(name, subject.parameters, about, where)
     return Preparation(complete, subject, time, settings, inputs, noise, record)
 
 
 def _check_work_loop(
     table: WorkLoopTable,
+    subject: Subject,
     time: Array,
     inputs: Signals,
     signals: Mapping[str, Signal],
-    where: str,
 ) -> None:
     """Raise UserError if signals of the loop are missing, or force or reference is not periodic."""
     for key, name in table.signals.items():
         if key not in ("force", "reference"):
-            known(name, signals, f"work_loop.{key}: no output recorded", where)
+            find(name, signals, f"work_loop.{key}: no output recorded")
     step = time[1] - time[0]
     if table.period < _FEWEST_STEPS * step:
         raise UserError(
-            f"{where}: work_loop.period = {table.period:g} s: must be at least"
-            f" {_FEWEST_STEPS} steps of {step:g} s"
+            f"work_loop.period = {table.period:g} s: must be at least {_FEWEST_STEPS} steps of"
+            f" {step:g} s"
         )
     later = time[time >= time[0] + table.period]  # points with another one a period before
     for key in ("force", "reference"):
         name = getattr(table, key)
-        if name not in inputs:
-            near = suggestion(name, inputs)
-            raise UserError(f"{where}: work_loop.{key}: no input driven named {name!r}{near}")
-        values = inputs[name]
+        values = find(name, inputs, f"work_loop.{key}: no input driven")
         change = np.interp(later, time, values) - np.interp(later - table.period, time, values)
         if np.abs(change).max(initial=0.0) > _PERIODIC * np.ptp(values):
             raise UserError(
-                f"{where}: work_loop.period = {table.period:g} s: {name} is not the same again"
-                " after that time, as a loop has to be"
+                f"work_loop.period = {table.period:g} s: {name} is not the same again after that"
+                " time, as a loop has to be"
             )
     for key, name in table.signals.items():
-        convert(0.0, signals[name].unit, UNITS_OF_LOOP[key], f"{where}: work_loop.{key}: {name}")
+        convert(0.0, signals[name].unit, UNITS_OF_LOOP[key], f"work_loop.{key}: {name}")
+    for key, name in table.coupling.parameters.items() if table.coupling else ():
+        find(name, subject.parameters, f"work_loop.coupling.{key}: no parameter")
 
 
-def _recorded_outputs(experiment: Experiment, subject: Subject, where: str) -> list[str]:
+def _recorded_outputs(experiment: Experiment, subject: Subject) -> list[str]:
     """Return the outputs to record, each once, without the inputs, which are always recorded."""
     wanted = subject.recorded_by_default if experiment.record is None else experiment.record
     outputs = [name for name in wanted if name not in subject.inputs]
     for name in outputs:
-        known(name, subject.outputs, "record: no output", where)
+        find(name, subject.outputs, "record: no output")
     return list(dict.fromkeys(outputs))
 
 
@@ -190,7 +192,7 @@ def points(experiment: Experiment, where: str, start: float = 0.0) -> Array:
         return simulate.grid(start, end, experiment.step or 0.0)
 
 
-def _resolve_settings(experiment: Experiment, subject: Subject, where: str) -> dict[str, Value]:
+def _resolve_settings(experiment: Experiment, subject: Subject) -> dict[str, Value]:
     """Return the parameters that an experiment sets, in the FMU's units."""
     values = {}
     for key, stated in experiment.parameters.items():
@@ -198,14 +200,12 @@ def _resolve_settings(experiment: Experiment, subject: Subject, where: str) -> d
         if key not in subject.parameters and isinstance(stated, str):
             name, given = split_assignment(f"{key}={stated}", subject.parameters) or (key, stated)
         if name in subject.why_not_settable:
-            raise UserError(
-                f"{where}: parameters.{name}: it is an input; {subject.why_not_settable[name]}"
-            )
+            raise UserError(f"parameters.{name}: it is an input; {subject.why_not_settable[name]}")
         if name not in subject.parameters:
             near = suggestion(name, [*subject.parameters, *Experiment.model_fields])
-            raise UserError(f"{where}: {subject.name} has no parameter named {name!r}{near}")
+            raise UserError(f"{subject.name} has no parameter named {name!r}{near}")
         signal = subject.parameters[name]
-        here = f"{where}: parameters.{name} = {given}"
+        here = f"parameters.{name} = {given}"
         if signal.type == "string":
             is_text(signal.type, given, here)
         text = str(given).lower() if isinstance(given, bool) else str(given)
@@ -218,27 +218,19 @@ def _make_stimuli(
     subject: Subject,
     settings: Mapping[str, Value],
     time: Array,
-    where: str,
     note: Callable[[str], None],
 ) -> dict[str, Array]:
-    """Return the stimuli by input, and note each input that stays at its start value."""
+    """Return the stimuli by input."""
     values = {}
     for name in experiment.inputs:
-        signal = known(name, subject.driven, f"{subject.name} has no input", where)
+        signal = find(name, subject.driven, f"{subject.name} has no input")
         if name in experiment.parameters:
             raise UserError(
-                f"{where}: {name} is given by parameters.{name} and by inputs.{name}; one is needed"
+                f"{name} is given by parameters.{name} and by inputs.{name}; one is needed"
             )
         start = float(settings.get(name, signal.start)) if name in subject.tunable else 0.0
-        values[name] = stimulus_values(
-            experiment, name, signal.unit, time, where, note, start=start
-        )
-        check_values(signal, values[name], f"{where}: inputs.{name}")
-    for name, signal in subject.inputs.items():
-        if name not in values:
-            note(
-                f"no values for the input {name}; it stays at {format_value(signal.start, signal)}"
-            )
+        values[name] = stimulus_values(experiment, name, signal.unit, time, note, start=start)
+        check_values(signal, values[name], f"inputs.{name}")
     return values
 
 
@@ -247,7 +239,6 @@ def stimulus_values(
     name: str,
     unit: str,
     time: Array,
-    where: str,
     note: Callable[[str], None],
     *,
     start: float = 0.0,
@@ -261,8 +252,6 @@ def stimulus_values(
         Name and unit of the input.
     time : ndarray, shape (n,)
         Communication points in s since the first.
-    where : str
-        File or name of the experiment, for messages.
     note : callable
         Called with a line for each repair in a file.
     start : float
@@ -278,7 +267,7 @@ def stimulus_values(
     UserError
         If a unit does not fit the input, or the values of its keys are not allowed.
     """
-    here = f"{where}: inputs.{name}"
+    here = f"inputs.{name}"
     driven = DrivenInput(name, unit, _seed(experiment, name), start)
     with error_context(here):
         values = experiment.inputs[name].values(time, driven)
@@ -311,21 +300,16 @@ def _make_noise(
     experiment: Experiment,
     signal: Signal | None,
     count: int,
-    where: str,
 ) -> Array:
     """Return noise (count,), white or AR(1), stationary from its first value on.
 
     UserError if `signal`, the output of that name, is None, as it is not recorded.
     """
     if signal is None:
-        raise UserError(
-            f"{where}: noise.{name}: noise is added to recorded outputs, and this is none"
-        )
-    rms = noise.rms.to(
-        signal.unit, f"{where}: noise.{name}.rms = {noise.rms.value:g} {noise.rms.unit}"
-    )
+        raise UserError(f"noise.{name}: noise is added to recorded outputs, and this is none")
+    rms = noise.rms.to(signal.unit, f"noise.{name}.rms = {noise.rms.value:g} {noise.rms.unit}")
     if rms < 0.0 or signal.type != "real":
-        raise UserError(f"{where}: noise.{name}.rms = {rms:g}: needs a real output, and 0 or more")
+        raise UserError(f"noise.{name}.rms = {rms:g}: needs a real output, and 0 or more")
     fresh = np.random.default_rng(_seed(experiment, name, _NOISE_STREAM)).standard_normal(count)
     # AR(1) x[k] = a x[k-1] + e[k] is stationary with variance 1 if var e = 1 - a^2 and var x[0] = 1
     fresh[1:] *= np.sqrt(1.0 - noise.correlation**2)

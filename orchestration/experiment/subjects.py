@@ -11,7 +11,7 @@ from typing import Any
 
 from fmus.kit import registry
 from fmus.kit.arrays import Array, Signals
-from fmus.kit.errors import UserError, find, suggestion
+from fmus.kit.errors import UserError, suggestion
 from fmus.kit.record import CompiledModel
 from fmus.kit.storage import scratch
 from orchestration import master
@@ -350,8 +350,3 @@ def with_classes(system: System) -> System:
         for m in system.members
     )
     return replace(system, members=tuple(members))
-
-
-def known(name: str, among: Mapping[str, Signal], missing: str, where: str) -> Signal:
-    """Return a signal by its name, or raise UserError with `missing` and the nearest name."""
-    return find(name, among, f"{where}: {missing}")

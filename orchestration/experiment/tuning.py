@@ -15,7 +15,7 @@ from fmus.kit.units import format_range, format_value
 from orchestration.experiment.model import Experiment
 from orchestration.experiment.preparation import Preparation
 from orchestration.experiment.stimulus import FromFile, Steps
-from orchestration.experiment.subjects import Subject, known
+from orchestration.experiment.subjects import Subject
 from orchestration.experiment.waveforms import approach
 from orchestration.fmu import Signal
 
@@ -56,7 +56,7 @@ class Tuner:
         self._time: list[float] = []
         self._point = 0
 
-    def added_to(self, experiment: Experiment, subject: Subject, where: str) -> Experiment:
+    def added_to(self, experiment: Experiment, subject: Subject) -> Experiment:
         """Return an experiment in which the parameters are driven, from their own values.
 
         Raises
@@ -67,10 +67,10 @@ class Tuner:
         start = dict(experiment.parameters)
         driven = dict(experiment.inputs)
         for name in self.names:
-            signal = known(name, subject.tunable, f"{subject.name} has no tunable parameter", where)
+            signal = find(name, subject.tunable, f"{subject.name} has no tunable parameter")
             if signal.type != "real" or name in driven:
                 reason = "moved by the experiment" if name in driven else signal.type
-                raise UserError(f"{where}: --tunable {name}: it is {reason}")
+                raise UserError(f"--tunable {name}: it is {reason}")
             table: dict[str, Any] = {
                 "kind": "steps",
                 "times": [],

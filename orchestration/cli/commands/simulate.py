@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from fmus.kit import UserError
+from fmus.kit.errors import UserError, error_context
 from orchestration.api.options import MappingOption, source_of
 from orchestration.cli.command import command, refuse
 from orchestration.cli.commands.options import SimulateCommand
@@ -257,9 +257,10 @@ def _moved(
     for name in moved:
         signal = model.driven[name]
         start = float(parameters.get(name, signal.start))
-        values[name] = stimulus_values(
-            experiment, name, signal.unit, time, "--set", note, start=start
-        )
+        with error_context("--set"):
+            values[name] = stimulus_values(
+                experiment, name, signal.unit, time, lambda x: note(f"--set: {x}"), start=start
+            )
         check_values(signal, values[name], f"--set {name}")
     return values
 

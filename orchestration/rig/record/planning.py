@@ -11,7 +11,7 @@ import numpy as np
 
 from fmus.kit import registry
 from fmus.kit.arrays import Array
-from fmus.kit.errors import UserError, suggestion
+from fmus.kit.errors import UserError, error_context, suggestion
 from fmus.rig_proxy import LOCKSTEP, describe_latch
 from orchestration.experiment import Experiment
 from orchestration.experiment.preparation import points, stimulus_values
@@ -114,10 +114,11 @@ def plan_recording(
     planned = experiment.model_copy(update={"step": step})
     time = points(planned, where)
     _check_signals(planned, rig, where)
-    columns = {
-        name: stimulus_values(planned, name, unit, time, where, note)
-        for name, unit in rig["inputs"].items()
-    }
+    with error_context(where):
+        columns = {
+            name: stimulus_values(planned, name, unit, time, lambda x: note(f"{where}: {x}"))
+            for name, unit in rig["inputs"].items()
+        }
     exchanges = max(1, round(step / rig["period"]), ceil(_PER_WATCHDOG * step / rig["watchdog"]))
     for name, unit in rig["inputs"].items():
         limit = rig["limits"].get(name, {})
