@@ -6,8 +6,6 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from fmus.kit import quoting, units
 from fmus.kit.titles import capitalised, in_words, law_title, variable_title
 from fmus.kit.units import format_prefixed, unit_of_differences, write_prefixed
@@ -219,7 +217,8 @@ def _draw_runs(comparison: Comparison) -> Markup:
     for output in comparison.before:
         panels += _panels_of_output(comparison, output)
     time = comparison.record.time
-    return stacked(panels, "time [s]", _is_logarithmic(time))
+    is_logarithmic = bool(time[0] > 0.0) and pictures.has_logarithmic_steps(time)
+    return stacked(panels, "time [s]", is_logarithmic)
 
 
 def _panels_of_output(comparison: Comparison, output: str) -> list[Panel]:
@@ -242,11 +241,6 @@ def _panels_of_output(comparison: Comparison, output: str) -> list[Panel]:
         Panel(pictures.with_unit(_title(comparison, output), unit), _HEIGHT, traces),
         Panel(pictures.with_unit("measured − simulated", difference), _RESIDUAL_HEIGHT, residuals),
     ]
-
-
-def _is_logarithmic(time: np.ndarray) -> bool:
-    steps = np.diff(time)
-    return bool(time[0] > 0.0 and len(steps) and steps.max() > 1000.0 * steps.min())
 
 
 def _next_steps(comparison: Comparison, fit: Fit | None, command: str) -> list[str]:

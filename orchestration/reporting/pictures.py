@@ -187,10 +187,15 @@ def fit_values(axis: Axes, boolean: bool = False) -> None:
 
 
 def logarithmic(axes: list[Axes], time: Array) -> None:
-    """Make the time axis logarithmic if steps differ by a factor above 1000, as in creep tests."""
-    steps = np.diff(time)
-    if len(steps) and steps.max() > 1000.0 * steps.min():
+    """Make the time axis logarithmic if that suits the steps."""
+    if has_logarithmic_steps(time):
         axes[-1].set_xscale("log")
+
+
+def has_logarithmic_steps(time: Array) -> bool:
+    """Return whether steps differ by a factor above 1000, as in creep tests."""
+    steps = np.diff(time)
+    return bool(len(steps) and steps.max() > 1000.0 * steps.min())
 
 
 def logarithmic_values(axis: Axes) -> None:

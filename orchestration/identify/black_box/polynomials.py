@@ -6,6 +6,7 @@ A polynomial is an array of coefficients of q^0, q^-1, q^-2, ...; its roots are 
 from __future__ import annotations
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
 from fmus.kit.arrays import Array
@@ -70,6 +71,12 @@ def filtered(numerator: Array, denominator: Array, values: Array) -> Array:
         # SciPy convolves row by row where there is no denominator, which is slower than to filter
         denominator = np.append(denominator, 0.0)
     return lfilter(numerator, denominator, values)
+
+
+def delayed(values: Array, least: int, count: int) -> Array:
+    """Return a signal (n,) delayed by ``least`` and more samples (count, n); zero before it."""
+    padded = np.concatenate([np.zeros(least + count), values])
+    return sliding_window_view(padded, len(values))[count:0:-1]
 
 
 def from_reflections(coefficients: Array) -> tuple[Array, Array]:

@@ -17,11 +17,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from fmus.kit.arrays import Array
 from orchestration.identify.black_box.orders import Orders
-from orchestration.identify.black_box.polynomials import filtered, monic
+from orchestration.identify.black_box.polynomials import delayed, filtered, monic
 
 _ONE = np.ones(1)
 
@@ -170,7 +169,7 @@ class PredictionError:
             *rows, response = -filtered(parts.d, parts.c, through_f)
             driven += rows
             # impulse responses, each a sample later than the last, span every free response
-            free.append(_delayed_from_rest(response, 0, len(f) - 1))
+            free.append(delayed(response, 0, len(f) - 1))
         constant = -filtered(parts.d, parts.c, np.ones((int(self.offset), self.samples)))
         past_outputs = filtered(parts.d, parts.c, self._past_outputs)
         return np.vstack([past_outputs, *driven, constant, *free])
@@ -184,15 +183,9 @@ class PredictionError:
         v = self._disturbance(parts, paths)
         e = filtered(parts.d, parts.c, v)
         by_f = [
-            _delayed_from_rest(filtered(parts.d, parts.c, filtered(_ONE, f, w)), 1, len(f) - 1)
+            delayed(filtered(parts.d, parts.c, filtered(_ONE, f, w)), 1, len(f) - 1)
             for f, w in zip(parts.f, paths, strict=True)
         ]
-        by_c = _delayed_from_rest(-filtered(_ONE, parts.c, e), 1, self.orders.nc)
-        by_d = _delayed_from_rest(filtered(_ONE, parts.c, v), 1, self.orders.nd)
+        by_c = delayed(-filtered(_ONE, parts.c, e), 1, self.orders.nc)
+        by_d = delayed(filtered(_ONE, parts.c, v), 1, self.orders.nd)
         return np.vstack([*by_f, by_c, by_d])
-
-
-def _delayed_from_rest(values: Array, least: int, count: int) -> Array:
-    """Return a signal that began at rest, delayed by ``least`` and more samples (count, n)."""
-    padded = np.concatenate([np.zeros(least + count), values])
-    return sliding_window_view(padded, len(values))[count:0:-1]

@@ -10,6 +10,7 @@ the end.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -117,10 +118,7 @@ def _lowest_minima(
     All points are followed for a few iterations, the best of them for more, and to the end those
     that come near the lowest cost so far, at first `known`.
     """
-
-    def follow(x: Array, iterations: int) -> GaussNewtonMinimum:
-        return minimise(reduced, x, iterations, _ROUGH)
-
+    follow = partial(minimise, reduced, enough=_ROUGH)
     short = [follow(x, _SHORT) for x in points]
     short.sort(key=lambda minimum: minimum.cost)
     ends = []

@@ -18,6 +18,7 @@ import numpy as np
 from fmus.kit.arrays import Array
 from orchestration.identify.black_box.orders import Orders
 from orchestration.identify.black_box.polynomials import (
+    delayed,
     filtered,
     monic,
     solve_least_squares,
@@ -75,8 +76,8 @@ def noise_numerator(problem: PredictionError) -> Array:
     e = _fit_long_model(problem).innovations[problem.first :]
     # with F, C and D of one, regressors of A, B and the offset are the slopes of minus the error
     slopes = problem.linear_slopes(problem.coefficients(np.zeros(problem.size)))
-    columns = np.column_stack([-slopes.T, *_past(e, problem.orders.nc)])
-    solution = solve_least_squares(columns, problem.present_output)
+    rows = np.vstack([-slopes, delayed(e, 1, problem.orders.nc)])
+    solution = solve_least_squares(rows.T, problem.present_output)
     return stabilised(monic(solution[len(slopes) :]))
 
 
@@ -105,19 +106,7 @@ def _fit_long_model(problem: PredictionError) -> _LongModel:
 def _regressors(problem: PredictionError, i: int, signal: Array, inputs: Array) -> Array:
     """Return the regressors of ``F y = B u``: a delayed signal and the input (n, nf + nb)."""
     n = problem.orders
-    past = _past(-signal, n.nf[i])
-    driving = [_delayed(inputs, n.nk[i] + k) for k in range(n.nb[i])]
-    return np.column_stack([*past, *driving])
-
-
-def _past(values: Array, count: int) -> list[Array]:
-    """Return a signal (n,) delayed by one sample to `count` samples."""
-    return [_delayed(values, lag) for lag in range(1, count + 1)]
-
-
-def _delayed(values: Array, lag: int) -> Array:
-    """Return a signal (n,) delayed by ``lag`` samples; zero before."""
-    return np.pad(values, (lag, 0))[: len(values)]
+    return np.vstack([delayed(-signal, 1, n.nf[i]), delayed(inputs, n.nk[i], n.nb[i])]).T
 
 
 def _steiglitz_mcbride(
@@ -171,8 +160,8 @@ def hannan_rissanen(v: Array, nc: int, nd: int) -> tuple[Array, Array]:
     if not nc + nd:
         return _ONE, _ONE
     e = innovations(v, nc + nd)
-    columns = np.column_stack([*_past(-v, nd), *_past(e, nc)])
-    solution = solve_least_squares(columns, v)
+    rows = np.vstack([delayed(-v, 1, nd), delayed(e, 1, nc)])
+    solution = solve_least_squares(rows.T, v)
     return stabilised(monic(solution[nd:])), stabilised(monic(solution[:nd]))
 
 
@@ -186,5 +175,5 @@ def innovations(v: Array, order: int) -> Array:
         That of the noise model to be started; the autoregression is several times as long.
     """
     long = max(1, min(max(_LONG_LEAST, _LONG_TIMES * order), len(v) // _LONG_SAMPLES))
-    past = np.column_stack(_past(v, long))
+    past = delayed(v, 1, long).T
     return v - past @ solve_least_squares(past[long:], v[long:])

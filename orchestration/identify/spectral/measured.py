@@ -155,28 +155,28 @@ def _choose_ratios(
     return [_check_ratio(record, inputs, varying, text) for text in of]
 
 
-def parts_of_ratio(text: str) -> tuple[str, str]:
-    """Return the two signals of a ratio such as ``voltage/current``; UserError for another text."""
+def parts_of_ratio(text: str) -> Ratio:
+    """Return a ratio of two signals such as ``voltage/current``; UserError for another text."""
     above, slash, below = (part.strip() for part in text.partition("/"))
     if not (slash and above and below) or above == below:
         raise UserError(
             f"{option('of', text)}: write a ratio of two signals, such as voltage/current"
         )
-    return above, below
+    return Ratio(above, below)
 
 
 def _check_ratio(record: Record, inputs: Sequence[str], varying: Sequence[str], text: str) -> Ratio:
     """Return a ratio of a record's signals; UserError unless one varying input causes it."""
     written = option("of", text)
-    above, below = parts_of_ratio(text)
-    for name in (above, below):
+    ratio = parts_of_ratio(text)
+    for name in ratio:
         if name not in record.signals:
             raise UserError(
                 f"{written}: {record.source} has no {name}{suggestion(name, record.signals)}"
             )
         if name in inputs and name not in varying:
             raise UserError(f"{written}: {name} is constant in {record.source}")
-    driving = [name for name in (above, below) if name in varying]
+    driving = [name for name in ratio if name in varying]
     if len(driving) == 2:
         raise UserError(f"{written}: both are inputs; one of the two has to be an output")
     if not driving and len(varying) > 1:
@@ -184,7 +184,7 @@ def _check_ratio(record: Record, inputs: Sequence[str], varying: Sequence[str], 
             f"{written}: both are outputs, and {' and '.join(varying)} move them: name the ratio"
             " of each to one of these"
         )
-    return Ratio(above, below)
+    return ratio
 
 
 def _check_whole(record: Record, name: str) -> None:

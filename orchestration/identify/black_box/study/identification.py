@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,12 +14,8 @@ from fmus.kit import files
 from orchestration.identify.black_box.data import InputOutputData
 from orchestration.identify.black_box.excitation import pexcit
 from orchestration.identify.black_box.models import IdentifiedModel
-from orchestration.identify.black_box.order_search import (
-    STRUCTURES,
-    OrderSearch,
-    Row,
-    search_orders,
-)
+from orchestration.identify.black_box.order_search import OrderSearch, Row, search_orders
+from orchestration.identify.black_box.orders import Count
 from orchestration.identify.black_box.polynomials import Roots
 from orchestration.identify.black_box.residual_tests import ResidualTests
 from orchestration.identify.black_box.study.columns import Columns
@@ -232,17 +228,7 @@ def _real_and_imaginary(roots: Roots) -> list[list[float]]:
     return np.column_stack([roots.real, roots.imag]).tolist()
 
 
-def study(
-    columns: Columns,
-    share: float = 0.5,
-    structures: Sequence[str] = STRUCTURES,
-    path_orders: Sequence[int] = (1, 2, 3),
-    noise_orders: Sequence[int] = (1, 2, 3),
-    delays: int | Sequence[int] = 1,
-    *,
-    criterion: str = "BIC",
-    progress: Callable[[int, int], None] = lambda done, whole: None,
-) -> BlackBox:
+def study(columns: Columns, share: float = 0.5, delays: Count = 1, **options: Any) -> BlackBox:
     """Identify models of every structure and order from the first part of a record.
 
     They are judged by the other part, the validation data.
@@ -252,8 +238,10 @@ def study(
     columns : Columns
     share : float
         Of the record that models are identified from.
-    structures, path_orders, noise_orders, delays, criterion, progress
-        See :func:`search_orders`.
+    delays : int or sequence of int
+        In samples.
+    **options
+        Structures, orders, criterion and progress, as :func:`search_orders` takes them.
 
     Returns
     -------
@@ -265,14 +253,5 @@ def study(
         If there is no such structure or criterion, or no model can be identified.
     """
     estimation, validation = columns.data.split(share)
-    search = search_orders(
-        estimation,
-        validation,
-        structures,
-        path_orders,
-        noise_orders,
-        delays,
-        criterion=criterion,
-        progress=progress,
-    )
+    search = search_orders(estimation, validation, nk=delays, **options)
     return BlackBox(columns, search, estimation, validation)
