@@ -58,23 +58,21 @@ class PolynomialModel(IdentifiedModel):
             transient=tuple(map(np.zeros, self.orders.nf)),
         )
 
-    def _denominator(self, i: int) -> Array:
-        """Return the denominator A F_i of the path from input i."""
-        return np.convolve(self.a, self.f[i])
+    @property
+    def _denominators(self) -> list[Array]:
+        """The denominator A F_i of the path from every input."""
+        return [np.convolve(self.a, f) for f in self.f]
 
     def _forced(self, deviations: Array) -> Array:
-        paths = [filtered(b, self._denominator(i), deviations[:, i]) for i, b in enumerate(self.b)]
-        return np.sum(paths, axis=0)
+        return np.sum([*map(filtered, self.b, self._denominators, deviations.T)], axis=0)
 
     def _free(self, samples: int) -> Array:
-        denominators = [self._denominator(i) for i in range(len(self.b))]
-        return _free_responses(samples, denominators, np.ones(1))
+        return _free_responses(samples, self._denominators, np.ones(1))
 
     def static_output(self, deviations: Array) -> float:
         """Return the deviation of the output at rest under deviations of the inputs (m,)."""
         level = 0.0
-        for i, (b, u) in enumerate(zip(self.b, deviations, strict=True)):
-            denominator = self._denominator(i)
+        for b, denominator, u in zip(self.b, self._denominators, deviations, strict=True):
             if integrates(denominator):
                 level += 0.0 if u == 0.0 else np.inf
             else:
@@ -101,14 +99,14 @@ class PolynomialModel(IdentifiedModel):
 
     def poles(self, which: int | str = 0) -> Roots:
         """Return the poles in z of the path from an input; see `IdentifiedModel.poles`."""
-        return roots(self._denominator(self._index(which)))
+        return roots(self._denominators[self._index(which)])
 
     def zeros(self, which: int | str = 0) -> Roots:
         """Return the zeros in z of the path from an input, without those of delays."""
         return roots(self.b[self._index(which)])
 
     def _path(self, i: int) -> tuple[Array, Array]:
-        return _in_z(self.b[i], self._denominator(i))
+        return _in_z(self.b[i], self._denominators[i])
 
     def _noise_path(self) -> tuple[Array, Array]:
         return _in_z(self.c, np.convolve(self.a, self.d))
