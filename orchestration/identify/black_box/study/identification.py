@@ -90,7 +90,11 @@ class BlackBox(Displayable):
     @property
     def _others(self) -> str:
         """The free runs of the other structures, the best first, in a sentence after a space."""
-        others = [f"{row.structure} {row.validation_fit:.1f} %" for row in self.search.ranked[1:]]
+        others = [
+            f"{row.structure} {row.validation_fit:.1f} %"
+            + " (doubtful)" * bool(row.identification.doubts)
+            for row in self.search.ranked[1:]
+        ]
         return f" Others: {', '.join(others)}." if others else ""
 
     @property

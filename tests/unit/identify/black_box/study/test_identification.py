@@ -74,11 +74,15 @@ def test_a_model_of_the_circuit_is_preferred_to_degenerate_ones(tmp_path):
         noise_orders=[2],
     )
     assert found.search.passed_over
-    for row in found.search.best:
-        assert np.isfinite([p.standard_error for p in row.identification.parameters]).all()
-        assert np.abs(row.identification.model.output_offset) < 1.5  # V
-        slowest = np.abs(row.identification.model.poles()).max()
-        assert slowest == pytest.approx(np.exp(-0.1 / ((0.43 + 2.35) * 2.7)), abs=5e-3)
+    model, parameters = found.model, found.chosen.identification.parameters
+    assert np.isfinite([p.standard_error for p in parameters]).all()
+    assert np.abs(model.output_offset) < 1.5  # V
+    slowest = np.abs(model.poles()).max()
+    assert slowest == pytest.approx(np.exp(-0.1 / ((0.43 + 2.35) * 2.7)), abs=5e-3)
+    (other,) = found.search.ranked[1:]
+    errors = [p.standard_error for p in other.identification.parameters]
+    assert not np.isfinite(errors).all()
+    assert f"Others: BJ {other.validation_fit:.1f} % (doubtful)." in found.sentence
 
 
 def test_a_wall_that_counts_its_samples(public_data):
