@@ -252,5 +252,10 @@ def designed_impedance(request: DesignRequest) -> DesignedController:
     }
     signals = {"length": request.measured.name}
     return DesignedController(
-        f"{_HERE}:impedance", arguments, signals, "rest_length", "force_reference"
+        f"{_HERE}:impedance",
+        arguments,
+        signals,
+        "rest_length",
+        "force_reference",
+        ("force_min", "force_max"),
     )

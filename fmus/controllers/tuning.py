@@ -313,7 +313,8 @@ def _tune(request: DesignRequest, share: float) -> DesignedController:
         "previous_measured_start": request.measured.value,
     }
     signals = {"measured": request.measured.name}
-    return DesignedController("fmus.controllers.tuning:pid", arguments, signals)
+    limits = ("command_min", "command_max")
+    return DesignedController("fmus.controllers.tuning:pid", arguments, signals, limits=limits)
 
 
 tuned_pid = partial(_tune, share=_DERIVATIVE_SHARE)

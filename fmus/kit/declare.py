@@ -17,6 +17,8 @@ from .errors import UserError
 
 Number = float | int | bool
 _D = TypeVar("_D", bound="Declaration")
+# a sample period, s, that leaves one sample in any simulation: the one at the start
+ONCE = 1e9
 
 
 def summary(documented: Any) -> str:
@@ -204,12 +206,15 @@ class DiscreteDeclaration(Started):
         Parameters whose sum is the time from the start to the first sample instant, seconds.
     output : bool
         Whether it is also an output of the FMU.
+    is_memory : bool
+        Whether its first sample replaces a start value that has no meaning.
     """
 
     update: str
     period: str | float
     shift: tuple[str, ...] = ()
     output: bool = False
+    is_memory: bool = False
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ terms: a term that hung on what other terms add would close an algebraic loop.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 from math import isclose, isfinite
@@ -15,13 +15,11 @@ from typing import Any
 
 from .component import Component
 from .curves import coefficient, per
-from .declare import Constant, Discrete, Output, Parameter, State
+from .declare import ONCE, Constant, Discrete, Output, Parameter, State
 from .effects import Effect, Term, effect_maker, made_by, make_effect, stack, unstack
 from .errors import UserError
 from .functions import absolute, exp, maximum, minimum, smooth_table, sqrt, tanh, where
 
-# a sample period, s, that leaves one sample in any simulation: the one at the start
-_ONCE = 1e9
 ABRUPT = 0.004  # of the scale, within which a step is made, as in free_run.c
 ROUNDED = 0.02  # of the scale, within which a root is straight, as in free_run.c
 _FROM_REST = {
@@ -383,7 +381,7 @@ def _continuous(term: LawTerm) -> _Memory:
         f"{change}_rate": rate,
         begin: _once(term, begin, f"{term.signal} at the start"),
         f"{begin}_update": now,
-        begun: _flag(begun, _ONCE),
+        begun: _flag(begun, ONCE),
         f"{begun}_update": lambda self: 1.0,
     }
     if term.memory == "two_lags":
@@ -448,20 +446,28 @@ def _sampled(term: LawTerm) -> _Memory:
 
 def _once(term: LawTerm, name: str, doc: str) -> Any:
     """Declare a discrete state that is sampled once, at the start."""
-    return Discrete(
-        term.signal_unit, update=f"{name}_update", period=_ONCE, nominal=term.scale, doc=doc
-    )
+    return replace(_at_instants(term, name, doc), period=ONCE)
 
 
 def _at_instants(term: LawTerm, name: str, doc: str) -> Any:
     """Declare a discrete state that is sampled with the period of a term."""
     return Discrete(
-        term.signal_unit, update=f"{name}_update", period=term.period, nominal=term.scale, doc=doc
+        term.signal_unit,
+        update=f"{name}_update",
+        period=term.period,
+        nominal=term.scale,
+        is_memory=True,
+        doc=doc,
     )
 
 
 def _flag(name: str, period: float) -> Any:
     """Declare whether the first sample instant has passed."""
     return Discrete(
-        "1", update=f"{name}_update", period=period, type="boolean", doc="whether it has begun"
+        "1",
+        update=f"{name}_update",
+        period=period,
+        type="boolean",
+        is_memory=True,
+        doc="whether it has begun",
     )

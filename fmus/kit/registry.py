@@ -219,6 +219,8 @@ class DesignedController:
         Signal of the plant by input of the component, the measured value first.
     reference, command : str
         Input of the component for the reference, and its output.
+    limits : tuple of str
+        Parameters for the lowest and the highest command; empty if it has none.
     """
 
     place: str
@@ -226,6 +228,7 @@ class DesignedController:
     signals: Mapping[str, str]
     reference: str = "reference"
     command: str = "command"
+    limits: tuple[str, ...] = ()
 
     @property
     def component(self) -> type[Component]:

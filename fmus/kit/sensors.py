@@ -20,7 +20,7 @@ from functools import partial
 from typing import Any
 
 from .component import Component
-from .declare import Declaration, Discrete, Parameter, State
+from .declare import ONCE, Declaration, Discrete, Parameter, State
 from .effects import Effect, Size, effect_maker, make_effect
 from .errors import find
 from .functions import clip, exp, maximum, minimum, where
@@ -30,8 +30,6 @@ from .titles import in_words
 Law = Callable[[Any], Any]
 Factory = Callable[..., type[Effect]]
 
-# a sample period, in seconds, that leaves one sample in any simulation: the one at the start
-_ONCE = 1e9
 _ANY = 1e9  # bound of parameters that may have any value
 _ARGUMENTS = """
 
@@ -207,15 +205,17 @@ def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
         ),
         reference: Discrete(
             update=f"{reference}_update",
-            period=_ONCE,
+            period=ONCE,
+            is_memory=True,
             doc=f"{quantity.name} at the start",
             **quantity.about(),
         ),
         started: Discrete(
             "1",
             update=f"{started}_update",
-            period=_ONCE,
+            period=ONCE,
             type="boolean",
+            is_memory=True,
             doc=f"whether {reference} is known",
         ),
         quantity.name: measured,
@@ -270,7 +270,7 @@ def transport_delay(quantity: _Quantity) -> dict[str, Any]:
         return value - undone + where(delay_time > elapsed, getattr(self, history), 0.0)
 
     def sampled(about: str, **kind: Any) -> Any:
-        return Discrete(period=period, doc=about, **kind)
+        return Discrete(period=period, is_memory=True, doc=about, **kind)
 
     def value_of(name: str) -> Law:
         return lambda self: getattr(self, name)
@@ -294,7 +294,9 @@ def transport_delay(quantity: _Quantity) -> dict[str, Any]:
         started: sampled(
             f"whether {latest} is known", unit="1", type="boolean", update=f"{started}_update"
         ),
-        begin: Discrete("s", update=f"{begin}_update", period=_ONCE, doc="time of the start"),
+        begin: Discrete(
+            "s", update=f"{begin}_update", period=ONCE, is_memory=True, doc="time of the start"
+        ),
         history: State(
             rate=f"{history}_rate",
             doc=f"{quantity.name} read of the time before the start, more than at the start",

@@ -22,6 +22,7 @@ import casadi as ca
 import numpy as np
 
 from fmus.kit.arrays import Array
+from fmus.kit.declare import ONCE
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.interrupt import uninterrupted
 from fmus.kit.symbolic import Graph
@@ -355,11 +356,16 @@ def check_finite(blocks: LinearBlocks, model: str, point: OperatingPoint) -> Non
 def _updates(
     graph: Graph, point: OperatingPoint, matrices: Sequence[Array]
 ) -> tuple[SampledUpdate, ...]:
-    """Return the updates of all clocks, from a matrix of all discrete states for each clock."""
+    """Return the updates of all clocks, from a matrix of all discrete states for each clock.
+
+    What is sampled once, at the start, is constant behind it.
+    """
     layout = graph.layout
     place_of = {discrete.name: k for k, discrete in enumerate(layout.discretes)}
     updates = []
     for (clock, members), matrix in zip(layout.sampled, matrices, strict=True):
+        if clock.period == ONCE:
+            continue
         period = point.seconds(clock.period)
         shift = sum(point.seconds(name) for name in clock.shift)
         rows = tuple(place_of[member.name] for member in members)

@@ -190,8 +190,13 @@ def _laws(
         if state.name not in request.drift:
             yield f"the rate of {state.name} = 0", graph.rates[k] / state.nominal
     sampled = graph.discretes  # after the samples of all clocks, one after the other
-    for update in graph.updates:
-        (sampled,) = ca.substitute([update], [graph.discretes], [sampled])
+    index = layout.parameter_index
+    for (clock, _), update in zip(layout.sampled, graph.updates, strict=True):
+        # the discrete states are those before a sample, and so of one a period ago
+        period = clock.period
+        seconds = graph.parameters[index[period]] if isinstance(period, str) else period
+        before = [sampled, graph.time - seconds]
+        (sampled,) = ca.substitute([update], [graph.discretes, graph.time], before)
     for k, discrete in enumerate(layout.discretes):
         change = (sampled[k] - graph.discretes[k]) / discrete.nominal
         yield f"the same {discrete.name} after a sample", change

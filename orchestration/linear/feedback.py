@@ -214,11 +214,17 @@ class ControllerDesign(Displayable):
         inputs = {port: self.plant.at_rest(signal) for port, signal in signals.items()}
         return start_point(trace(self.controller), inputs)
 
+    @property
+    def _within_limits(self) -> OperatingPoint:
+        """The operating point without limits of the command, which may be at one of them."""
+        return self.point.updated(dict(zip(self.designed.limits, (-np.inf, np.inf), strict=False)))
+
     @cached_property
     def law(self) -> LinearModel:
         """Linear law of the controller, from what it measures to the command it makes of it.
 
-        Its own output is that before a sample; this one is that from the sample on.
+        Its own output is that before a sample; this one is that from the sample on. Where the
+        command is at a limit, it is the law within the limits.
 
         Raises
         ------
@@ -226,11 +232,12 @@ class ControllerDesign(Displayable):
             If the command does not wait for a sample.
         """
         subject = subject_of(self.controller)
-        law = subject.linearise(self.point, self._measured, [self.designed.command])
+        law = subject.linearise(self._within_limits, self._measured, [self.designed.command])
         m = law.matrices
         if not m.period or m.D.any():
             raise UserError(f"{law.name}: its command does not wait for a sample")
-        return replace(law, matrices=replace(m, C=m.C @ m.A, D=m.C @ m.B))
+        matrices = replace(m, C=m.C @ m.A, D=m.C @ m.B)
+        return replace(law, matrices=matrices, point=self.point)
 
     @property
     def _measured(self) -> list[str]:

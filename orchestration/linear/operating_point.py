@@ -174,6 +174,19 @@ def start_point(graph: Graph, settings: Mapping[str, float]) -> OperatingPoint:
     return OperatingPoint(0.0, parameters, inputs, states, discretes)
 
 
+@uninterrupted()
+def _remembering(graph: Graph, start: OperatingPoint) -> OperatingPoint:
+    """Return the start with the memory of effects that samples a period before would have left."""
+    laws = ca.Function("updates", graph.arguments, list(graph.updates))
+    values = {}
+    for place, (clock, members) in enumerate(graph.layout.sampled):
+        before = replace(start, time=start.time - start.seconds(clock.period))
+        sampled = laws.call(before.arguments(graph))[place].full().ravel().tolist()
+        after = dict(zip(start.discretes, sampled, strict=True))
+        values |= {v.name: after[v.name] for v in members if v.is_memory}
+    return start.updated(values)
+
+
 def point_at(
     graph: Graph,
     time: float,
@@ -184,7 +197,8 @@ def point_at(
 ) -> OperatingPoint:
     """Simulate a model up to a time, and return the operating point there.
 
-    Discrete states are those before a sample at that time, as an FMU shows them.
+    Discrete states are those before a sample at that time, as an FMU shows them. At the start the
+    memory of effects, such as of a delay, is that of a model that rested there before.
 
     Parameters
     ----------
@@ -220,7 +234,7 @@ def point_at(
     inputs |= {name: values[latest] for name, values in (stimulus or {}).items()}
     now = {name: float(values[-1]) for name, values in inputs.items()}
     if instants.size == 1:
-        return start.updated(now)
+        return _remembering(graph, start.updated(now))
     run = (compiled or CompiledModel(graph)).run(instants, inputs, start.parameters)
     end = {name: float(values[-1]) for name, values in run.signals.items()}
     return replace(start.updated(end | now), time=time)

@@ -38,7 +38,12 @@ def designed(plant, limits=(-np.inf, np.inf), gain=1.5, integral=0.6):
         "command_min": float(low),
         "command_max": float(high),
     }
-    made = DesignedController("fmus.controllers.tuning:pid", arguments, {"measured": "y"})
+    made = DesignedController(
+        "fmus.controllers.tuning:pid",
+        arguments,
+        {"measured": "y"},
+        limits=("command_min", "command_max"),
+    )
     return ControllerDesign(made, plant, limits)
 
 
@@ -117,8 +122,10 @@ def test_steps_within_limits_are_those_of_scipy(reference, load, limits, delay):
     assert (np.isin(found.command, limits)).any(), "a limit acts"
 
 
-def test_loop_and_sensitivities_are_their_closed_forms():
-    design = designed(sampled_plant(lag(), PERIOD, 0.0))
+@pytest.mark.parametrize("limits", [(-np.inf, np.inf), (0.0, 1.0), (-1.0, 0.0)])
+def test_loop_and_sensitivities_are_their_closed_forms(limits):
+    """Also where the command rests at a limit, such as a heater that is off."""
+    design = designed(sampled_plant(lag(), PERIOD, 0.0), limits)
     frequencies = np.geomspace(1e-3, 9.0, 50)
     z = np.exp(2j * np.pi * frequencies * PERIOD)
     decay = np.exp(-PERIOD / LAG)

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import cont2discrete
 
 from fmus import component
-from fmus.kit import UserError
+from fmus.kit import Component, Input, Output, Parameter, State, UserError, stack
+from fmus.kit.sampling import Sampling
+from fmus.kit.sensors import sensor_lag, transport_delay
 from fmus.kit.symbolic import trace
+from orchestration.linear.blocks import blocks_of
+from orchestration.linear.discretisation import assemble
+from orchestration.linear.equilibrium import TrimRequest, trim
 from orchestration.linear.operating_point import point_at, start_point, with_outputs
 
 R1, R2, C = 0.43, 2.35, 2.70
@@ -54,6 +60,61 @@ def test_discrete_states_are_those_before_a_sample():
     after = point_at(graph, 1.0 / 30.0 + 1e-6, values).discretes["voltage_command"]
     # eq. 2.2: 0.66 at the first sample, and 0.6 more at the next, as nothing pulls yet
     assert (before, after) == pytest.approx((0.66, 1.26), rel=1e-9)
+
+
+class Lag(Component):
+    """A lag of first order, T dx/dt = g u - x."""
+
+    name = "lag"
+    gain = Parameter(80.0, "K", min=1.0, max=1e3)
+    lag_time = Parameter(600.0, "s", min=1.0, max=1e4)
+    drive = Input("1")
+    response = State("K", rate="rate", start=300.0)
+
+    def rate(self):
+        return (self.gain * self.drive - self.response) / self.lag_time
+
+    @Output("K")
+    def measured(self):
+        return self.response
+
+
+PERIOD, DELAY, SENSOR = 10.0, 47.0, 90.0
+POINTS = {
+    "start": (0.0, None),
+    "run": (200.0, None),
+    "rest": (0.0, TrimRequest({"response": 300.0}, ["drive"])),
+}
+
+
+@pytest.mark.parametrize("name", POINTS)
+@pytest.mark.parametrize("is_late", [True, False])
+def test_a_sensor_is_late_at_every_operating_point(name, is_late):
+    """Against g / (T s + 1), held and sampled, behind a dead time or the lag of a sensor."""
+    sampling = Sampling(PERIOD, 100.0)
+    effect = transport_delay if is_late else sensor_lag
+    value = {"measured_delay": DELAY} if is_late else {"measured_lag_time": SENSOR}
+    graph = trace(stack(Lag, effect(Lag, "measured", sampling), defaults=value))
+    time, request = POINTS[name]
+    point = point_at(graph, time, {})
+    if request:
+        point = trim(graph, point, request)
+    path = blocks_of(graph, point).between(["drive"], ["measured"])
+    matrices = assemble(path, ["measured"], PERIOD)
+    f = np.geomspace(1e-4, 1e-2, 7)
+    z = np.exp(2j * np.pi * f * PERIOD)
+    n = len(matrices.A)
+    column = matrices.B[:, -1:]
+    found = [(matrices.C @ np.linalg.solve(w * np.eye(n) - matrices.A, column))[0, 0] for w in z]
+    if is_late:  # modified z-transform: 3 s behind each sample, five samples late
+        early, whole = np.exp(-(5 * PERIOD - DELAY) / 600.0), np.exp(-PERIOD / 600.0)
+        expected = 80.0 * ((1.0 - early) * z + early - whole) / (z - whole) * z**-5
+    else:
+        numerator, denominator, _ = cont2discrete(
+            ([80.0], np.polymul([600.0, 1.0], [SENSOR, 1.0])), PERIOD
+        )
+        expected = np.polyval(numerator[0], z) / np.polyval(denominator, z)
+    np.testing.assert_allclose(found, expected, rtol=2e-3)
 
 
 @pytest.mark.parametrize("time", [-1.0, np.inf, np.nan])
