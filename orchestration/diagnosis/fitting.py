@@ -215,7 +215,10 @@ class Problem:
         if self.model.begins_as_declared:
             return np.ones(len(self.model.states), dtype=bool)
         names = [self.model.parameters[i].name for i in self.model.start_positions]
-        return np.array([name in self.hold for name in names], dtype=bool)
+        states = zip(names, self.model.states, strict=True)
+        return np.array(
+            [name in self.hold or getattr(s, "is_memory", False) for name, s in states], dtype=bool
+        )
 
     @cached_property
     def _copies(self) -> list[Copy]:

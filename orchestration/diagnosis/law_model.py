@@ -22,10 +22,11 @@ from fmus.kit.arrays import Array, Indices, Mask
 from fmus.kit.build import cached_library, load_library
 from fmus.kit.build.toolchain import host_platform
 from fmus.kit.declare import InputDeclaration
+from fmus.kit.effects import unstack
 from fmus.kit.interrupt import uninterrupted
 from fmus.kit.layout import takes_arguments
 from fmus.kit.record import Rhythm
-from fmus.kit.symbolic import PerturbedLaws
+from fmus.kit.symbolic import PerturbedLaws, trace
 from orchestration.diagnosis.delays import (
     has_delays,
     linearise_late,
@@ -375,28 +376,41 @@ class LawModel:
 
     @cached_property
     def targets(self) -> list[str]:
-        """Laws that may lack a term: no outputs, no definitions, and no count of an input."""
-        outputs = {o.name for o in self.outputs}
+        """Laws that may lack a term.
+
+        No outputs, no definitions, no count of an input, and no memory of an effect.
+        """
+        left_out = {o.name for o in self.outputs} | self._memory
         laws = self.perturbed
         return [
             law
             for law in self.laws
-            if law not in outputs and not laws.is_definition(law) and not laws.is_count(law)
+            if law not in left_out and not laws.is_definition(law) and not laws.is_count(law)
         ]
+
+    @cached_property
+    def _memory(self) -> set[str]:
+        """States of sensors and other memory of effects, and the laws by which they move."""
+        _, effects = unstack(self.cls)
+        layouts = [effect.layout for effect in effects if effect.output]
+        sensors = {s.name for own in layouts for s in (*own.states, *own.discretes)}
+        memory = {z.name for z in self.cls.layout.discretes if z.is_memory}
+        pairs = zip(self.states, self.rates, strict=True)
+        return {name for s, law in pairs if s.name in sensors | memory for name in (s.name, law)}
 
     @cached_property
     def arguments(self) -> frozenset[str]:
         """Signals that a term may be a function of.
 
         Neither the law of an output nor the rate of a state, which follows from the others, nor a
-        law that is a function of one of them, or has arguments, which only its callers know. A
-        state that is an output is still a state.
+        law that is a function of one of them, or has arguments, which only its callers know, nor
+        the memory of an effect. A state that is an output is still a state.
         """
         states = {s.name for s in self.states}
         left_out = {o.name for o in self.cls.layout.outputs} | set(self.followed)
         left_out |= {law for law in self.laws if len(self.perturbed.computed_from(law)) < 2}
         left_out |= {law for law in self.laws if takes_arguments(self.cls, law)}
-        return frozenset(self.signals) - (left_out - states)
+        return frozenset(self.signals) - (left_out - states) - self._memory
 
     @cached_property
     def plain_laws(self) -> frozenset[str]:
@@ -440,9 +454,9 @@ class LawModel:
     @cached_property
     @uninterrupted()
     def measured_states(self) -> dict[int, int]:
-        """Positions of states that an output shows as they are, and of that output."""
+        """Positions of states that an output shows as they are, but for effects of its sensor."""
         names = {s.name: i for i, s in enumerate(self.states)}
-        shown = enumerate(ca.vertsplit(self.perturbed.graph.outputs))
+        shown = enumerate(ca.vertsplit(trace(unstack(self.cls)[0]).outputs))
         symbols = [(j, e.name()) for j, e in shown if e.is_symbolic()]
         symbols += enumerate((s.name for s in self.perturbed.shown), len(self.cls.layout.outputs))
         return {names[name]: j for j, name in symbols if name in names}

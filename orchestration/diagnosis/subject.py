@@ -52,6 +52,7 @@ _SHORTEST = _MOST // 2  # of one of many, to which it is cut at most
 _STILL = 0.01  # standard deviations, by which an input moves at most that drives nothing
 _DECAY = 1.0  # e-folds over a record, by which each mode decays of a model that forgets errors
 _ROUNDS = 3  # of observers and fits by turns
+_MOST_OBSERVED = 32  # states of an observer: each sample takes as long as the cube of their number
 _ASTRAY = 0.5  # misfit in spreads, from which on a fit may be near a frequency that is not there
 _UNSEEN = 0.002  # of the spread, by which a run over fewer samples may differ
 _COARSE = 0.01  # the same, of a record of which the end would be lost
@@ -571,9 +572,12 @@ def predicted(subject: Subject, fitted: Fit | None = None) -> Subject | None:
     Returns
     -------
     Subject or None
-        None if the model runs away, or forgets all errors of its states.
+        None if the model runs away, forgets all errors of its states, or has too many of them.
     """
-    if subject.problem.model.begins_as_declared or any(o.is_between for o in subject.left_out):
+    model = subject.problem.model
+    if model.begins_as_declared or any(o.is_between for o in subject.left_out):
+        return None
+    if len(model.states) > _MOST_OBSERVED:
         return None
     subject = subject.fewer or subject
     at = subject.base if fitted is None else fitted
@@ -681,7 +685,7 @@ def _begun(subject: Subject) -> Subject:
     if ours is None or declared is None:
         return subject
     gain = compare(ours, declared, common_of([ours, declared]))
-    columns = 0.5 * len(model.states) * len(problem.records)
+    columns = 0.5 * float((~problem.known_starts).sum()) * len(problem.records)
     columns *= float(np.log(max(sum(n.sum() for n in ours.effective), 3.0)))
     return other if min(gain.fitted - columns, gain.left_out) > WEIGHTS.least else subject
 
