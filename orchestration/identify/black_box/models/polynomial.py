@@ -67,7 +67,8 @@ class PolynomialModel(IdentifiedModel):
         return np.sum([*map(filtered, self.b, self._denominators, deviations.T)], axis=0)
 
     def _free(self, samples: int) -> Array:
-        return _free_responses(samples, self._denominators, np.ones(1))
+        longest = max(map(len, self.b)) - 1  # inputs before the first sample are states, too
+        return _free_responses(samples, self._denominators, np.ones(1), longest)
 
     def static_output(self, deviations: Array) -> float:
         """Return the deviation of the output at rest under deviations of the inputs (m,)."""
@@ -117,7 +118,9 @@ class PolynomialModel(IdentifiedModel):
         return block_diag(*a), block_diag(*b), np.hstack(c), np.hstack(d)
 
 
-def _free_responses(samples: int, denominators: list[Array], numerator: Array) -> Array:
+def _free_responses(
+    samples: int, denominators: list[Array], numerator: Array, least: int = 0
+) -> Array:
     """Return a basis of the free responses, through each denominator.
 
     These are as many impulse responses, each a sample later than the last, as the denominator has
@@ -129,6 +132,8 @@ def _free_responses(samples: int, denominators: list[Array], numerator: Array) -
     denominators : list of ndarray
         Equal ones count once.
     numerator : ndarray
+    least : int
+        Least number of states of each.
 
     Returns
     -------
@@ -137,7 +142,7 @@ def _free_responses(samples: int, denominators: list[Array], numerator: Array) -
     distinct = {tuple(denominator): denominator for denominator in denominators}
     rows = [np.empty((0, samples))]
     for denominator in distinct.values():
-        impulses = np.eye(min(len(denominator) - 1, samples), samples)
+        impulses = np.eye(min(max(len(denominator) - 1, least), samples), samples)
         rows.append(filtered(numerator, denominator, impulses))
     return np.vstack(rows).T
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fmus.kit.errors import UserError
-from orchestration.identify.black_box import arx, box_jenkins, input_output_data
+from orchestration.identify.black_box import arx, box_jenkins, input_output_data, output_error
 from tests.support.black_box import BOX_JENKINS, box_jenkins_record, fit, response
 
 
@@ -41,6 +41,15 @@ def test_a_model_that_integrates_rests_nowhere_but_at_its_offsets():
     with pytest.raises(UserError, match="a model that integrates rests only at"):
         exact.simulate(u, before=[1.0])
     assert fit(y, exact.simulate(u, y)) > 99.0
+
+
+def test_a_free_run_in_the_middle_of_a_dead_time_knows_what_is_on_its_way():
+    """The last part of a run without noise, against all of it."""
+    u = np.repeat(np.random.default_rng(3).choice([-1.0, 1.0], 40), 7)
+    y = response([*np.zeros(9), 0.1], [1.0, -0.9], u)
+    model = output_error(input_output_data(u, y, 1.0), 1, 1, 9).model
+    for first in (154, 156, 159):  # behind a step at 154
+        assert fit(y[first:], model.simulate(u[first:], y[first:])) > 99.99
 
 
 def test_poles_zeros_and_noise_are_those_of_the_coefficients(model):
