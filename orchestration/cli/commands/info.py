@@ -109,10 +109,12 @@ def _facts_of_class(name: str, cls: type[Component]) -> _Facts:
     from orchestration.fmu.signal import declared_signal
 
     layout = cls.layout
+    memory = {layout.start_of[z.name] for z in layout.discretes if z.is_memory}
+    settable = [p for p in layout.parameters if p.name not in memory]
     groups = {
         "inputs": layout.inputs,
         "outputs": layout.shown,
-        "parameters": (*layout.parameters, *layout.texts),
+        "parameters": (*settable, *layout.texts),
     }
     base, stacked = unstack(cls)
     added = [effect_name(effect) for effect in stacked]

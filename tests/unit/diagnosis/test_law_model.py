@@ -10,9 +10,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from fmus.kit import Component, Input, Output, Parameter, State
+from fmus.kit import Component, Input, Output, Parameter, State, stack
 from fmus.kit.arrays import Array
+from fmus.kit.sensors import transport_delay
 from orchestration.diagnosis import LawModel, Record, Shape, Term, law_model
+from orchestration.diagnosis.fitting import Problem
 from orchestration.diagnosis.runs import Course, Setting
 from orchestration.diagnosis.terms import Memory
 from tests.support.diagnosed_mass import (
@@ -485,6 +487,17 @@ def test_an_output_that_is_a_state_is_seen() -> None:
     assert mass().measured_states == {0: 0}
     assert mass().integrals == {"x"}, "of the velocity"
     assert mass().nominal_states == pytest.approx([0.1, 1.0])
+
+
+def test_a_dead_time_of_a_sensor_adds_no_law_no_signal_and_a_known_memory() -> None:
+    """What can be missing is what could be without it; its history is a line, two states."""
+    late = LawModel(stack(Mass, transport_delay(Mass, "position")))
+    assert late.measured_states == {0: 0}
+    assert late.targets == mass().targets
+    assert late.arguments == mass().arguments
+    problem = Problem(late, (pushed(60),), np.ones(1), ())
+    free = [s.name for s, known in zip(late.states, problem.known_starts, strict=True) if not known]
+    assert free == ["x", "v", "position_delay_history", "position_delay_history_slope"]
 
 
 class ShownMass(Mass):
