@@ -19,7 +19,7 @@ from .declare import Declaration, InputDeclaration, Parameter, State
 from .effects import Effect, Size, Term, effect_maker, make_effect
 from .errors import find
 from .functions import clip, outside, sqrt
-from .sampling import Sampling
+from .sampling import Sampling, sampling_of
 from .titles import generic_title, in_words
 
 _ANY = 1e6  # bound of parameters, in typical magnitudes of the input
@@ -368,7 +368,7 @@ def backlash(
     variable, size = _find_input(component, input, scale)
     gap = f"{input}_play"
     place = f"{input}_passed_on"
-    at_once = (sampling or Sampling()).at_once
+    at_once = (sampling or sampling_of(component)).at_once
 
     def arrives(self: Any, x: Any) -> Any:
         return x - clip(x - getattr(self, place), -getattr(self, gap), getattr(self, gap))
@@ -434,7 +434,7 @@ def input_lag(
     share = f"{input}_lagging_share"
     time = f"{input}_lag"
     lagged = f"{input}_behind"
-    typical = 0.1 * (sampling or Sampling()).time_constant
+    typical = 0.1 * (sampling or sampling_of(component)).time_constant
 
     def arrives(self: Any, x: Any) -> Any:
         return x + getattr(self, share) * (getattr(self, lagged) - x)

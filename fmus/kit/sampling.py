@@ -3,12 +3,17 @@
 An effect needs a time constant for a state that follows its input at once, and a period for the
 samples of a delay. They are 10 ms and 20 ms, which suits a bench. They are scaled for other
 records: one of 40 kHz may be shorter than 20 ms, and with one sample a minute 10 ms makes a model
-stiff.
+stiff. Without a record they are scaled for the experiment of a component that is slower than a
+bench, such as a tank.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .component import Component
 
 _AT_ONCE = 0.01  # s
 _DELAY_PERIOD = 0.02  # s
@@ -18,6 +23,9 @@ _FINEST = 0.01  # samples
 # A longer time can hardly be distinguished from a drift.
 _LONGEST = 0.1  # relative to the record
 _FIRST = 10.0  # samples; a lag of this time is visible
+_BENCH = (
+    0.1  # s; longest step of the experiment of a bench, which is that of a component by default
+)
 
 DELAY_SAMPLES = 64  # length of the shift register of a delay
 
@@ -59,3 +67,9 @@ class Sampling:
     def time_constant(self) -> float:
         """Time constant from which a fit starts, s."""
         return max(_FIRST * self.step, min(_TIME_CONSTANT, _LONGEST * self.duration))
+
+
+def sampling_of(component: type[Component]) -> Sampling:
+    """Return the sampling of the experiment of a component that is slower than a bench."""
+    stop, step = component.experiment
+    return Sampling(step, stop) if step > _BENCH else Sampling()

@@ -24,7 +24,7 @@ from .declare import ONCE, Declaration, Discrete, Parameter, State
 from .effects import Effect, Size, effect_maker, make_effect
 from .errors import find
 from .functions import clip, exp, maximum, minimum, where
-from .sampling import DELAY_SAMPLES, Sampling
+from .sampling import DELAY_SAMPLES, Sampling, sampling_of
 from .titles import in_words
 
 Law = Callable[[Any], Any]
@@ -130,7 +130,7 @@ def _make_factory(
             measured.nominal,
             measured.display,
             before_effect,
-            sampling or Sampling(),
+            sampling or sampling_of(component),
         )
         members = {"__doc__": body.__doc__, "__module__": __name__, **body(quantity)}
         switch = next(n for n, value in members.items() if isinstance(value, Declaration))
@@ -229,9 +229,9 @@ def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
     "the measurement arrives at once", "A delay of the measured {}", Size("late by {}", ())
 )
 def transport_delay(quantity: _Quantity) -> dict[str, Any]:
-    """Pure delay, of up to 64 periods of 20 ms.
+    """Pure delay, of up to 64 periods of 20 ms, or of the steps of a slower experiment than 0.1 s.
 
-    For a record the period is `Sampling.delay_period`. The output is sampled every period into a
+    The period is `Sampling.delay_period`. The output is sampled every period into a
     shift register, and interpolated linearly at the present time less the delay; the newest point
     is the present value. This is exact for a ramp. For a smooth signal the error is at most an
     eighth of the squared period times the second derivative, and a jump becomes a ramp over one

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from fmus.kit.sampling import DELAY_SAMPLES, Sampling
+from fmus.kit import Component
+from fmus.kit.sampling import DELAY_SAMPLES, Sampling, sampling_of
 
 
 @pytest.mark.parametrize(
@@ -40,3 +41,11 @@ def test_a_record_of_40_khz_and_one_of_a_sample_a_minute():
     assert (fast.at_once, slow.at_once) == pytest.approx((25e-6, 0.6))
     assert (fast.delay_period, slow.delay_period) == pytest.approx((0.005 / 64, 60.0))
     assert (fast.time_constant, slow.time_constant) == pytest.approx((0.005, 600.0))
+
+
+@pytest.mark.parametrize(
+    ("experiment", "reach"), [((10.0, 0.01), 1.28), ((100.0, 0.1), 1.28), ((3600.0, 10.0), 640.0)]
+)
+def test_a_component_has_delays_of_its_experiment_unless_that_is_of_a_bench(experiment, reach):
+    plant = type("Plant", (Component,), {"__doc__": "A plant.", "experiment": experiment})
+    assert DELAY_SAMPLES * sampling_of(plant).delay_period == pytest.approx(reach)
