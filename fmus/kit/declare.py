@@ -17,6 +17,8 @@ from .errors import UserError
 
 Number = float | int | bool
 _D = TypeVar("_D", bound="Declaration")
+# names of pint for scales of temperature with another zero
+_SCALES = ("degC", "°C", "celsius", "degreeC", "degree_Celsius", "degF", "°F", "fahrenheit")
 # a sample period, s, that leaves one sample in any simulation: the one at the start
 ONCE = 1e9
 
@@ -42,6 +44,14 @@ def summary(documented: Any) -> str:
             break
         lines.append(line.strip())
     return " ".join(lines).rstrip(".")
+
+
+def of_differences(unit: str) -> str:
+    """Return the unit of differences of values in a unit: ``delta_degC`` for ``degC``.
+
+    It needs no library, unlike that of :mod:`.units`, for what travels inside an FMU.
+    """
+    return f"delta_{unit}" if unit in _SCALES else unit
 
 
 class Constant(float):

@@ -15,7 +15,7 @@ from typing import Any
 
 from .component import Component
 from .curves import per
-from .declare import Declaration, InputDeclaration, Parameter, State
+from .declare import Declaration, InputDeclaration, Parameter, State, of_differences
 from .effects import Effect, Size, Term, effect_maker, make_effect
 from .errors import find
 from .functions import clip, outside, sqrt
@@ -132,14 +132,14 @@ def _find_input(
 
 
 def _switch_parameter(variable: InputDeclaration, size: float, doc: str, least: float = 0.0) -> Any:
-    """Declare the parameter that switches an effect: a value of the input, 0 by default."""
+    """Declare the parameter that switches an effect: a difference of the input, 0 by default."""
     return Parameter(
         0.0,
-        variable.unit,
+        of_differences(variable.unit),
         min=least * size,
         max=_ANY * size,
         nominal=0.1 * size,
-        display=variable.display,
+        display=of_differences(variable.display) if variable.display else None,
         doc=f"{doc}; 0 is without",
     )
 

@@ -20,7 +20,7 @@ from functools import partial
 from typing import Any
 
 from .component import Component
-from .declare import ONCE, Declaration, Discrete, Parameter, State
+from .declare import ONCE, Declaration, Discrete, Parameter, State, of_differences
 from .effects import Effect, Size, effect_maker, make_effect
 from .errors import find
 from .functions import clip, exp, maximum, minimum, where
@@ -74,7 +74,7 @@ class _Quantity:
     sampling: Sampling
 
     def about(self, per: str = "", scale: float = 1.0) -> dict[str, Any]:
-        """Return unit, nominal value and display unit of a variable of the output's quantity.
+        """Return unit, nominal value and display unit of a variable of differences of the output.
 
         Parameters
         ----------
@@ -83,8 +83,9 @@ class _Quantity:
         scale : float
             Factor of the nominal value.
         """
-        display = self.display + per if self.display else None
-        return {"unit": self.unit + per, "nominal": self.nominal * scale, "display": display}
+        unit = of_differences(self.unit)
+        display = of_differences(self.display) + per if self.display else None
+        return {"unit": unit + per, "nominal": self.nominal * scale, "display": display}
 
 
 def _measurement(

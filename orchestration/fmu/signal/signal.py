@@ -15,6 +15,8 @@ Value = float | str
 
 TRUTHS = {"true": 1.0, "false": 0.0}
 
+_OF_DIFFERENCES = "delta_"  # of pint, before a unit of differences of temperatures
+
 # variables that are computed at the start, so that the FMU declares no start value
 _CALCULATED = (OutputDeclaration, StateDeclaration, DiscreteDeclaration)
 
@@ -127,7 +129,8 @@ def read_signal(variable: Any) -> Signal:
         doc,
         declares_start=bool(variable.start),
         declares_unit=bool(stated),
-        is_relative=bool(_attribute(variable, "relativeQuantity")),
+        is_relative=bool(_attribute(variable, "relativeQuantity"))
+        or display.startswith(_OF_DIFFERENCES),
         items={item.name: float(item.value) for item in getattr(declared, "items", ())},
         is_tunable=variable.causality == "parameter" and variable.variability == "tunable",
     )
@@ -155,11 +158,12 @@ def declared_signal(variable: Declaration) -> Signal:
     """Return the signal of a variable that a component declares, as its FMU describes it."""
     start: Any = getattr(variable, "start", 0.0)
     is_string = variable.type == "string"
+    display = variable.display or variable.unit
     return Signal(
         name=variable.name,
         type=variable.type,
         unit=variable.unit,
-        display=variable.display or variable.unit,
+        display=display,
         start=0.0 if is_string else float(start),
         min=variable.min,
         max=variable.max,
@@ -167,6 +171,7 @@ def declared_signal(variable: Declaration) -> Signal:
         text=str(start) if is_string else "",
         declares_start=not isinstance(variable, _CALCULATED),
         declares_unit=variable.type == "real",
+        is_relative=display.startswith(_OF_DIFFERENCES),
         is_tunable=bool(getattr(variable, "tunable", False)),
     )
 

@@ -3,7 +3,8 @@
 import pytest
 
 from fmus.kit import Array, Component, Integrator, Parameter, UserError, stack
-from fmus.kit.declare import OutputDeclaration, ParameterDeclaration
+from fmus.kit.declare import OutputDeclaration, ParameterDeclaration, of_differences
+from fmus.kit.units import difference_unit
 from tests.support.kit_samples import Divider, Thermostat, Wall
 
 
@@ -85,3 +86,8 @@ def test_the_name_of_an_array_of_start_values_is_taken():
         class Bad(Wall):
             name = "bad"
             temperature_start = Parameter(1.0, "K")
+
+
+@pytest.mark.parametrize("unit", ["degC", "°C", "celsius", "degF", "K", "C", "F", "mm", "K/s"])
+def test_the_unit_of_differences_is_that_of_pint(unit):
+    assert of_differences(unit) == difference_unit(unit)

@@ -10,9 +10,10 @@ import pytest
 from scipy.signal import lsim
 
 import fmus
-from fmus.kit import UserError, stack
+from fmus.kit import Component, Input, Output, UserError, stack
 from fmus.kit.build.building import RUNTIMES, build
 from fmus.kit.build.toolchain import host_platform
+from fmus.kit.inputs import input_offset
 from fmus.kit.integrate import Integrator
 from fmus.kit.record.compiled import CompiledModel
 from fmus.kit.sampling import Sampling
@@ -28,6 +29,7 @@ from fmus.kit.sensors import (
 from fmus.kit.symbolic.tracing import trace
 from fmus.ppy_actuator.model import PpyActuator, PpyActuatorLengthDriven
 from orchestration.fmu.instance import Fmu
+from orchestration.fmu.signal import declared_signal, read_setting, start_of
 from orchestration.fmu.simulation import simulate_instance
 from orchestration.identify.fitting.delay import DelayedModel
 from orchestration.identify.fitting.simulation_input import SimulationInput
@@ -511,3 +513,25 @@ def test_own_model_from_a_file(tmp_path, file):
         state = u + (state - u) * np.exp(-2.0 * step)
     late = np.interp(time[:-1] - 0.04, time[:-1], exact)
     assert np.abs(shown["y"][:-1] - late).max() < 0.05, "late, and offset"
+
+
+class Oven(Component):
+    """A temperature that people read in degrees Celsius, about that of its room."""
+
+    name = "oven"
+    room = Input("K", start=293.15, display="degC")
+
+    @Output("K", display="degC")
+    def temperature(self):
+        return self.room
+
+
+@pytest.mark.parametrize("written", ["2degC", "2K", "2"])
+def test_an_error_of_a_thermometer_in_degrees_celsius_is_a_difference(written):
+    """2 degC too much are 2 K, not 275.15 K: also of an input, and of what is shown by default."""
+    cls = stack(Oven, sensor_offset(Oven, "temperature"), input_offset(Oven, "room"))
+    signals = {one.name: declared_signal(one) for one in cls.layout.parameters}
+    for name in ("temperature_offset", "room_input_offset"):
+        assert start_of(signals[name]).startswith("0 ")
+        value = read_setting(written, signals[name], name)
+        assert cls(**{name: value}).outputs() == pytest.approx([295.15])
