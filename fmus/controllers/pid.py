@@ -24,7 +24,7 @@ class Pid(Component):
     experiment = (10.0, 0.01)
 
     sample_period = Parameter(
-        0.01, "s", min=1e-4, max=10.0, nominal=0.01, doc="sample period of the controller (h)"
+        0.01, "s", min=1e-4, max=3600.0, nominal=0.01, doc="sample period of the controller (h)"
     )
     proportional_gain = Parameter(
         0.3, "V/N", min=-1e12, max=1e12, source=_FORM, tunable=True, doc="proportional gain (K)"

@@ -256,6 +256,11 @@ def subject_of(system: System, master_options: Master | None = None, prefix: str
             outputs[name] = signals[name]
         if _is_settable(variable) and f"{prefix}{name}" not in why_not_settable:
             parameters[name] = signals[name]
+    inputs = {}
+    for name, targets in system.inputs.items():
+        target = str(targets[0]).removeprefix(prefix)
+        start = settings.get(target, signals[target].start)
+        inputs[name] = replace(signals[target], start=start)
     recorded_by_default = [str(port) for port in system.outputs.values()]
     if not recorded_by_default:
         margins = LimitOutputs.among(outputs, signals).margins
@@ -266,10 +271,7 @@ def subject_of(system: System, master_options: Master | None = None, prefix: str
         ]
     return Subject(
         name=system.name,
-        inputs={
-            name: signals[str(targets[0]).removeprefix(prefix)]
-            for name, targets in system.inputs.items()
-        },
+        inputs=inputs,
         why_not_settable=why_not_settable,
         parameters=parameters,
         tunable={name: signal for name, signal in parameters.items() if signal.is_tunable},

@@ -45,6 +45,7 @@ def closed_system(design: ControllerDesign) -> System:
     while name in [member.name for member in plant.members]:
         name = f"outer_{name}"
     output = Port(name, design.designed.command)
+    reference = Port(name, design.designed.reference)
     driven = plant.inputs.get(command) or (plant.port(command),)
     connections = [*plant.connections, *(Connection(output, port) for port in driven)]
     inputs = {n: ports for n, ports in plant.inputs.items() if n != command}
@@ -62,7 +63,7 @@ def closed_system(design: ControllerDesign) -> System:
         name="loop",
         members=(Member.of(name, design.controller), *plant.members),
         connections=tuple(connections),
-        inputs={"reference": (Port(name, design.designed.reference),), **free},
+        inputs={"reference": (reference,), **free},
         outputs={"command": output, **plant.outputs, "measured": _source(plant, measured)},
         doc=f"{plant.name} with a controller of {measured} by {command}",
         step=design.plant.period / steps,
@@ -71,7 +72,7 @@ def closed_system(design: ControllerDesign) -> System:
     constant = inputs.keys() & at_rest.keys()
     joined = joined.given({str(port): at_rest[n] for n in constant for port in inputs[n]})
     unused = {str(p): s.start for p, s in checking.open_inputs(joined).items() if p.member == name}
-    return joined.given(unused)
+    return joined.given({**unused, str(reference): design.point.inputs[reference.variable]})
 
 
 def _source(plant: System, signal: str) -> Port:

@@ -39,6 +39,16 @@ def test_the_loop_that_is_cut_has_the_margins_of_the_design():
     np.testing.assert_allclose(cut, found.margins(), rtol=1e-9)
 
 
+def test_a_loop_without_a_reference_rests_where_it_was_designed(tmp_path):
+    """Its file, too, which knows no operating point: at zero the controller would be at its limit."""
+    found = ppy.design("ppy_actuator", **SIGNALS, **AT, **HELD, limits="-0.2A..0.3A")
+    run = ppy.run(found.system, found.time[:50], {})
+    np.testing.assert_allclose(run.signals["plant.displacement"], 5e-5, rtol=1e-9)
+    found.write(tmp_path)
+    cut = ppy.linearise(str(tmp_path / "loop.ssp"), cut="controller.measured").margins()
+    np.testing.assert_allclose(cut, found.margins(), rtol=1e-6)
+
+
 def test_a_system_that_is_sampled_gives_its_period_and_its_step():
     pulled = {"settings": {"force_reference": 1.0}, "at": ["1s"]}
     asked = {"phase_margin": 80.0, "controller": "pi", "limits": (0.0, 3.0)}
