@@ -103,7 +103,10 @@ def _request(
         for name in (plant.inputs[0], plant.outputs[0])
     )
     if not np.any(plant.part()(0.5j)):
-        raise UserError(f"{plant.name}: {measured.name} does not answer {command.name}")
+        raise UserError(
+            f"{plant.name}: {measured.name} does not answer {command.name}; an FMU that hides its"
+            f" states is given pulses of {option('step')}, which may be too short"
+        )
     crossover = options["crossover"]
     return registry.DesignRequest(
         plant.part(),

@@ -803,7 +803,19 @@ class LinearisePointOptions(TypedDict, total=False):
     ]
 
 
-class LineariseSignalOptions(TypedDict, total=False):
+class ExchangeOption(TypedDict, total=False):
+    """Communication step of a linear model."""
+
+    step: Annotated[
+        Time,
+        "Communication step over which inputs and connections are constant.",
+        "Communication step over which inputs and connections are constant, as with a Jacobi"
+        " master; by default time is continuous. For an FMU that hides its states, the step of"
+        " the pulses.",
+    ]
+
+
+class LineariseSignalOptions(ExchangeOption, total=False):
     """Inputs and outputs of a linear model, and its sample period."""
 
     inputs: Annotated[
@@ -825,13 +837,6 @@ class LineariseSignalOptions(TypedDict, total=False):
             " output ``member.variable`` of a connection.",
             metavar="SIGNAL",
         ),
-    ]
-    step: Annotated[
-        Time,
-        "Communication step over which inputs and connections are constant.",
-        "Communication step over which inputs and connections are constant, as with a Jacobi"
-        " master; by default time is continuous. For an FMU that hides its states, the step of"
-        " the pulses.",
     ]
 
 
@@ -943,7 +948,9 @@ class ControllerOptions(TypedDict, total=False):
     ]
 
 
-class DesignOptions(ControllerOptions, SettingsOption, LinearisePointOptions, total=False):
+class DesignOptions(
+    ControllerOptions, ExchangeOption, SettingsOption, LinearisePointOptions, total=False
+):
     """Options of ``design`` besides the model."""
 
 

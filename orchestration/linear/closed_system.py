@@ -40,7 +40,7 @@ def closed_system(design: ControllerDesign) -> System:
     if design.model is None:
         raise UserError("the plant is a linear model without an FMU: there is no system to join")
     plant = _plant_system(design)
-    command, measured = design.plant.inputs[0], design.plant.outputs[0]
+    command = design.plant.inputs[0]
     name = _CONTROLLER
     while name in [member.name for member in plant.members]:
         name = f"outer_{name}"
@@ -64,8 +64,12 @@ def closed_system(design: ControllerDesign) -> System:
         members=(Member.of(name, design.controller), *plant.members),
         connections=tuple(connections),
         inputs={"reference": (reference,), **free},
-        outputs={"command": output, **plant.outputs, "measured": _source(plant, measured)},
-        doc=f"{plant.name} with a controller of {measured} by {command}",
+        outputs={
+            "command": output,
+            **plant.outputs,
+            "measured": _source(plant, design.plant.outputs[0]),
+        },
+        doc=f"{plant.name} with a controller of {design.plant.outputs[0]} by {command}",
         step=design.plant.period / steps,
         stop=float(design.time[-1]),
     )

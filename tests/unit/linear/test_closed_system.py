@@ -5,7 +5,7 @@ import pytest
 
 import ppy_rig as ppy
 from orchestration.system import checking
-from tests.support.hosts import build_one_state_fmu
+from tests.support.hosts import build_one_state_fmu, build_pythonfmu
 from tests.support.sine_sweep import SineSweep, sine_sweep
 
 SIGNALS = {"command": "current", "measured": "displacement"}
@@ -40,7 +40,7 @@ def test_the_loop_that_is_cut_has_the_margins_of_the_design():
 
 
 def test_a_loop_without_a_reference_rests_where_it_was_designed(tmp_path):
-    """Its file, too, which knows no operating point: at zero the controller would be at its limit."""
+    """Its file, too: at a reference of zero the controller would be at its limit."""
     found = ppy.design("ppy_actuator", **SIGNALS, **AT, **HELD, limits="-0.2A..0.3A")
     run = ppy.run(found.system, found.time[:50], {})
     np.testing.assert_allclose(run.signals["plant.displacement"], 5e-5, rtol=1e-9)
@@ -122,3 +122,38 @@ def test_a_loop_with_an_fmu_of_others_answers_a_sine_sweep_as_the_design_says(co
     assert np.abs(np.degrees(np.angle(ratio))).max() < 2.0
     loop = found.loop.response(FREQUENCIES)
     np.testing.assert_allclose(loop, -found.law.response(FREQUENCIES) * plant, rtol=1e-4)
+
+
+TANK = """
+from math import exp
+
+from pythonfmu import Fmi2Causality, Fmi2Slave, Real
+
+
+class Tank(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.heater, self.temperature, self.past = 0.0, 0.0, [0.0] * 12
+        self.register_variable(Real("heater", causality=Fmi2Causality.input))
+        self.register_variable(Real("temperature", causality=Fmi2Causality.output))
+
+    def do_step(self, time, step):
+        kept = exp(-step / 600.0)
+        self.past.append(self.heater)
+        self.temperature = kept * self.temperature + (1.0 - kept) * 0.8 * self.past.pop(0)
+        return True
+"""
+
+
+@pytest.mark.slow  # an interpreter in the FMU
+def test_a_tank_with_a_dead_time_of_samples_is_designed_by_pulses_of_its_step(tmp_path):
+    """0.8 / (600 s + 1) behind 120 s, sampled every 10 s; a PI has the margin that is asked for."""
+    fmu = build_pythonfmu(tmp_path, "tank", TANK)
+    asked = {"controller": "pi", "sample_period": "10s", "phase_margin": 60.0}
+    found = ppy.design(fmu, command="heater", measured="temperature", step="10s", **asked)
+    p, crossover = found.parameters, found.margins().crossover
+    z, kept = np.exp(2j * np.pi * crossover * 10.0), np.exp(-10.0 / 600.0)
+    law = p["proportional_gain"] * (1.0 + 10.0 / p["integral_time"] / (1.0 - 1.0 / z))
+    loop = law * 0.8 * (1.0 - kept) / (z - kept) * z**-12
+    assert abs(loop) == pytest.approx(1.0, rel=1e-4)
+    assert np.degrees(np.angle(-loop)) == pytest.approx(60.0, abs=0.05)
