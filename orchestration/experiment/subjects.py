@@ -259,8 +259,7 @@ def subject_of(system: System, master_options: Master | None = None, prefix: str
     inputs = {}
     for name, targets in system.inputs.items():
         target = str(targets[0]).removeprefix(prefix)
-        start = settings.get(target, signals[target].start)
-        inputs[name] = replace(signals[target], start=start)
+        inputs[name] = with_start(signals[target], settings.get(target, signals[target].default))
     recorded_by_default = [str(port) for port in system.outputs.values()]
     if not recorded_by_default:
         margins = LimitOutputs.among(outputs, signals).margins
@@ -292,6 +291,13 @@ def subject_of(system: System, master_options: Master | None = None, prefix: str
         options=options,
         foreign=any(member.cls is None for member in system.members),
     )
+
+
+def with_start(signal: Signal, start: Value) -> Signal:
+    """Return a signal with the value that it has in the system."""
+    if isinstance(start, str):
+        return replace(signal, text=start)
+    return replace(signal, start=start)
 
 
 def _why_not_settable(system: System) -> dict[str, str]:

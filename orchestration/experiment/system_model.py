@@ -21,7 +21,13 @@ from fmus.kit import UserError
 from fmus.kit.arrays import Array, Indices, Signals
 from fmus.kit.record import CompiledModel
 from orchestration.experiment.model import Master
-from orchestration.experiment.subjects import Subject, subject_of, unknown_laws, with_classes
+from orchestration.experiment.subjects import (
+    Subject,
+    subject_of,
+    unknown_laws,
+    with_classes,
+    with_start,
+)
 from orchestration.fmu import Model, Signal, Value
 from orchestration.fmu.signal import numeric
 from orchestration.fmu.simulation import FmuSource
@@ -52,7 +58,7 @@ def system_model(system: System, master: Master | None = None, name: str = "") -
     parameters = {}
     for key, signal in _with_names(subject.parameters).items():
         if key not in subject.open_inputs:
-            parameters[key] = _with_start(signal, subject.settings.get(key, signal.default))
+            parameters[key] = with_start(signal, subject.settings.get(key, signal.default))
     return Model(
         name or system.name,
         Path(),
@@ -118,13 +124,6 @@ def _without_classes(system: System) -> System:
 def _with_names(signals: Mapping[str, Signal]) -> dict[str, Signal]:
     """Return signals with the names that they have in the system."""
     return {name: replace(signal, name=name) for name, signal in signals.items()}
-
-
-def _with_start(signal: Signal, start: Value) -> Signal:
-    """Return a parameter with the value that it has in the system."""
-    if isinstance(start, str):
-        return replace(signal, text=start)
-    return replace(signal, start=start)
 
 
 @dataclass(frozen=True)

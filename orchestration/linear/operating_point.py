@@ -178,7 +178,7 @@ def start_point(graph: Graph, settings: Mapping[str, float]) -> OperatingPoint:
 def _remembering(graph: Graph, start: OperatingPoint) -> OperatingPoint:
     """Return the start with the memory of effects that samples a period before would have left."""
     laws = ca.Function("updates", graph.arguments, list(graph.updates))
-    values = {}
+    values: dict[str, float] = {}
     for place, (clock, members) in enumerate(graph.layout.sampled):
         before = replace(start, time=start.time - start.seconds(clock.period))
         sampled = laws.call(before.arguments(graph))[place].full().ravel().tolist()
