@@ -368,7 +368,7 @@ def backlash(
     variable, size = _find_input(component, input, scale)
     gap = f"{input}_play"
     place = f"{input}_passed_on"
-    at_once = (sampling or sampling_of(component)).at_once
+    at_once = (sampling or sampling_of(component.experiment)).at_once
 
     def arrives(self: Any, x: Any) -> Any:
         return x - clip(x - getattr(self, place), -getattr(self, gap), getattr(self, gap))
@@ -434,7 +434,7 @@ def input_lag(
     share = f"{input}_lagging_share"
     time = f"{input}_lag"
     lagged = f"{input}_behind"
-    typical = 0.1 * (sampling or sampling_of(component)).time_constant
+    typical = 0.1 * (sampling or sampling_of(component.experiment)).time_constant
 
     def arrives(self: Any, x: Any) -> Any:
         return x + getattr(self, share) * (getattr(self, lagged) - x)

@@ -10,10 +10,6 @@ bench, such as a tank.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from .component import Component
 
 _AT_ONCE = 0.01  # s
 _DELAY_PERIOD = 0.02  # s
@@ -69,7 +65,7 @@ class Sampling:
         return max(_FIRST * self.step, min(_TIME_CONSTANT, _LONGEST * self.duration))
 
 
-def sampling_of(component: type[Component]) -> Sampling:
-    """Return the sampling of the experiment of a component that is slower than a bench."""
-    stop, step = component.experiment
+def sampling_of(experiment: tuple[float, float]) -> Sampling:
+    """Return the sampling of an experiment (stop time, step), s, if it is slower than a bench."""
+    stop, step = experiment
     return Sampling(step, stop) if step > _BENCH else Sampling()

@@ -131,7 +131,7 @@ def _make_factory(
             measured.nominal,
             measured.display,
             before_effect,
-            sampling or sampling_of(component),
+            sampling or sampling_of(component.experiment),
         )
         members = {"__doc__": body.__doc__, "__module__": __name__, **body(quantity)}
         switch = next(n for n, value in members.items() if isinstance(value, Declaration))

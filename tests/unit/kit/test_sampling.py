@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from fmus.kit import Component
 from fmus.kit.sampling import DELAY_SAMPLES, Sampling, sampling_of
 
 
@@ -47,5 +46,4 @@ def test_a_record_of_40_khz_and_one_of_a_sample_a_minute():
     ("experiment", "reach"), [((10.0, 0.01), 1.28), ((100.0, 0.1), 1.28), ((3600.0, 10.0), 640.0)]
 )
 def test_a_component_has_delays_of_its_experiment_unless_that_is_of_a_bench(experiment, reach):
-    plant = type("Plant", (Component,), {"__doc__": "A plant.", "experiment": experiment})
-    assert DELAY_SAMPLES * sampling_of(plant).delay_period == pytest.approx(reach)
+    assert DELAY_SAMPLES * sampling_of(experiment).delay_period == pytest.approx(reach)
