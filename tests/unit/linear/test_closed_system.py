@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import ppy_rig as ppy
+from orchestration.experiment.system_model import system_model
 from orchestration.system import checking
 from tests.support.hosts import build_one_state_fmu, build_pythonfmu
 from tests.support.sine_sweep import SineSweep, sine_sweep
@@ -44,6 +45,7 @@ def test_a_loop_without_a_reference_rests_where_it_was_designed(tmp_path):
     found = ppy.design("ppy_actuator", **SIGNALS, **AT, **HELD, limits="-0.2A..0.3A")
     run = ppy.run(found.system, found.time[:50], {})
     np.testing.assert_allclose(run.signals["plant.displacement"], 5e-5, rtol=1e-9)
+    assert system_model(found.system).inputs["reference"].start == pytest.approx(5e-5)
     found.write(tmp_path)
     cut = ppy.linearise(str(tmp_path / "loop.ssp"), cut="controller.measured").margins()
     np.testing.assert_allclose(cut, found.margins(), rtol=1e-6)
