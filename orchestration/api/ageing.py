@@ -175,7 +175,7 @@ def _with_interval(fit: Fit, measure: Callable[[Mapping[str, float]], float]) ->
     value = measure(fit.values)
     highs = {name: high for name, (_, high) in fit.intervals.items()}
     half = inf
-    if np.isfinite([*highs.values()]).all():
+    if all(high <= fit.declared[name].max and high < inf for name, high in highs.items()):
         moves = [measure(fit.values | {name: high}) - value for name, high in highs.items()]
         half = float(np.sqrt(moves @ fit.correlation_matrix @ moves))
     return Estimate(value, value, (value - half, value + half), "")

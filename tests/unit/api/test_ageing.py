@@ -61,6 +61,14 @@ def test_intervals_hold_the_circuit_of_each_window(aged):
 
 
 @pytest.mark.slow
+def test_a_window_that_does_not_tell_the_circuit_has_no_end_of_its_impedance():
+    """A second of current tells no time constant of 9 s."""
+    aged = ppy.age(drawn(60.0), window="1s")
+    assert (aged.courses["C"].high > 1e9).any()
+    assert np.isinf(aged.courses["voltage/current"].high).any()
+
+
+@pytest.mark.slow
 def test_the_forecast_holds_the_life(aged):
     times = np.arange(0.0, 6000.0)
     truth = times[np.argmax(impedance(growing(times)) > 1.25 * impedance(growing(0.0)))]
