@@ -19,9 +19,7 @@ _FINEST = 0.01  # samples
 # A longer time can hardly be distinguished from a drift.
 _LONGEST = 0.1  # relative to the record
 _FIRST = 10.0  # samples; a lag of this time is visible
-_BENCH = (
-    0.1  # s; longest step of the experiment of a bench, which is that of a component by default
-)
+_BENCH = 0.1  # s; longest step of the experiment of a bench, also that of a component by default
 
 DELAY_SAMPLES = 64  # length of the shift register of a delay
 
