@@ -370,12 +370,12 @@ def test_both_builds_run_in_real_masters(fmu, name, runtime, master, fmi):
     # a binary fraction, and a whole number of nanoseconds: every master counts its multiples alike
     time = 2.0 ** np.ceil(np.log2(component(name).experiment[1])) * np.arange(81)
     _, inputs = moves(name, len(time), seed=21)
+    # Ecos sets no element of an array
+    given = {n: x for n, x in SUBJECTS[name].parameters.items() if fmi == 2 or "[" not in n}
     expected = hosts.run_fmpy(
-        fmu(name, runtime), time, inputs, reals(name), SUBJECTS[name].parameters, feedthrough=False
+        fmu(name, runtime), time, inputs, reals(name), given, feedthrough=False
     )
-    found = getattr(hosts, master)(
-        fmu(name, runtime, fmi), time, inputs, reals(name), SUBJECTS[name].parameters
-    )
+    found = getattr(hosts, master)(fmu(name, runtime, fmi), time, inputs, reals(name), given)
     for output in reals(name):
         assert deviation(found[output][1:], expected[output][1:]) < 1e-9, output
 

@@ -132,7 +132,7 @@ def test_a_number_of_workers_is_a_whole_one(workers):
 def test_processes_answer_as_one_after_another(tmp_path):
     for k, hidden in enumerate((None, "strain_saturation", None)):
         write(draw(hidden, seed=k, duration=60.0), tmp_path / f"{k}.csv")
-    (tmp_path / "3.csv").write_text("no record\n", encoding="utf-8")
+    (tmp_path / "3.csv").write_text("time,level\n0,1\n1,2\n2,4\n", encoding="utf-8")
     alone, together = (ppy.diagnose(tmp_path, workers=n, effects=[]) for n in (1, 2))
     assert isinstance(together, Diagnoses)
     assert [*together] == [*alone] == [str(tmp_path / f"{k}.csv") for k in range(3)]
