@@ -459,7 +459,7 @@ def test_the_emulated_rig_behind_its_own_server(tab, tmp_path):
         arguments = recording(server.endpoint, "experiment.toml", out="run.csv")
         with running(*arguments, cwd=tmp_path) as driving, watching(port) as watch:
             tab.open(watch.address, 1280)
-            until(lambda: text(tab, "client") == "ppy rig record")
+            until(lambda: text(tab, "client").startswith("ppy rig record ("))
             until(lambda: tab.run(SHOWN)["force"]["value"] == "1.500")
             # 1.5 N over the spring of 6300 N/m, at once, and creep of less than a tenth of that
             until(lambda: 0.2 < float(tab.run(SHOWN)["displacement"]["value"]) < 0.3)

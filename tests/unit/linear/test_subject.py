@@ -83,7 +83,7 @@ def test_every_component_is_linearised_as_central_differences_of_it_are(name):
     columns = [*model.states, *model.inputs]
     centre = np.array([point.values[n] for n in columns])
     declared = {v.name: v for v in layout.variables}
-    sizes = [1e-4 * max(declared[n].nominal, abs(v)) for n, v in zip(columns, centre, strict=True)]
+    sizes = [1e-3 * max(declared[n].nominal, abs(v)) for n, v in zip(columns, centre, strict=True)]
     known = [
         *point.states,
         *(point.discretes if m.period else ()),
