@@ -75,6 +75,10 @@ class Constant(float):
         constant.unit = unit
         return constant
 
+    def __getnewargs__(self) -> tuple[float, str]:  # type: ignore[override]
+        """Return number and unit, for copies."""
+        return float(self), self.unit
+
 
 @dataclass(kw_only=True, eq=False)
 class Declaration:

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from .declare import Constant
+
 _AT_ONCE = 0.01  # s
 _DELAY_PERIOD = 0.02  # s
 _TIME_CONSTANT = 1.0  # s
@@ -40,18 +42,19 @@ class Sampling:
     duration: float = 100.0
 
     @property
-    def at_once(self) -> float:
+    def at_once(self) -> Constant:
         """Time constant of a state that follows its input at once, s."""
-        return min(max(_AT_ONCE, _FINEST * self.step), self.step)
+        return Constant(min(max(_AT_ONCE, _FINEST * self.step), self.step), "s")
 
     @property
-    def delay_period(self) -> float:
+    def delay_period(self) -> Constant:
         """Sample period of the shift register of a delay, s.
 
         It is at least the sample time of the record. The register covers at most a tenth of the
         record, or 64 samples of it.
         """
-        return max(self.step, min(_DELAY_PERIOD, _LONGEST * self.duration / DELAY_SAMPLES))
+        shortest = min(_DELAY_PERIOD, _LONGEST * self.duration / DELAY_SAMPLES)
+        return Constant(max(self.step, shortest), "s")
 
     def holding(self, delay: float) -> Sampling:
         """Return the sampling with the shortest delay period whose register covers 2 `delay`, s."""

@@ -1,9 +1,11 @@
 """Claims: a declaration describes a variable and leaves the class."""
 
+import pickle
+
 import pytest
 
 from fmus.kit import Array, Component, Integrator, Parameter, UserError, stack
-from fmus.kit.declare import OutputDeclaration, ParameterDeclaration, of_differences
+from fmus.kit.declare import Constant, OutputDeclaration, ParameterDeclaration, of_differences
 from fmus.kit.units import difference_unit
 from tests.support.kit_samples import Divider, Thermostat, Wall
 
@@ -91,3 +93,8 @@ def test_the_name_of_an_array_of_start_values_is_taken():
 @pytest.mark.parametrize("unit", ["degC", "°C", "celsius", "degF", "K", "C", "F", "mm", "K/s"])
 def test_the_unit_of_differences_is_that_of_pint(unit):
     assert of_differences(unit) == difference_unit(unit)
+
+
+def test_a_constant_is_copied_with_its_unit():
+    copied = pickle.loads(pickle.dumps(Constant(9.81, "m/s²")))
+    assert (copied, copied.unit) == (9.81, "m/s²")
