@@ -330,7 +330,7 @@ def test_common_samples_are_medians_of_the_nearest_fits() -> None:
 
 
 def test_an_error_of_a_periodic_input_counts_once_for_all_periods() -> None:
-    error = np.tile(RNG.standard_normal((100, 1)), (20, 1))
+    error = np.tile(np.random.default_rng(4).standard_normal((100, 1)), (20, 1))
     phases = np.tile(np.arange(100), 20)
     assert judged(error, error, phases=phases).effective[0] == pytest.approx([100.0], rel=0.2)
 
