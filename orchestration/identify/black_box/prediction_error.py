@@ -166,10 +166,10 @@ class PredictionError:
         for regressors, f in zip(self._past_inputs, parts.f, strict=True):
             # one filter after the other: the product of polynomials with roots near one is inexact
             through_f = filtered(_ONE, f, np.vstack([impulse, regressors[:1]]))
-            response, *first = -filtered(parts.d, parts.c, through_f)
+            response, first = -filtered(parts.d, parts.c, through_f)
             # Through roots near one a filter's rounding grows to much of the signal. Rows that are
             # delayed behind the filter share it, so that it cancels where they nearly do.
-            rows = np.array(delayed(first[0], 0, len(regressors))) if first else regressors
+            rows = np.array(delayed(first, 0, len(regressors)))
             for k, regressor in enumerate(regressors):
                 for j in range(k):  # samples before the first, each with an impulse response
                     rows[k, j:] += regressor[j] * response[: self.samples - j]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from orchestration.identify.black_box import (
     input_output_data,
@@ -61,3 +62,18 @@ def path(numerator, pole, inputs, transient):
         w = -pole * w + numerator @ u + (transient if k == 0 else 0.0)
         outputs.append(w)
     return np.array(outputs)
+
+
+def test_rounding_of_filters_with_poles_near_one_cancels_between_delayed_inputs():
+    """An output without noise is a combination of slopes by B and the free responses; a filter for
+    each delayed input, with rounding of its own, would leave some 1e-8 of it.
+    """
+    u = np.cumsum(np.random.default_rng(1).standard_normal(6000))
+    f, d = np.poly([0.999] * 3), np.poly([0.9, 0.8, 0.7])
+    data = input_output_data(u, lfilter([0.0, 0.3, -0.5, 0.21], f, u), 1.0)
+    problem = PredictionError(data.inputs, data.output, orders(data, 3, 1, nf=3, nc=3, nd=3))
+    parts = problem.coefficients(np.zeros(problem.size))._replace(f=(f,), c=f, d=d)
+    rows = problem.linear_slopes(parts)
+    through = lfilter(d, f, problem.present_output)
+    left = through - rows.T @ np.linalg.lstsq(rows.T, through, rcond=None)[0]
+    assert np.linalg.norm(left) < 1e-9 * np.linalg.norm(through)
