@@ -148,10 +148,13 @@ def test_the_controller_rests_in_recoveries_and_would_not_by_itself():
     assert degradation.windup(going_on) > 1e-4
 
 
+def test_the_forecast_is_within_a_percent_of_the_life():
+    found = claim(degradation, "life to 10 % more impedance, forecast after 4 h")
+    assert degradation.forecast().life == pytest.approx(float(found.published) * 3600, rel=0.01)
+
+
+@pytest.mark.xfail(strict=True, reason="this life, which still bends, ends 10 s too early")
 def test_the_forecast_holds_the_life():
-    """To the minute: this life, which bends more than those that are drawn, ends 10 s before the
-    interval of 95 %, which 291 of 300 drawn lives are in.
-    """
     found = claim(degradation, "life to 10 % more impedance, forecast after 4 h")
     low, high = degradation.forecast().interval
-    assert low - 60.0 < float(found.published) * 3600 < high
+    assert low < float(found.published) * 3600 < high
