@@ -40,14 +40,15 @@ def closed_system(design: ControllerDesign) -> System:
     if design.model is None:
         raise UserError("the plant is a linear model without an FMU: there is no system to join")
     plant = _plant_system(design)
-    command = design.plant.inputs[0]
+    command, measured = design.plant.inputs[0], design.plant.outputs[0]
     name = _CONTROLLER
     while name in [member.name for member in plant.members]:
         name = f"outer_{name}"
     output = Port(name, design.designed.command)
     reference = Port(name, design.designed.reference)
-    driven = plant.inputs.get(command) or (plant.port(command),)
-    connections = [*plant.connections, *(Connection(output, port) for port in driven)]
+    connections = list(plant.connections)
+    for port in plant.inputs.get(command) or (plant.port(command),):
+        connections.append(Connection(output, port))
     inputs = {n: ports for n, ports in plant.inputs.items() if n != command}
     for variable, signal in design.designed.signals.items():
         port = Port(name, variable)
@@ -64,17 +65,13 @@ def closed_system(design: ControllerDesign) -> System:
         members=(Member.of(name, design.controller), *plant.members),
         connections=tuple(connections),
         inputs={"reference": (reference,), **free},
-        outputs={
-            "command": output,
-            **plant.outputs,
-            "measured": _source(plant, design.plant.outputs[0]),
-        },
-        doc=f"{plant.name} with a controller of {design.plant.outputs[0]} by {command}",
+        outputs={"command": output, **plant.outputs, "measured": _source(plant, measured)},
+        doc=f"{plant.name} with a controller of {measured} by {command}",
         step=design.plant.period / steps,
         stop=float(design.time[-1]),
     )
-    constant = inputs.keys() & at_rest.keys()
-    joined = joined.given({str(port): at_rest[n] for n in constant for port in inputs[n]})
+    constant = {str(p): at_rest[n] for n in inputs.keys() & at_rest.keys() for p in inputs[n]}
+    joined = joined.given(constant)
     unused = {str(p): s.start for p, s in checking.open_inputs(joined).items() if p.member == name}
     return joined.given({**unused, str(reference): design.point.inputs[reference.variable]})
 
