@@ -26,7 +26,6 @@ _FORMATS = {
     "corner": PICTURE,
     "report": PAGE,
 }
-# a list of numbers, whose lines are joined; a text has no end of a line in it
 _WRITTEN_BY = {
     ".parquet": ("pyarrow",),
     **dict.fromkeys((*PICTURE, *PAGE), ("matplotlib",)),
