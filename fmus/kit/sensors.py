@@ -230,15 +230,16 @@ def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
     "the measurement arrives at once", "A delay of the measured {}", Size("late by {}", ())
 )
 def transport_delay(quantity: _Quantity) -> dict[str, Any]:
-    """Pure delay, of up to 64 periods of 20 ms, or of the steps of a slower experiment than 0.1 s.
+    """Pure delay of up to 64 sample periods.
 
-    The period is `Sampling.delay_period`. The output is sampled every period into a
-    shift register, and interpolated linearly at the present time less the delay; the newest point
-    is the present value. This is exact for a ramp. For a smooth signal the error is at most an
-    eighth of the squared period times the second derivative, and a jump becomes a ramp over one
-    period. The output has a corner at each place of the register, with an event indicator at which
-    solvers of hosts stop. Before the start the output is a line with two states for its deviation
-    and slope; they start at 0, where the output is constant at its start value.
+    The period is `Sampling.delay_period` of a record, else 20 ms, or the step of the component's
+    experiment where that is above 0.1 s. The output is sampled every period into a shift register,
+    and interpolated linearly at the present time less the delay; the newest point is the present
+    value. This is exact for a ramp. For a smooth signal the error is at most an eighth of the
+    squared period times the second derivative, and a jump becomes a ramp over one period. The
+    output has a corner at each place of the register, with an event indicator at which solvers of
+    hosts stop. Before the start the output is a line with two states for its deviation and slope;
+    they start at 0, where the output is constant at its start value.
     """
     delay = f"{quantity.name}_delay"
     period = quantity.sampling.delay_period

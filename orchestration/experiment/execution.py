@@ -114,7 +114,7 @@ def run(
 
 
 class _Calls(NamedTuple):
-    """What a run calls; see `run`."""
+    """Functions that a run calls; see `run`."""
 
     progress: Callable[[int, int], None]
     note: Callable[[str], None]

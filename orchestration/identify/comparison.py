@@ -63,7 +63,7 @@ class GoodnessOfFit:
 
     @property
     def is_noise_alone(self) -> bool:
-        """Whether noise was measured alone: a white residual, as large as what the output moves."""
+        """True if noise alone was measured: a white residual, as large as the output moves."""
         is_white = self.whiteness is not None and self.whiteness.is_white
         return is_white and abs(self.fit_percent) < _ALONE
 

@@ -98,7 +98,7 @@ class Identification:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What is degenerate about the model, in a phrase each."""
+        """Faults that make the model degenerate, a phrase for each."""
         doubts = []
         open_ended = [p.name for p in self.parameters if not np.isfinite(p.standard_error)]
         if open_ended:

@@ -490,7 +490,7 @@ def test_an_output_that_is_a_state_is_seen() -> None:
 
 
 def test_a_dead_time_of_a_sensor_adds_no_law_no_signal_and_a_known_memory() -> None:
-    """What can be missing is what could be without it; its history is a line, two states."""
+    """Laws that may lack a term are those without it; its history is a line, two states."""
     late = LawModel(stack(Mass, transport_delay(Mass, "position")))
     assert late.measured_states == {0: 0}
     assert late.targets == mass().targets
