@@ -30,7 +30,10 @@ JUMPS = {
         ppy_actuator_length_driven.compression_limit ppy_actuator_length_driven.displacement_limit
         ppy_actuator_length_driven.voltage_limit ppy_actuator_voltage_driven.force_limit
         ppy_actuator_voltage_driven.compression_limit ppy_actuator_voltage_driven.displacement_limit
-        ppy_actuator_voltage_driven.voltage_limit""",
+        ppy_actuator_voltage_driven.voltage_limit
+        foot_displacement_driven.an_compression_limit foot_displacement_driven.do_compression_limit
+        foot_displacement_driven.pl_compression_limit
+        foot_displacement_driven.po_compression_limit""",
     "an output is at the limit": """
         galvanostat.current_limit voice_coil_dma.voltage_max displacement_controller.current_limit
         displacement_controller.charge_limit displacement_controller.charge_uncertainty
