@@ -344,7 +344,7 @@ LEFT_OUT = Form(read=lambda typed, flag: not typed, typed=bool)
 ONE_OR_ALL = Form(
     lambda text, flag: _one_or_all(numbers(0).read(text, flag)),
     lambda value: _join(value if isinstance(value, Sequence) else [value]),
-    str,
+    str | None,
 )
 
 # --- types of options, with their forms -----------------------------------------------------------

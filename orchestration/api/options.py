@@ -703,12 +703,12 @@ class StudyOptions(TypedDict, total=False):
         ),
     ]
     delays: Annotated[
-        int | Sequence[int],
+        int | Sequence[int] | None,
         ONE_OR_ALL,
         Option(
-            "Delays in samples: one number, or one for every input.",
-            "Delays from every input to the output in samples; 0 for direct feedthrough.",
-            default=1,
+            "Delays in samples: one number, or one for every input; default estimated, up to 100.",
+            "Delays from every input to the output in samples; 0 for direct feedthrough. By default"
+            " estimated, up to 100.",
         ),
     ]
     criterion: Annotated[

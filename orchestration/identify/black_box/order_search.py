@@ -9,9 +9,10 @@ from typing import NamedTuple
 
 from fmus.kit.errors import UserError, suggestion
 from orchestration.identify.black_box.data import InputOutputData
+from orchestration.identify.black_box.delays import estimate_delays
 from orchestration.identify.black_box.estimation import identify
 from orchestration.identify.black_box.models import PolynomialModel
-from orchestration.identify.black_box.orders import Count, Orders, orders, whole
+from orchestration.identify.black_box.orders import Count, Orders, one_per_input, orders, whole
 from orchestration.identify.black_box.result import Identification
 from orchestration.identify.black_box.subspace import state_space
 
@@ -99,11 +100,14 @@ class OrderSearch:
         AIC or BIC.
     left_out : tuple of str
         A line for each that could not be identified.
+    delays : tuple of int, length m
+        From every input to the output, in samples.
     """
 
     rows: tuple[Row, ...]
     criterion: str
     left_out: tuple[str, ...]
+    delays: tuple[int, ...]
 
     def _criterion(self, row: Row) -> float:
         return row.aic if self.criterion == "AIC" else row.bic
@@ -198,7 +202,7 @@ def search_orders(
     structures: Sequence[str] = STRUCTURES,
     path_orders: Sequence[int] = (1, 2, 3),
     noise_orders: Sequence[int] = (1, 2, 3),
-    nk: Count = 1,
+    nk: Count | None = 1,
     *,
     criterion: str = "BIC",
     progress: Callable[[int, int], None] = lambda done, whole: None,
@@ -218,8 +222,8 @@ def search_orders(
     path_orders, noise_orders : sequence of int
         From 1 to 50: of a longer polynomial rounding leaves no roots (Wilkinson, The evaluation of
         the zeros of ill-conditioned polynomials, Numerische Mathematik 1, 1959).
-    nk : int or sequence of int
-        Delays in samples.
+    nk : int, sequence of int or None
+        Delays in samples; estimated with the highest order if None.
     criterion : str
         AIC or BIC, which chooses the orders of every structure. The thesis minimised AIC;
         BIC does not prefer ever larger models as records grow.
@@ -239,13 +243,18 @@ def search_orders(
     inputs = len(estimation.input_names)
     _check_known("structure", structures, STRUCTURES)
     _check_known("criterion", [criterion], CRITERIA)
-    _check_grid(inputs, structures, path_orders, noise_orders, nk)
+    _check_grid(inputs, structures, path_orders, noise_orders)
+    delays = (
+        estimate_delays(estimation, max(path_orders), progress)
+        if nk is None
+        else one_per_input("delays", nk, inputs, 0)
+    )
     planned: list[tuple[_Trial, Orders]] = []
     rows: list[Row] = []
     left_out: list[str] = []
     for trial in _grid(inputs, structures, path_orders, noise_orders):
         try:
-            planned.append((trial, _orders_of_trial(estimation, trial, nk)))
+            planned.append((trial, _orders_of_trial(estimation, trial, delays)))
         except UserError as error:
             left_out.append(f"{trial}: {error}")
     first = max((chosen.first for _, chosen in planned), default=0)
@@ -260,7 +269,7 @@ def search_orders(
             left_out.append(f"{trial}: {error}")
     if not rows:
         raise UserError(f"no model can be identified; {left_out[0]}")
-    return OrderSearch(tuple(rows), criterion, tuple(left_out))
+    return OrderSearch(tuple(rows), criterion, tuple(left_out), delays)
 
 
 def _check_known(kind: str, names: Sequence[str], known: Sequence[str]) -> None:
@@ -275,9 +284,8 @@ def _check_grid(
     structures: Sequence[str],
     path_orders: Sequence[int],
     noise_orders: Sequence[int],
-    nk: Count,
 ) -> None:
-    """Refuse an empty grid, one too large, and delays that differ in number from the inputs."""
+    """Refuse an empty grid, and one too large."""
     if not (structures and path_orders and noise_orders):
         raise UserError(
             f"path orders {list(path_orders)}, noise orders {list(noise_orders)}, structures"
@@ -296,10 +304,6 @@ def _check_grid(
             f"{combinations:,} combinations of orders for {inputs} inputs: {_MOST:,} at most, for"
             " each is a search of its own"
         )
-    if isinstance(nk, Sequence) and len(nk) != inputs:
-        raise UserError(
-            f"delays {list(nk)}: must be one number, or one for each of {inputs} inputs"
-        )
 
 
 def _grid(
@@ -316,15 +320,13 @@ def _grid(
             yield _Trial(structure, path, noise)
 
 
-def _orders_of_trial(data: InputOutputData, trial: _Trial, nk: Count) -> Orders:
+def _orders_of_trial(data: InputOutputData, trial: _Trial, nk: tuple[int, ...]) -> Orders:
     """Return the orders of every polynomial of a trial; raise if the data are too few for it."""
-    inputs = len(data.input_names)
-    delays = list(nk) if isinstance(nk, Sequence) else [nk] * inputs
     path = trial.path_orders
     noise = trial.noise_order
     if trial.structure == "SS":
         return orders(data, 1, nk, nf=1)  # only for its delays and its first sample
-    nb = [order + (delay == 0) for order, delay in zip(path, delays, strict=False)]
+    nb = [order + (delay == 0) for order, delay in zip(path, nk, strict=False)]
     if trial.structure in ("ARX", "ARMAX"):
         return orders(data, nb, nk, na=max(path), nc=noise)
     return orders(data, nb, nk, nf=path, nc=noise, nd=noise)

@@ -157,11 +157,11 @@ def orders(
     inputs = len(data.input_names)
     made = Orders(
         whole("na", na, 0),
-        _one_per_input("nb", nb, inputs, 1),
+        one_per_input("nb", nb, inputs, 1),
         whole("nc", nc, 0),
         whole("nd", nd, 0),
-        _one_per_input("nf", nf, inputs, 0),
-        _one_per_input("nk", nk, inputs, 0),
+        one_per_input("nf", nf, inputs, 0),
+        one_per_input("nk", nk, inputs, 0),
     )
     # with the free response of every F, and the offset
     estimated = made.parameters + sum(made.nf) + 1
@@ -174,8 +174,14 @@ def orders(
     return made
 
 
-def _one_per_input(name: str, value: Count, inputs: int, least: int) -> tuple[int, ...]:
-    """Return one whole number for each input, not below the least that is allowed."""
+def one_per_input(name: str, value: Count, inputs: int, least: int) -> tuple[int, ...]:
+    """Return one whole number for each input, not below the least that is allowed.
+
+    Raises
+    ------
+    UserError
+        If it is not, or there are not as many as inputs.
+    """
     values = tuple(value) if isinstance(value, Sequence) else (value,) * inputs
     if len(values) != inputs:
         raise UserError(

@@ -104,9 +104,14 @@ class BlackBox(Displayable):
 
     @property
     def remarks(self) -> list[str]:
-        """Models that were passed over and left out, a line for each."""
-        passed_over = [f"passed over: {line}" for line in self.passed_over]
-        return [*passed_over, *(f"left out: {line}" for line in self.search.left_out)]
+        """Delays, and models that were passed over and left out, a line for each."""
+        names = self.estimation.input_names
+        delays = (f"{name} {delay}" for name, delay in zip(names, self.search.delays, strict=True))
+        return [
+            f"delays in samples: {', '.join(delays)}",
+            *(f"passed over: {line}" for line in self.passed_over),
+            *(f"left out: {line}" for line in self.search.left_out),
+        ]
 
     def __str__(self) -> str:
         return "\n".join(
@@ -154,8 +159,8 @@ class BlackBox(Displayable):
                 "notes": [*self.columns.notes],
             },
             "inputs": {
-                name: {"unit": units[name], "excitation": self.excitation[name]}
-                for name in self.estimation.input_names
+                name: {"unit": units[name], "excitation": self.excitation[name], "delay": delay}
+                for name, delay in zip(self.estimation.input_names, self.search.delays, strict=True)
             },
             "output": {
                 "name": self.model.output_name,
@@ -232,7 +237,9 @@ def _real_and_imaginary(roots: Roots) -> list[list[float]]:
     return np.column_stack([roots.real, roots.imag]).tolist()
 
 
-def study(columns: Columns, share: float = 0.5, delays: Count = 1, **options: Any) -> BlackBox:
+def study(
+    columns: Columns, share: float = 0.5, delays: Count | None = None, **options: Any
+) -> BlackBox:
     """Identify models of every structure and order from the first part of a record.
 
     They are judged by the other part, the validation data.
@@ -242,8 +249,8 @@ def study(columns: Columns, share: float = 0.5, delays: Count = 1, **options: An
     columns : Columns
     share : float
         Of the record that models are identified from.
-    delays : int or sequence of int
-        In samples.
+    delays : int or sequence of int, optional
+        In samples; estimated by default.
     **options
         Structures, orders, criterion and progress, as :func:`search_orders` takes them.
 

@@ -123,6 +123,7 @@ def searched(*rows):
         tuple(Row(s, (n, n), 0, found, fit, fit, bic, bic) for s, n, found, fit, bic in rows),
         "BIC",
         (),
+        (1, 1),
     )
 
 
@@ -199,7 +200,7 @@ def test_what_cannot_be_identified_is_left_out_and_told():
         ),
         (
             {"nk": -1},
-            r"^no model can be identified; .* nk\[0\] = -1: must be a whole number, at least 0$",
+            r"^delays\[0\] = -1: must be a whole number, at least 0$",
         ),
     ],
 )

@@ -28,6 +28,7 @@ def test_orders_and_poles_are_those_that_made_the_data(found):
     assert sorted(abs(found.model.poles("for"))) == pytest.approx([np.sqrt(0.5)] * 2, abs=0.02)
     assert found.chosen.validation_fit > 98.0
     assert found.excitation["drive"] > 10
+    assert found.to_dict()["inputs"]["for"]["delay"] == 2
     assert found.residual_tests.passed
 
 
@@ -54,7 +55,7 @@ def test_doubts_come_first_and_stand_in_the_figures(found):
     passing = replace(found, search=replace(found.search, rows=(replace(doubtful, bic=-99.0), row)))
     title = f"OE of order 1 2, {row.validation_fit:.1f} % on unseen data: {doubt}"
     assert passing.sentence == found.sentence
-    assert passing.remarks == [f"passed over: {title}"]
+    assert passing.remarks == ["delays in samples: drive 0, for 2", f"passed over: {title}"]
     assert passing.to_dict()["passed_over"] == [title]
 
 
@@ -72,6 +73,7 @@ def test_a_model_of_the_circuit_is_preferred_to_degenerate_ones(tmp_path):
         structures=["OE", "BJ"],
         path_orders=[2, 3],
         noise_orders=[2],
+        delays=1,
     )
     assert found.search.passed_over
     model, parameters = found.model, found.chosen.identification.parameters
@@ -112,7 +114,7 @@ def test_a_wall_that_counts_its_samples(public_data):
         (["--output", "lambda", "--delays", "-1"], ["--delays '-1'", "from 0 on"]),
         (
             ["--output", "lambda", "--delays", "1,2,3"],
-            ["delays [1, 2, 3]", "one for each of 2 inputs"],
+            ["delays = [1, 2, 3]", "one for each of 2 inputs"],
         ),
         (
             ["--output", "lambda", "--inputs", ","],
@@ -185,7 +187,7 @@ def test_few_samples_are_tested_as_far_as_they_go(signals, tmp_path, samples):
 
 
 def test_delays_that_are_not_one_for_each_input_are_refused_at_once(file):
-    with pytest.raises(UserError, match=r"delays \[\]"):
+    with pytest.raises(UserError, match=r"delays = \[\]"):
         ppy.black_box(file, "lambda", delays=[])
 
 

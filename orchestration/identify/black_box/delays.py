@@ -1,0 +1,97 @@
+"""Delays from inputs to the output, by output-error models that differ in nothing else.
+
+Of every delay that is tried the model is at its optimum, so that the delay with the least
+simulation error is the estimate of greatest likelihood in white noise, and a consistent one in
+noise of any colour (Björklund and Ljung: A review of time-delay estimation techniques, IEEE
+Conference on Decision and Control, 2003). ARX models need no search, but in noise that does not
+pass their poles their delays are several samples late.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from fmus.kit.arrays import Array, single_threaded
+from fmus.kit.errors import UserError
+from orchestration.identify.black_box.data import InputOutputData
+from orchestration.identify.black_box.gauss_newton import minimise
+from orchestration.identify.black_box.orders import orders
+from orchestration.identify.black_box.prediction_error import PredictionError
+from orchestration.identify.black_box.start_values import denominators
+from orchestration.identify.black_box.variable_projection import ReducedPredictionError
+
+_USUAL = 1  # sample: that of a system which is sampled at the instants at which it is driven
+_LONGEST = 100  # samples
+_SHORTEST_RECORD = 10  # times the longest delay
+_TRIALS = 12
+_ENOUGH = 1e-4
+_ONE = np.ones(1)
+
+
+@single_threaded
+def estimate_delays(
+    data: InputOutputData,
+    order: int,
+    progress: Callable[[int, int], None] = lambda done, whole: None,
+) -> tuple[int, ...]:
+    """Estimate the delay from every input, one input after the other.
+
+    Parameters
+    ----------
+    data : InputOutputData
+    order : int
+        Of the path from every input.
+    progress : callable
+        Called with the number of delays that were tried, and the number of all.
+
+    Returns
+    -------
+    tuple of int
+        In samples, from 0 to 100 and to a tenth of the record; 1 where no other is better by more
+        than BIC takes for a parameter, and where the record is too short for the order.
+    """
+    longest = min(_LONGEST, len(data) // _SHORTEST_RECORD)
+    delays = [_USUAL] * len(data.input_names)
+    criterion = _Criterion(data, order, longest)
+    try:
+        criterion(delays)
+    except UserError:
+        return tuple(delays)
+    candidates = range(longest + 1)
+    for i in range(len(delays)):
+        bic = {}
+        for delay in candidates:
+            progress(i * len(candidates) + delay, len(delays) * len(candidates))
+            bic[delay] = criterion([*delays[:i], delay, *delays[i + 1 :]])
+        best = min(bic, key=bic.__getitem__)
+        if bic[_USUAL] - bic[best] > np.log(len(data)):
+            delays[i] = best
+    return tuple(delays)
+
+
+class _Criterion:
+    """BIC of the output-error model of any delays, of the same samples for all."""
+
+    def __init__(self, data: InputOutputData, order: int, longest: int):
+        self._data = data
+        self._inputs = data.inputs - data.inputs.mean(axis=0)
+        self._output = data.output - data.output.mean()
+        self._order = order
+        self._first = longest + order
+        self._before: list[Array] = []  # where the search for the delays before ended
+
+    def __call__(self, delays: Sequence[int]) -> float:
+        """Return the criterion times the number of samples."""
+        numerators = [self._order + (delay == 0) for delay in delays]
+        chosen = orders(self._data, numerators, delays, nf=self._order)
+        problem = PredictionError(self._inputs, self._output, chosen, self._first)
+        reduced = ReducedPredictionError(problem)
+        start = reduced.coordinates([*next(denominators(problem)), _ONE, _ONE])
+        minima = [minimise(reduced, x, _TRIALS, _ENOUGH) for x in (start, *self._before)]
+        best = min(minima, key=lambda minimum: minimum.cost)
+        self._before = [best.theta]
+        rounding = np.finfo(float).eps * (self._output @ self._output)
+        n = problem.samples
+        return float(n * np.log(max(best.cost, rounding)) + problem.size * np.log(n))

@@ -1,0 +1,69 @@
+"""Claims: delays are those of the filters that made the data, and none is seen where none is.
+
+Oracles: scipy's filters, with delays put before them.
+"""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from orchestration.identify.black_box import input_output_data
+from orchestration.identify.black_box.delays import estimate_delays
+
+SAMPLES = 600
+
+
+def steps(rng, held):
+    return np.repeat(rng.normal(size=SAMPLES // held + 1), held)[:SAMPLES]
+
+
+def response(u, delay, pole):
+    return lfilter(np.r_[np.zeros(delay), 1.0 - pole], [1.0, -pole], u)
+
+
+def made(inputs, output):
+    return input_output_data(np.column_stack(inputs), output, 1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("delay", [0, 1, 2, 17])
+@pytest.mark.parametrize("remembers", [0.0, 0.9])
+def test_a_delay_is_told_in_noise_of_any_colour(delay, remembers):
+    """In noise that remembers, differences of the criterion are overrated: to a sample."""
+    rng = np.random.default_rng(int(10 * remembers) + delay)
+    u = steps(rng, 15)
+    noise = lfilter([1.0], [1.0, -remembers], 0.02 * rng.normal(size=SAMPLES))
+    data = made([u], response(u, delay, 0.9) + noise)
+    (estimate,) = estimate_delays(data, 1)
+    assert abs(estimate - delay) <= (remembers > 0.0)
+
+
+@pytest.mark.slow
+def test_each_input_has_a_delay_of_its_own():
+    rng = np.random.default_rng(4)
+    u, v = steps(rng, 7), steps(rng, 20)
+    y = response(u, 9, 0.8) + response(v, 0, 0.95) + 0.02 * rng.normal(size=SAMPLES)
+    assert estimate_delays(made([u, v], y), 1) == (9, 0)
+
+
+def test_a_record_without_noise_tells_its_delay():
+    u = steps(np.random.default_rng(5), 5)[:200]
+    assert estimate_delays(made([u], response(u, 6, 0.8)), 1) == (6,)
+
+
+@pytest.mark.slow
+def test_records_without_more_than_the_usual_delay_are_told_of_none():
+    """Models of two poles, drawn: of ten records at most one is given another."""
+    others = 0
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        u = steps(rng, int(rng.integers(1, 30)))
+        poles = np.exp(-1.0 / np.exp(rng.uniform(1.0, 4.0, size=2)))
+        y = response(lfilter([1.0 - poles[0]], [1.0, -poles[0]], u), 1, poles[1])
+        others += estimate_delays(made([u], y + 0.05 * rng.normal(size=SAMPLES)), 2) != (1,)
+    assert others <= 1
+
+
+def test_too_few_samples_for_the_order_leave_the_usual_delay():
+    rng = np.random.default_rng(6)
+    assert estimate_delays(made([rng.normal(size=20)], rng.normal(size=20)), 3) == (1,)
