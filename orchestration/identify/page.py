@@ -256,7 +256,7 @@ def _next_steps(comparison: Comparison, fit: Fit | None, command: str) -> list[s
     else:
         steps.append("What is left is noise: nothing in this record asks for another model.")
     if fit is None:
-        steps.append("Fit parameters to the record: ppy identify --fit.")
+        steps.append("Fit parameters to the record: ppy identify.")
         return steps
     if flag("ssv") not in command:
         steps.append("Write the values for any system: ppy identify --ssv values.ssv.")

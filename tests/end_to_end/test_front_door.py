@@ -70,9 +70,9 @@ def test_a_result_prints_as_the_command_does(hidden, result, tmp_path, monkeypat
     )
     with in_shell():  # which options are written for
         printed = str(result)
+        given = json.loads(json.dumps(result.to_dict()))
     assert text.partition("wrote ")[0].split() == printed.split()
     written = json.loads((tmp_path / "d.json").read_text(encoding="utf-8"))
-    given = json.loads(json.dumps(result.to_dict()))
     del written["shown"], given["shown"]  # as printed, with the next commands or calls
     assert written == given
 
