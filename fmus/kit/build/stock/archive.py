@@ -8,7 +8,6 @@ replaced, and the archive is packed again so that its bytes are reproducible.
 from __future__ import annotations
 
 import importlib.metadata
-import importlib.resources
 import io
 import subprocess
 import sys
@@ -75,7 +74,9 @@ def check_stock(cls: type[Component], platforms: Sequence[str] | None) -> None:
             f"{cls.name} asks something outside of it, which the pythonfmu runtime cannot; build"
             " python"
         )
-    binaries = importlib.resources.files("pythonfmu") / "resources" / "binaries"
+    # the imported package may be that of an FMU which this process has run
+    installed = importlib.metadata.distribution("pythonfmu")
+    binaries = Path(str(installed.locate_file("pythonfmu/resources/binaries")))
     available = sorted(folder.name for folder in binaries.iterdir())
     absent = sorted({*(platforms or ())} - {*available})
     if absent:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import io
 import subprocess
+import sys
 import zipfile
 from types import SimpleNamespace
 
@@ -24,6 +26,20 @@ def test_a_proxy_is_refused_with_a_line():
 
 
 def test_a_platform_without_a_binary_is_refused_with_those_that_have_one():
+    with pytest.raises(UserError, match="no binary for darwin64; it has some for linux64, win64"):
+        kit.build(component("ppy_actuator"), "pythonfmu", ["darwin64"])
+
+
+def test_the_package_of_an_fmu_that_this_process_has_run_is_not_that_of_the_build(
+    monkeypatch, tmp_path
+):
+    """Its resources come first in the path of modules, and have no binaries."""
+    (tmp_path / "pythonfmu").mkdir()
+    (tmp_path / "pythonfmu" / "__init__.py").touch()
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in [name for name in sys.modules if name.partition(".")[0] == "pythonfmu"]:
+        monkeypatch.delitem(sys.modules, name)
+    assert str(importlib.import_module("pythonfmu").__file__).startswith(str(tmp_path))
     with pytest.raises(UserError, match="no binary for darwin64; it has some for linux64, win64"):
         kit.build(component("ppy_actuator"), "pythonfmu", ["darwin64"])
 
