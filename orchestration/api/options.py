@@ -552,6 +552,11 @@ class AssumptionOptions(RunsOptions, total=False):
             least=1,
         ),
     ]
+    interpolate: Annotated[
+        bool,
+        "Inputs are linear between samples; default constant.",
+        "Whether inputs are linear between samples, or constant.",
+    ]
 
 
 class FitKeywords(

@@ -61,6 +61,7 @@ def read_assumptions(model: Model, options: Mapping[str, Any]) -> Assumptions:
         weights=weights,
         loss=options["loss"],
         starts=options["starts"],
+        linear=bool(options["interpolate"]),
     )
 
 

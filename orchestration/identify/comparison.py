@@ -10,6 +10,7 @@ import numpy as np
 
 from fmus.kit.arrays import Array
 from fmus.kit.errors import UserError, find
+from fmus.kit.record import CompiledModel
 from orchestration.fmu import Model, Value
 from orchestration.fmu.isolation import limits_of
 from orchestration.fmu.signal import join_names, numeric
@@ -21,7 +22,7 @@ from orchestration.identify.fitting import (
     FitData,
     FmuWithDifferences,
 )
-from orchestration.identify.grey_box import Fit, fit_records
+from orchestration.identify.grey_box import Fit, fit_records, held_warnings
 from orchestration.identify.metrics import finite_or_none, fit_percent, rms
 from orchestration.identify.noise import WHITENESS_SAMPLES, Whiteness, whiteness
 from orchestration.records import Record, Source, read_record, read_runs, record_labels
@@ -359,17 +360,23 @@ def compare_fitted(
     """
     model = with_measured(model, *records)
     names = _checked_names(model, names, f"{option('fit', [*names])}: ")
+    if assumptions.linear and model.cls is None:
+        raise UserError(
+            f"{option('interpolate', True)}: inputs of {model.name} are constant between samples,"
+            " because its equations are not known; leave it out"
+        )
     labels = record_labels(records)
     data = [fit_data(model, *pair) for pair in zip(records, labels, strict=True)]
     samples = sum(record.time.size for record in records)
     progress(f"simulating {source_of(model).name} over {samples} samples")
-    before = [_assess(model, one, given)[0] for one in data]
+    before = [_assess(model, one, given, assumptions.linear)[0] for one in data]
     progress(f"fitting {', '.join(names)}")
     fit = fit_model(model, data, names, given, assumptions, progress=progress, workers=workers)
     progress("simulating with the fitted parameters")
     comparisons = {}
     for record, one, first in zip(records, data, before, strict=True):
-        after, remarks = _assess(model, one, given | fit.values_of(one.label))
+        values = given | fit.values_of(one.label)
+        after, remarks = _assess(model, one, values, assumptions.linear)
         comparisons[one.label] = Comparison(model, record, given, first, fit, after, remarks)
     return JointComparison(comparisons, fit)
 
@@ -415,17 +422,17 @@ def fit_model(
     """
     names = _checked_names(model, names)
     moved = _checked_names(model, [*names, *assumptions.ties])
-    fixed = dict(given)
-    constant = {name: fixed.pop(name) for name in given if name in model.inputs}
-    data = []
-    for record in records:
-        held = {name: np.full(record.time.size, value) for name, value in constant.items()}
-        data.append(record._replace(inputs=held | dict(record.inputs)))
+    fixed = {name: value for name, value in given.items() if name not in model.inputs}
+    data = [_with_constants(model, record, given) for record in records]
     if model.cls is not None:
         fit = fit_records(model.cls, data, names, numeric(fixed), assumptions, progress)
         assert fit.likelihood is not None
-        # of an FMU, differences of its runs would cost too much for this
-        return replace(fit, warnings=[*fit.warnings, *fit.likelihood.narrow_warnings()])
+        # of an FMU, differences of its runs would cost too much for these
+        further = [
+            *fit.likelihood.narrow_warnings(),
+            *held_warnings(fit, data, names, numeric(fixed), assumptions),
+        ]
+        return replace(fit, warnings=[*fit.warnings, *further])
     others = {name: value for name, value in fixed.items() if name not in moved}
     numbers = {name: value for name, value in fixed.items() if not isinstance(value, str)}
     outputs = list(dict.fromkeys(output for record in records for output in record.measured))
@@ -456,12 +463,34 @@ def _checked_names(model: Model, words: Sequence[str], fit: str = "") -> list[st
     return names
 
 
-def _assess(
+def _with_constants(model: Model, data: FitData, given: Mapping[str, Value]) -> FitData:
+    """Return data of a fit with the inputs that have a value instead of a column."""
+    constant = {
+        name: np.full(data.time.size, value)
+        for name, value in given.items()
+        if name in model.inputs
+    }
+    return data._replace(inputs=constant | dict(data.inputs))
+
+
+def _linear_run(
     model: Model, data: FitData, parameters: Mapping[str, Value]
+) -> Mapping[str, Array]:
+    """Simulate the equations of a model with inputs in straight lines between samples."""
+    assert model.cls is not None
+    fixed = {name: value for name, value in parameters.items() if name not in model.inputs}
+    inputs = _with_constants(model, data, parameters).inputs
+    return CompiledModel(model.cls).run(data.time, inputs, numeric(fixed), linear=True).signals
+
+
+def _assess(
+    model: Model, data: FitData, parameters: Mapping[str, Value], linear: bool = False
 ) -> tuple[dict[str, GoodnessOfFit], tuple[str, ...]]:
     """Simulate the model; return the goodness of fit of every measured output, and remarks."""
-    simulated = simulate(
-        model, data.time, data.inputs, parameters, isolation=limits_of(model.foreign)
+    simulated = (
+        _linear_run(model, data, parameters)
+        if linear
+        else simulate(model, data.time, data.inputs, parameters, isolation=limits_of(model.foreign))
     )
     assessed = {}
     for name, y in data.measured.items():

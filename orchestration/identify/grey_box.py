@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import count as counting
 from math import log, sqrt
 from pathlib import Path
@@ -52,7 +52,7 @@ from orchestration.identify.uncertainty import (
     sample_posterior,
     sandwich_covariance,
 )
-from orchestration.reporting import Displayable, one_line
+from orchestration.reporting import Displayable, one_line, option
 
 if TYPE_CHECKING:
     import pandas
@@ -68,6 +68,7 @@ _CLEARLY = 3.0
 _FLAT = 0.8
 _ONE_STEP = 2  # trial points of a search, of which the first is its start
 _TO_THE_END = 200  # trial points of a search
+_RESEMBLING = 0.5  # correlation of increments one sample apart: 6 samples of a period, or more
 _FEW = 50  # independent values below which the colour of a residual is not known well enough
 
 
@@ -589,6 +590,58 @@ def fit_records(
         is_interrupted=searches.is_interrupted,
         ties=ties,
     )
+
+
+def held_warnings(
+    fit: Fit,
+    records: Sequence[FitData],
+    names: Sequence[str],
+    fixed: Mapping[str, float],
+    assumptions: Assumptions,
+) -> Iterator[str]:
+    """Yield a warning if a fit depends on smooth inputs being held between samples.
+
+    If they go in straight lines instead, their integral is half a sample earlier. A resistance in
+    series with a capacitance makes up for that, so that no record can tell.
+
+    Parameters
+    ----------
+    fit : Fit
+        By equations.
+    records, names, fixed, assumptions
+        As :func:`fit_records` took them.
+    """
+    is_smooth = any(_is_smooth(course) for one in records for course in one.inputs.values())
+    if assumptions.linear or fit.is_interrupted or not is_smooth:
+        return
+    assert fit.likelihood is not None
+    fitted = fit.likelihood.fitted
+    linear = replace(assumptions, linear=True)
+    other = _problem_of(fit.likelihood.subject, records, names, fixed, linear)
+    try:
+        q, deviance = fit_in_noise(other, fitted.q, fitted.noise, _TO_THE_END)
+    except UserError:
+        return
+    values = other.values(q)
+    moved = [
+        f"{name} {format_value(values[name], fit.declared[name])}"
+        for name, (low, high) in fit.intervals.items()
+        if not low <= values[name] <= high
+    ]
+    if moved and deviance - fitted.deviance < LEVEL:
+        yield (
+            "inputs are taken as constant between samples; if they are linear"
+            f" ({option('interpolate', True)}) the record follows the model"
+            f" {'better' if fitted.deviance - deviance > LEVEL else 'as well'} with"
+            f" {', '.join(moved)}"
+        )
+
+
+def _is_smooth(course: Array) -> bool:
+    """Return whether increments (n - 1,) of an input resemble those before, as steps do not."""
+    increments = np.diff(course)
+    power = float(increments @ increments)
+    return power > 0.0 and float(increments[1:] @ increments[:-1]) > _RESEMBLING * power
 
 
 def _problem_of(

@@ -47,6 +47,8 @@ class Assumptions:
     starts : int or None
         Points at which a search begins; None for more than one only where the residual is not
         white, so that a deeper minimum may exist.
+    linear : bool
+        Whether inputs go in straight lines between samples, or are held.
     """
 
     each: Sequence[str] = ()
@@ -58,6 +60,7 @@ class Assumptions:
     weights: Mapping[str, Array] = field(default_factory=dict)
     loss: str = "auto"
     starts: int | None = 1
+    linear: bool = False
 
     @property
     def freedom(self) -> float | None:

@@ -79,7 +79,9 @@ class BlockwiseModel:
 
     def _simulate_piece(self, given: SimulationInput) -> Trajectory:
         """Simulate in one piece, with derivatives by all parameters of the model."""
-        return self._model.run(given.time, given.inputs, given.parameters, effort=given.effort)
+        return self._model.run(
+            given.time, given.inputs, given.parameters, given.linear, effort=given.effort
+        )
 
     def _empty_trajectory(self, n: int) -> Trajectory:
         """Return a trajectory of n samples, to be filled."""

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fmus.kit import Component, Effect, stack
-from fmus.kit.arrays import Array, Mask, Signals
+from fmus.kit.arrays import Array, Mask
 from fmus.kit.effects import made_by, unstack
 from fmus.kit.record import CompiledModel, Trajectory
 from fmus.kit.sensors import transport_delay
@@ -98,7 +98,7 @@ class DelayedModel:
         earlier = [instants for past in pasts.values() for instants in (past.then, past.near)]
         instants = np.unique(np.concatenate([time, *earlier]))
         trajectory = self._undelayed.run(
-            replace(undelayed, time=instants, inputs=_held(time, given.inputs, instants))
+            replace(undelayed, time=instants, inputs=_inputs_at(given, instants))
         )
         at = {output: np.searchsorted(instants, past.then) for output, past in pasts.items()}
         now = np.searchsorted(instants, time)
@@ -166,13 +166,14 @@ class DelayedModel:
         return np.column_stack(columns) if columns else slopes
 
 
-def _held(time: Array, inputs: Signals, instants: Array) -> dict[str, Array]:
-    """Return inputs at other instants, held from sample to sample."""
-    latest = np.searchsorted(time, instants, "right") - 1
-    held = {}
-    for name, values in inputs.items():
-        held[name] = np.broadcast_to(np.asarray(values, dtype=float), len(time))[latest]
-    return held
+def _inputs_at(given: SimulationInput, instants: Array) -> dict[str, Array]:
+    """Return inputs at other instants, as they go between samples."""
+    latest = np.searchsorted(given.time, instants, "right") - 1
+    at = {}
+    for name, values in given.inputs.items():
+        course = np.broadcast_to(np.asarray(values, dtype=float), len(given.time))
+        at[name] = np.interp(instants, given.time, course) if given.linear else course[latest]
+    return at
 
 
 class _History(NamedTuple):

@@ -223,7 +223,8 @@ class Problem:
         ties = self.assumptions.ties
         tied = {name: factor * values[source] for name, (factor, source) in ties.items()}
         parameters = {**self.start, **values, **tied}
-        return SimulationInput(self.time, self.inputs, parameters, self._step_limit)
+        linear = self.assumptions.linear
+        return SimulationInput(self.time, self.inputs, parameters, self._step_limit, linear)
 
     @property
     def _chain(self) -> Array:

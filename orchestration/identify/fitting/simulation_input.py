@@ -23,12 +23,15 @@ class SimulationInput:
     parameters : Mapping of str to float
     effort : float
         Internal steps per sample, on average, beyond which the model has become too stiff.
+    linear : bool
+        Whether inputs go in straight lines between samples, or are held.
     """
 
     time: Array
     inputs: Signals
     parameters: Mapping[str, float]
     effort: float = 1e6
+    linear: bool = False
 
     def over(self, rows: slice) -> SimulationInput:
         """Return the input over some of its samples."""

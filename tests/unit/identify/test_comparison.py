@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from scipy.signal import lsim
 
 from demonstrations.emulator.emulator import EmulatedRig
 from demonstrations.emulator.physics import RigParameters
@@ -18,6 +19,7 @@ from orchestration.experiment.waveforms import multilevel
 from orchestration.fmu import simulation as simulate
 from orchestration.fmu.model import find_model
 from orchestration.identify import comparison as comparing
+from orchestration.identify.fitting import Assumptions
 from orchestration.records import Record, write_record
 
 UNITS = {"current": "A", "force": "N", "voltage": "V", "displacement": "m"}
@@ -171,3 +173,52 @@ def test_a_recorded_input_is_held_until_its_next_sample():
         5,
         5,
     ]
+
+
+def measured_circuit(current, *, linear):
+    """Return a record of the circuit by lsim, its current linear between samples or held."""
+    R1, R2, C = 0.6, 2.35, 2.0
+    leak = R1 + R2
+    circuit = ([[-1.0 / (C * leak)]], [[R2 / leak]], [[R2 / (C * leak)]], [[R1 * R2 / leak]])
+    _, voltage, _ = lsim(circuit, current, TIME, interp=linear)
+    noisy = voltage + 1e-3 * np.random.default_rng(1).normal(size=TIME.size)
+    return Record(TIME, {"current": current, "voltage": noisy}, UNITS, Path("record.csv"))
+
+
+def warnings_of_held(fit):
+    return [text for text in fit.warnings if "constant between samples" in text]
+
+
+@pytest.mark.parametrize("linear", [False, True])
+def test_a_smooth_input_leaves_open_how_it_goes_between_samples(model, linear):
+    """Where it is linear but taken as held, R1 is too large by half a sample period over C."""
+    current = 0.5 * np.sin(2.0 * np.pi * TIME / 4.0) + 0.3 * np.sin(2.0 * np.pi * TIME / 17.0)
+    record = measured_circuit(current, linear=True)
+    found = comparing.compare_fitted(
+        model, [record], {}, ["R1", "R2", "C"], Assumptions(linear=linear)
+    )
+    fit = found.fit
+    (goodness,) = (one.latest["voltage"] for one in found.comparisons.values())
+    assert goodness.rms == pytest.approx(1e-3, rel=0.1)
+    low, high = fit.intervals["R1"]
+    too_large = 0.0 if linear else 0.05 / 2.0
+    assert low < 0.6 + too_large < high
+    assert fit.values["R1"] == pytest.approx(0.6 + too_large, abs=1e-3)
+    told = warnings_of_held(fit)
+    assert len(told) == (not linear)
+    if told:
+        assert "interpolate=True) the record follows the model as well with R1 0." in told[0]
+
+
+def test_steps_tell_that_an_input_is_held(model):
+    record = measured_circuit(INPUTS["current"], linear=False)
+    fit = comparing.compare_fitted(model, [record], {}, ["R1", "R2", "C"]).fit
+    assert fit.values["R1"] == pytest.approx(0.6, abs=1e-3)
+    assert warnings_of_held(fit) == []
+
+
+def test_an_input_without_equations_cannot_be_linear(model, record):
+    with pytest.raises(UserError, match=r"interpolate=True: inputs of ppy_actuator are constant"):
+        comparing.compare_fitted(
+            replace(model, cls=None), [record], {}, ["R1"], Assumptions(linear=True)
+        )

@@ -37,12 +37,12 @@ class Amplifier(Component):
         return self.u
 
 
-def run(cls, sensitivities, u, **values):
+def run(cls, sensitivities, u, *, linear=False, **values):
     delayed = stack(cls, transport_delay(cls, "y"))
     known = {p.name: p.start for p in delayed.layout.parameters} | {"y_delay": DELAY} | values
     model = DelayedModel(delayed, sensitivities)
     assert model.delays == {"y": "y_delay"}
-    return model.run(SimulationInput(TIME, {"u": u}, known))
+    return model.run(SimulationInput(TIME, {"u": u}, known, linear=linear))
 
 
 @pytest.mark.parametrize("delay", [DELAY, 0.15002], ids=["between", "close to a sample"])
@@ -52,6 +52,13 @@ def test_of_an_input_that_is_held(delay):
     ran = run(Amplifier, ["y_delay"], u, y_delay=delay)
     assert ran.signals["y"].tolist() == np.where(8.0 + delay > TIME, 0.0, 2.0).tolist()
     assert not ran.sensitivities["y"].any()
+
+
+def test_of_an_input_that_is_linear():
+    """A ramp is late by the delay, also between samples."""
+    ran = run(Amplifier, ["y_delay"], TIME - TIME[0], linear=True)
+    since = np.maximum(TIME - TIME[0] - DELAY, 0.0)
+    assert ran.signals["y"] == pytest.approx(2.0 * since, abs=1e-12)
 
 
 def test_of_a_model_with_a_state():
