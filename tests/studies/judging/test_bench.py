@@ -7,6 +7,7 @@ import pytest
 from studies.judging.bench import CLEAN, CLEAN_STAND, FRICTION, BenchCase, is_right, judge
 
 
+@pytest.mark.timeout(900)
 def test_a_clean_bench_is_not_blamed_for_the_phase_of_its_controller():
     """The controller begins 4.6 ms after the record."""
     row = judge(BenchCase(CLEAN, 1004))
