@@ -240,7 +240,9 @@ class DesignedController:
     def source(self) -> str:
         """Source text of a module with the class ``Controller``."""
         module, _, name = self.place.partition(":")
-        values = "".join(f"    {key}={value!r},\n" for key, value in self.arguments.items())
+        # the module knows nothing of numpy, whose numbers have reprs of their own
+        plain = {key: getattr(x, "tolist", lambda x=x: x)() for key, x in self.arguments.items()}
+        values = "".join(f"    {key}={value!r},\n" for key, value in plain.items())
         return f"from {module} import {name}\n\nController = {name}(\n{values})\n"
 
 

@@ -14,7 +14,7 @@ from fmus.kit.errors import find
 from fmus.kit.extras import require
 from orchestration.api.declaration import only, takes
 from orchestration.api.forms import rows_per_second, seconds
-from orchestration.api.linearisation import linearise
+from orchestration.api.linearisation import fit_of, linearise
 from orchestration.api.options import DesignKeywords, LineariseKeywords
 from orchestration.api.results import DiagnosisResult
 from orchestration.api.simulation import as_declared, values_of
@@ -90,7 +90,10 @@ def design(
     measures = [one for one in designed.signals.values() if one not in inputs]
     if measures != [*plant.outputs]:
         plant = _sampled(linearised(plant.inputs, measures), options)
-    settings = values_of(runs, options["settings"]) if isinstance(runs, Model) else {}
+    settings = {}
+    if isinstance(runs, Model):
+        fit = fit_of(runs, options)
+        settings = (fit.values if fit else {}) | values_of(runs, options["settings"])
     return ControllerDesign(designed, plant, request.limits, runs, settings)
 
 

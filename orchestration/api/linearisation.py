@@ -15,7 +15,7 @@ from fmus.kit.errors import UserError, find
 from fmus.kit.extras import require
 from orchestration.api.declaration import takes
 from orchestration.api.forms import seconds
-from orchestration.api.options import LineariseKeywords
+from orchestration.api.options import BandOptions, LineariseKeywords
 from orchestration.api.simulation import Inputs, as_declared, inputs_over, values_of
 from orchestration.api.sweeping import ranges_over
 from orchestration.experiment.subjects import find_system, is_system, with_classes
@@ -36,7 +36,7 @@ from orchestration.linear import (
 )
 from orchestration.reporting import option
 from orchestration.sweeps import design
-from orchestration.sweeps.fitted import read_fitted
+from orchestration.sweeps.fitted import SweepFit, read_fitted
 from orchestration.system import Member, System
 
 LinearAt = Callable[[float, Mapping[str, Value]], LinearModel]  # of a time, s, and settings
@@ -97,11 +97,13 @@ def linearise(
         linear_at = _by_equations(subject, points, driven, options)
     else:
         linear_at = _by_interfaces(subject, points, driven, options)
-    known = values_of(signals, options["settings"], options["preset"]) | constants
+    fit = fit_of(signals, options)
+    given = values_of(signals, options["settings"], options["preset"]) | constants
+    known = (fit.values if fit else {}) | given
     first, *further = (linear_at(time, known) for time in times)
     variations = tuple(
         replace(linear_at(times[0], {**known, **case}), case=case)
-        for case in _band_cases(signals, options)
+        for case in _band_cases(signals, fit, options)
     )
     return replace(first, further=tuple(further), variations=variations)
 
@@ -237,15 +239,23 @@ def _trim_request(subject: Equations, options: LineariseKeywords) -> TrimRequest
     return TrimRequest(values, tuple(options["free"]), tuple(options["drift"]))
 
 
-def _band_cases(model: Model, options: LineariseKeywords) -> list[dict[str, float]]:
+def fit_of(model: Model, options: BandOptions) -> SweepFit | None:
+    """Return the fit from which parameters of a model are taken, if one is given."""
+    path = options["fitted"]
+    return None if path is None else read_fitted(Path(path), model)
+
+
+def _band_cases(
+    model: Model, fit: SweepFit | None, options: LineariseKeywords
+) -> list[dict[str, float]]:
     """Return the values of parameters of each model of a band."""
     over = options["over"] or {}
     count = _DRAWS if options["samples"] is None else options["samples"]
     seed = options["seed"]
-    if options["fitted"] is not None:
+    if fit is not None:
         if over:
             raise UserError(f"{option('fitted')} and {option('over')}: one of the two")
-        drawn = read_fitted(Path(options["fitted"]), model).draws(count, seed)
+        drawn = fit.draws(count, seed)
         rows = np.column_stack([*drawn.values()]).tolist()
         return [dict(zip(drawn, row, strict=True)) for row in rows]
     if not over:

@@ -854,8 +854,9 @@ class BandOptions(TypedDict, total=False):
 
     fitted: Annotated[
         File,
-        "Band of parameters drawn from a fit (ppy identify --json).",
-        "Band of parameters drawn from a fit: the file of ``ppy identify --json``.",
+        "Parameters of a fit, and a band of them (ppy identify --json).",
+        "Parameters of a fit, and a band drawn from their intervals: the file of"
+        " ``ppy identify --json``.",
     ]
     samples: Annotated[
         Number,

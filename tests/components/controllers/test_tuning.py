@@ -162,9 +162,10 @@ def test_it_has_the_units_of_its_signals():
     assert pid("lever", "N*m", "A").layout.parameters[1].unit == "A/(N*m)"
 
 
-def test_the_class_is_that_of_its_source_and_starts_where_the_loop_rests():
+@pytest.mark.parametrize("crossover", [0.2, None])
+def test_the_class_is_that_of_its_source_and_starts_where_the_loop_rests(crossover):
     plant = sampled(1.0, 2.0, 0.3, 0)
-    designed = tuned_pid(request(plant, 60.0, 0.2, (0.5, 2.0), (0.3, 0.7)))
+    designed = tuned_pid(request(plant, 60.0, crossover, (0.5, 2.0), (0.3, 0.7)))
     scope = {}
     exec(designed.source, scope)
     made = scope["Controller"]

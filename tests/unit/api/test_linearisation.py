@@ -120,6 +120,9 @@ def test_a_band_of_a_fit(tmp_path):
     found = ppy.linearise("ppy_actuator", fitted=tmp_path / "fit.json", samples=400)
     drawn = np.array([one.point.parameters["C"] for one in found.variations])
     assert (drawn.mean(), drawn.std()) == pytest.approx((3.0, 0.1 / 1.96), rel=0.1)
+    assert found.point.parameters["C"] == pytest.approx(3.0, rel=1e-12)
+    given = ppy.linearise("ppy_actuator", fitted=tmp_path / "fit.json", settings={"C": 2.0})
+    assert given.point.parameters["C"] == 2.0
 
 
 def test_inputs_that_vary_need_their_instants():
