@@ -43,7 +43,7 @@ PUBLIC_DATA = Path(os.environ.get("PPY_PUBLIC_DATA", Path(__file__).parents[2] /
 settings.register_profile("ppy", deadline=None, max_examples=50)
 settings.load_profile("ppy")
 _watch = Watch()
-# where the suite was started in the background, or by nohup, nobody hears Ctrl-C or SIGHUP, nor does
+# where the suite was started in the background or by nohup, nobody hears Ctrl-C or SIGHUP, nor does
 # what tests start: they send them themselves
 signal.signal(signal.SIGINT, signal.default_int_handler)
 if hasattr(signal, "SIGHUP"):

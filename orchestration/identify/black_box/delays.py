@@ -25,6 +25,7 @@ from orchestration.identify.black_box.variable_projection import ReducedPredicti
 _USUAL = 1  # sample: that of a system which is sampled at the instants at which it is driven
 _LONGEST = 100  # samples
 _SHORTEST_RECORD = 10  # times the longest delay
+_CLEARLY = 4.0  # difference of BIC: odds of e^2
 _TRIALS = 12
 _ENOUGH = 1e-4
 _ONE = np.ones(1)
@@ -33,15 +34,18 @@ _ONE = np.ones(1)
 @single_threaded
 def estimate_delays(
     data: InputOutputData,
-    order: int,
+    path_orders: Sequence[int],
     progress: Callable[[int, int], None] = lambda done, whole: None,
 ) -> tuple[int, ...]:
-    """Estimate the delay from every input, one input after the other.
+    """Estimate the delay from every input, one input after the other, with the order that BIC has.
+
+    A path of higher order begins earlier, so that it is searched up to the delays of the order
+    before.
 
     Parameters
     ----------
     data : InputOutputData
-    order : int
+    path_orders : sequence of int
         Of the path from every input.
     progress : callable
         Called with the number of delays that were tried, and the number of all.
@@ -49,42 +53,61 @@ def estimate_delays(
     Returns
     -------
     tuple of int
-        In samples, from 0 to 100 and to a tenth of the record; 1 where no other is better by more
-        than BIC takes for a parameter, and where the record is too short for the order.
+        In samples, from 0 to 100 and to a tenth of the record; 1 where no other is clearly better,
+        and where the record is too short for the orders.
     """
-    longest = min(_LONGEST, len(data) // _SHORTEST_RECORD)
-    delays = [_USUAL] * len(data.input_names)
-    criterion = _Criterion(data, order, longest)
-    try:
-        criterion(delays)
-    except UserError:
-        return tuple(delays)
-    candidates = range(longest + 1)
-    for i in range(len(delays)):
+    limit = min(_LONGEST, len(data) // _SHORTEST_RECORD)
+    delays = (_USUAL,) * len(data.input_names)
+    limits = [limit] * len(delays)
+    known = []
+    for order in sorted(set(path_orders)):
+        criterion = _Criterion(data, order, limit + max(path_orders))
+        try:
+            known.append(_least(criterion, delays, limits, progress))
+        except UserError:  # too few samples
+            break
+        limits = [max(delay, _USUAL) for delay in known[-1][1]]
+    return min(known, default=(0.0, delays))[1]
+
+
+def _least(
+    criterion: _Criterion,
+    usual: tuple[int, ...],
+    limits: Sequence[int],
+    progress: Callable[[int, int], None],
+) -> tuple[float, tuple[int, ...]]:
+    """Return the least criterion of a model, and the delays that have it."""
+    delays = list(usual)
+    value = criterion(delays)
+    for i, limit in enumerate(limits):
         bic = {}
-        for delay in candidates:
-            progress(i * len(candidates) + delay, len(delays) * len(candidates))
+        for delay in range(limit + 1):
+            progress(sum(limits[:i]) + i + delay, sum(limits) + len(limits))
             bic[delay] = criterion([*delays[:i], delay, *delays[i + 1 :]])
         best = min(bic, key=bic.__getitem__)
-        if bic[_USUAL] - bic[best] > np.log(len(data)):
-            delays[i] = best
-    return tuple(delays)
+        if bic[usual[i]] - bic[best] > _CLEARLY:
+            delays[i], value = best, bic[best]
+    return value, tuple(delays)
 
 
 class _Criterion:
     """BIC of the output-error model of any delays, of the same samples for all."""
 
-    def __init__(self, data: InputOutputData, order: int, longest: int):
+    def __init__(self, data: InputOutputData, order: int, first: int):
         self._data = data
         self._inputs = data.inputs - data.inputs.mean(axis=0)
         self._output = data.output - data.output.mean()
         self._order = order
-        self._first = longest + order
+        self._first = first
         self._before: list[Array] = []  # where the search for the delays before ended
 
     def __call__(self, delays: Sequence[int]) -> float:
-        """Return the criterion times the number of samples."""
-        numerators = [self._order + (delay == 0) for delay in delays]
+        """Return the least criterion times the number of samples, without zeros and with them."""
+        all_zeros = [self._order + (delay == 0) for delay in delays]
+        counts = [all_zeros] if max(all_zeros) == 1 else [all_zeros, [1] * len(delays)]
+        return min(self._of(numerators, delays) for numerators in counts)
+
+    def _of(self, numerators: Sequence[int], delays: Sequence[int]) -> float:
         chosen = orders(self._data, numerators, delays, nf=self._order)
         problem = PredictionError(self._inputs, self._output, chosen, self._first)
         reduced = ReducedPredictionError(problem)

@@ -223,7 +223,7 @@ def search_orders(
         From 1 to 50: of a longer polynomial rounding leaves no roots (Wilkinson, The evaluation of
         the zeros of ill-conditioned polynomials, Numerische Mathematik 1, 1959).
     nk : int, sequence of int or None
-        Delays in samples; estimated with the highest order if None.
+        Delays in samples; estimated if None.
     criterion : str
         AIC or BIC, which chooses the orders of every structure. The thesis minimised AIC;
         BIC does not prefer ever larger models as records grow.
@@ -245,7 +245,7 @@ def search_orders(
     _check_known("criterion", [criterion], CRITERIA)
     _check_grid(inputs, structures, path_orders, noise_orders)
     delays = (
-        estimate_delays(estimation, max(path_orders), progress)
+        estimate_delays(estimation, path_orders, progress)
         if nk is None
         else one_per_input("delays", nk, inputs, 0)
     )
