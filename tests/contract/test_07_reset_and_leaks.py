@@ -82,7 +82,7 @@ def test_steps_leak_nothing(archive, subject):
 @pytest.mark.slow
 def test_a_million_steps_make_no_process_grow(archive, subject, runtime):
     # with laws in Python that take long, fewer; with many internal steps fewer still
-    of_python = 15_000 if subject.tolerance is None else 5_000
+    of_python = 15_000 if subject.tolerance is None else 2_000
     steps = 1_000_000 if runtime == "native" else of_python
     returncode, grown = hosts.in_subprocess(leaks.grow_by_many_steps, str(archive), subject, steps)
     assert returncode == 0, grown
