@@ -27,8 +27,14 @@ def read_assumptions(model: Model, options: Mapping[str, Any]) -> Assumptions:
     Raises
     ------
     UserError
-        If a parameter or an output is unknown, or a text is not of its form.
+        If a parameter or an output is unknown, a text is not of its form, or inputs of a model
+        without equations shall be linear.
     """
+    if options["interpolate"] and model.cls is None:
+        raise UserError(
+            f"{option('interpolate', True)}: inputs of {model.name} are constant between samples,"
+            " because its equations are not known; leave it out"
+        )
     constants = model.constants
     readers: dict[str, tuple[Any, Mapping[str, Signal]]] = {
         "bounds": (_bounds, constants),

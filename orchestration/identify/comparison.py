@@ -360,11 +360,6 @@ def compare_fitted(
     """
     model = with_measured(model, *records)
     names = _checked_names(model, names, f"{option('fit', [*names])}: ")
-    if assumptions.linear and model.cls is None:
-        raise UserError(
-            f"{option('interpolate', True)}: inputs of {model.name} are constant between samples,"
-            " because its equations are not known; leave it out"
-        )
     labels = record_labels(records)
     data = [fit_data(model, *pair) for pair in zip(records, labels, strict=True)]
     samples = sum(record.time.size for record in records)

@@ -3,6 +3,8 @@
 Oracle: the units, converted by hand.
 """
 
+from dataclasses import replace
+
 import pytest
 
 from fmus.kit import UserError
@@ -70,3 +72,10 @@ def test_other_texts_are_refused_in_a_line(given, told):
         read(**given)
     assert told in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def test_inputs_without_equations_cannot_be_linear():
+    assert read(interpolate=True).linear
+    hidden = replace(as_measured("ppy_actuator"), cls=None)
+    with pytest.raises(UserError, match=r"interpolate=True: inputs of ppy_actuator are constant"):
+        read_assumptions(hidden, DEFAULTS | {"interpolate": True})

@@ -215,10 +215,3 @@ def test_steps_tell_that_an_input_is_held(model):
     fit = comparing.compare_fitted(model, [record], {}, ["R1", "R2", "C"]).fit
     assert fit.values["R1"] == pytest.approx(0.6, abs=1e-3)
     assert warnings_of_held(fit) == []
-
-
-def test_an_input_without_equations_cannot_be_linear(model, record):
-    with pytest.raises(UserError, match=r"interpolate=True: inputs of ppy_actuator are constant"):
-        comparing.compare_fitted(
-            replace(model, cls=None), [record], {}, ["R1"], Assumptions(linear=True)
-        )
