@@ -55,7 +55,7 @@ def black_box_page(result: BlackBox, command: str = "") -> Page:
 
 
 def _add_data(page: Page, result: BlackBox) -> None:
-    """Add the size of the record, the excitation of its inputs, and its repairs."""
+    """Add the size of the record, the excitation and delays of its inputs, and its repairs."""
     page.items(
         [
             (
@@ -63,8 +63,10 @@ def _add_data(page: Page, result: BlackBox) -> None:
                 f" identified from the first {len(result.estimation)} and judged by the rest."
             ),
             *(
-                f"{name} excites persistently up to order {order}."
-                for name, order in result.excitation.items()
+                f"{name} excites persistently up to order {order}; its delay is {delay} samples."
+                for (name, order), delay in zip(
+                    result.excitation.items(), result.search.delays, strict=True
+                )
             ),
             *result.columns.notes,
         ]
