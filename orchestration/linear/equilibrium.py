@@ -94,8 +94,8 @@ def trim(graph: Graph, near: OperatingPoint, request: TrimRequest) -> OperatingP
     if not errors[worst] <= _SOLVED:
         raise UserError(
             f"{graph.name}: no equilibrium found; {equations.rows[worst]} cannot be met together"
-            " with the others (fix less, free an input, or let a state drift:"
-            f" {option('drift')})"
+            " with the others (fix less, free an input, let a state drift:"
+            f" {option('drift')}, or start nearer to one: {option('settings')} of a free input)"
         )
     undetermined = _undetermined(equations, solution)
     for name in undetermined:
