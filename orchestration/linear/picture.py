@@ -160,7 +160,7 @@ def _finite_roots(model: LinearModel, roots: Sequence[complex] | Array) -> Array
 def draw_controller_design(design: ControllerDesign) -> Figure:
     """Draw loop, sensitivities, and steps of reference and load, with the band of each."""
     rows = [["gain", "step"], ["phase", "command"], ["sensitivity", "load"]]
-    title = f"{design.plant.name}: {margin_words(design.margins())}"
+    title = f"{design.plant.name}, linear: {margin_words(design.margins())}"
     figure, axes = pictures.mosaic(rows, title)
     frequencies = design.loop.frequencies(_POINTS)
     _draw_bode_band(design.loop, frequencies, axes["gain"], axes["phase"])
