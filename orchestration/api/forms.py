@@ -225,7 +225,7 @@ def with_files(texts: Sequence[str], flag: str) -> list[str]:
     UserError
         If a file cannot be read, or a value is neither a number nor a text.
     """
-    typed = [text for text in texts if "=" in text or not text.endswith(".toml")]
+    typed = [text for text in texts if "=" in text or not text.endswith((".toml", ".ssv"))]
     names = {text.rpartition("=")[0].strip() for text in typed}
     values: dict[str, object] = {}
     for text in texts:
@@ -235,17 +235,26 @@ def with_files(texts: Sequence[str], flag: str) -> list[str]:
 
 
 def _read_parameters(text: str) -> dict[str, object]:
-    """Return the table ``[parameters]`` of ``FILE``; of ``MEMBER@FILE`` with the member's name."""
-    from orchestration.experiment.values import read_toml
+    """Return the parameters of ``FILE``; of ``MEMBER@FILE`` with the member's name."""
+    from orchestration.identify import parameter_set
 
     member, _, path = text.rpartition("@")
-    values = read_toml(Path(path)).get("parameters")
+    read = parameter_set.read if path.endswith(".ssv") else _read_table
+    values = read(Path(path))
+    return {f"{member}.{name}" if member else name: value for name, value in values.items()}
+
+
+def _read_table(path: Path) -> Mapping[str, object]:
+    """Return the table ``[parameters]`` of a file."""
+    from orchestration.experiment.values import read_toml
+
+    values = read_toml(path).get("parameters")
     if not isinstance(values, dict):
         raise UserError(f"{path}: a file of parameters has a table [parameters]")
     for name, value in values.items():
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise UserError(f'{path}: {name} = {value}: write a number or "number unit"')
-    return {f"{member}.{name}" if member else name: value for name, value in values.items()}
+    return values
 
 
 def _given_parameters(value: Any, name: str) -> Any:

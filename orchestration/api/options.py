@@ -142,11 +142,11 @@ class SettingsOption(TypedDict, total=False):
         Mapping[str, float | str] | None,
         PARAMETERS,
         Option(
-            "Set a parameter, e.g. R1=0.61 or k1=6.3N/mm, or those of a file: specimen.toml, or"
-            " MEMBER@specimen.toml in a system. Repeatable.",
+            "Set a parameter, e.g. R1=0.61 or k1=6.3N/mm, or those of a file: specimen.toml or"
+            " values.ssv, or MEMBER@specimen.toml in a system. Repeatable.",
             "Values of parameters, which are start values of a fit, and of constant inputs:"
             ' numbers in the model\'s units, or texts with a unit such as ``"6.3 N/mm"``; or a'
-            " ``.toml`` file with a table ``[parameters]`` of them.",
+            " ``.toml`` file with a table ``[parameters]`` of them, or a parameter set, ``.ssv``.",
             alias="--params",
         ),
     ]

@@ -1,4 +1,4 @@
-"""Identified values as a parameter set (SSV) of SSP 1.0, a file that any system binds."""
+"""Values of parameters as a parameter set (SSV) of SSP, a file that any system binds."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from fmus.kit import UserError, files
-from fmus.kit.build import Typed, to_ssv
+from fmus.kit.build import SSV, Typed, to_ssv
+from orchestration.fmu.archive import parse_xml
 
 
 def write(
@@ -41,3 +42,28 @@ def write(
             raise UserError(f"{to}: {name} = {value:g} is no finite number")
     numbers = {name: float(value) for name, value in values.items()}
     files.write(to, to_ssv(to.stem, numbers, declared, doc))
+
+
+def read(path: Path) -> dict[str, str]:
+    """Read a parameter set: a number with its unit, or a text, by parameter.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be read, is no parameter set, or a parameter has no single value.
+    """
+    try:
+        contents = path.read_bytes()
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
+    values = {}
+    for parameter in parse_xml(contents, str(path), "the XML").iter(f"{{{SSV}}}Parameter"):
+        name = parameter.get("name", "")
+        typed = parameter.find("*[@value]")
+        if not name or typed is None or len(parameter) != 1:
+            raise UserError(f"{path}: parameter {name!r} has no single value")
+        unit = typed.get("unit", "1")
+        values[name] = f"{typed.get('value')} {'' if unit == '1' else unit}".strip()
+    if not values:
+        raise UserError(f"{path}: holds no parameter of a parameter set (SSV)")
+    return values

@@ -143,6 +143,42 @@ def test_a_file_of_parameters_stands_for_its_settings(tmp_path, monkeypatch):
     assert PARAMETERS.given({"R1": 1.0}, "settings =") == {"R1": 1.0}
 
 
+SET = """<ssv:ParameterSet version="1.0" name="film"
+ xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"><ssv:Parameters>
+  <ssv:Parameter name="R1"><ssv:Real value="0.5" unit="ohm"/></ssv:Parameter>
+  <ssv:Parameter name="share"><ssv:Real value="0.25" unit="1"/></ssv:Parameter>
+  <ssv:Parameter name="kind"><ssv:String value="slow"/></ssv:Parameter>
+</ssv:Parameters></ssv:ParameterSet>"""
+
+
+def test_so_does_a_parameter_set(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "film.ssv").write_text(SET)
+    values = {"R1": "0.5 ohm", "share": "0.25", "kind": "slow"}
+    assert PARAMETERS.read(["film.ssv"], "--set") == values
+    assert PARAMETERS.read(["film.ssv", "R1=2"], "--set") == values | {"R1": "2"}
+    assert PARAMETERS.read(["a@film.ssv"], "--set")["a.R1"] == "0.5 ohm"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (SET.replace('value="0.5"', ""), "parameter 'R1' has no single value"),
+        (SET.replace("ssv:Parameter ", "ssv:Other "), "not well-formed"),
+        ("<a/>", "holds no parameter of a parameter set"),
+        ('<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "the XML "),
+        (None, "cannot be read"),
+    ],
+)
+def test_a_parameter_set_without_values_is_refused_with_its_name(text, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    if text is not None:
+        (tmp_path / "film.ssv").write_text(text)
+    with pytest.raises(UserError, match=r"^film\.ssv: ") as refused:
+        PARAMETERS.read(["film.ssv"], "--set")
+    assert said in str(refused.value)
+
+
 @pytest.mark.parametrize("words", [["R1=2", "film.toml"], ["film.toml", "R1=2"]])
 def test_a_setting_that_is_typed_overrides_that_of_a_file(words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
