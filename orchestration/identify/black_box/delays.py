@@ -1,8 +1,7 @@
-"""Delays from inputs to the output, by output-error models that differ in nothing else.
+"""Delays from inputs to the output: those of the output-error model with the least BIC.
 
-Of every delay that is tried the model is at its optimum, so that the delay with the least
-simulation error is the estimate of greatest likelihood in white noise, and a consistent one in
-noise of any colour (Björklund and Ljung: A review of time-delay estimation techniques, IEEE
+For every delay the model is at its optimum, so that the error of its simulation decides, whatever
+the colour of the noise (Björklund and Ljung: A review of time-delay estimation techniques, IEEE
 Conference on Decision and Control, 2003). ARX models need no search, but in noise that does not
 pass their poles their delays are several samples late.
 """
@@ -24,7 +23,7 @@ from orchestration.identify.black_box.variable_projection import ReducedPredicti
 
 _USUAL = 1  # sample: that of a system which is sampled at the instants at which it is driven
 _LONGEST = 100  # samples
-_SHORTEST_RECORD = 10  # times the longest delay
+_SHORTEST_RECORD = 10  # in longest delays
 _CLEARLY = 4.0  # difference of BIC: odds of e^2
 _TRIALS = 12
 _ENOUGH = 1e-4
@@ -91,7 +90,7 @@ def _least(
 
 
 class _Criterion:
-    """BIC of the output-error model of any delays, of the same samples for all."""
+    """BIC of output-error models of one order, of the same samples for all delays."""
 
     def __init__(self, data: InputOutputData, order: int, first: int):
         self._data = data
@@ -102,7 +101,7 @@ class _Criterion:
         self._before: list[Array] = []  # where the search for the delays before ended
 
     def __call__(self, delays: Sequence[int]) -> float:
-        """Return the least criterion times the number of samples, without zeros and with them."""
+        """Return the least BIC, times the number of samples, of models with and without zeros."""
         all_zeros = [self._order + (delay == 0) for delay in delays]
         counts = [all_zeros] if max(all_zeros) == 1 else [all_zeros, [1] * len(delays)]
         return min(self._of(numerators, delays) for numerators in counts)
