@@ -1,5 +1,6 @@
 """Design from Python: what it takes, and what is refused."""
 
+import json
 from types import SimpleNamespace
 
 import control
@@ -46,6 +47,19 @@ def test_intervals_of_a_diagnosis_are_its_band(monkeypatch):
     drawn = [one.point.parameters["R1"] for one in found.plant.variations]
     assert len(drawn) == 3
     assert all(0.40 <= value <= 0.46 for value in drawn)
+
+
+def test_a_design_is_at_the_values_of_a_fit(tmp_path):
+    fitted = {
+        "parameters": {"C": {"value": 3.0, "ci95": [2.9, 3.1], "unit": "F", "logarithmic": False}},
+        "correlations": [],
+    }
+    (tmp_path / "fit.json").write_text(json.dumps({"set": {}, "fitted": fitted}))
+    given = {**SIGNALS, **AT, "fitted": tmp_path / "fit.json", "samples": 3}
+    found = ppy.design("ppy_actuator", **given)
+    assert found.plant.point.parameters["C"] == pytest.approx(3.0, rel=1e-12)
+    assert found.settings["C"] == pytest.approx(3.0, rel=1e-12)
+    assert len(found.plant.variations) == 3
 
 
 @pytest.mark.parametrize(

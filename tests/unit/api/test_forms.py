@@ -160,25 +160,6 @@ def test_so_does_a_parameter_set(tmp_path, monkeypatch):
     assert PARAMETERS.read(["a@film.ssv"], "--set")["a.R1"] == "0.5 ohm"
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        (SET.replace('value="0.5"', ""), "parameter 'R1' has no single value"),
-        (SET.replace("ssv:Parameter ", "ssv:Other "), "not well-formed"),
-        ("<a/>", "holds no parameter of a parameter set"),
-        ('<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "the XML "),
-        (None, "cannot be read"),
-    ],
-)
-def test_a_parameter_set_without_values_is_refused_with_its_name(text, said, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    if text is not None:
-        (tmp_path / "film.ssv").write_text(text)
-    with pytest.raises(UserError, match=r"^film\.ssv: ") as refused:
-        PARAMETERS.read(["film.ssv"], "--set")
-    assert said in str(refused.value)
-
-
 @pytest.mark.parametrize("words", [["R1=2", "film.toml"], ["film.toml", "R1=2"]])
 def test_a_setting_that_is_typed_overrides_that_of_a_file(words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -187,19 +168,26 @@ def test_a_setting_that_is_typed_overrides_that_of_a_file(words, tmp_path, monke
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("name", "text", "said"),
     [
-        ("[values]\n", "a file of parameters has a table [parameters]"),
-        ("[parameters]\nR1 = [1]\n", 'R1 = [1]: write a number or "number unit"'),
-        ("[parameters]\nR1 = true\n", "R1 = True: write a number"),
-        ("[parameters\n", "expected ']'"),
-        (None, "cannot be read"),
+        ("film.toml", "[values]\n", "a file of parameters has a table [parameters]"),
+        ("film.toml", "[parameters]\nR1 = [1]\n", 'R1 = [1]: write a number or "number unit"'),
+        ("film.toml", "[parameters]\nR1 = true\n", "R1 = True: write a number"),
+        ("film.toml", "[parameters\n", "expected ']'"),
+        ("film.toml", None, "cannot be read"),
+        ("film.ssv", SET.replace('value="0.5"', ""), "parameter 'R1' has no single value"),
+        ("film.ssv", SET.replace("ssv:Parameter ", "ssv:Other "), "not well-formed"),
+        ("film.ssv", "<a/>", "holds no parameter of a parameter set"),
+        ("film.ssv", '<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "the XML "),
+        ("film.ssv", None, "cannot be read"),
     ],
 )
-def test_a_file_without_parameters_is_refused_with_its_name(text, said, tmp_path, monkeypatch):
+def test_a_file_without_parameters_is_refused_with_its_name(
+    name, text, said, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     if text is not None:
-        (tmp_path / "film.toml").write_text(text)
-    with pytest.raises(UserError, match=r"^film\.toml: ") as refused:
-        PARAMETERS.read(["film.toml"], "--set")
+        (tmp_path / name).write_text(text)
+    with pytest.raises(UserError, match=rf"^{name}: ") as refused:
+        PARAMETERS.read([name], "--set")
     assert said in str(refused.value)
