@@ -55,6 +55,16 @@ def test_a_bump_has_the_delay_of_the_smallest_model_that_follows_it():
     assert abs(estimate - 18) <= 2
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [7, 8, 9])
+def test_a_delay_is_not_taken_for_a_zero(seed):
+    """A zero more stands for a sample of delay less: BIC prefers the model without it."""
+    u = np.where((np.arange(SAMPLES) > 80) & (np.arange(SAMPLES) < 300), 1.0, 0.0)
+    noise = 0.03 * np.random.default_rng(seed).normal(size=SAMPLES)
+    y = response(response(u, 9, 0.975), 0, 0.92) + noise
+    assert estimate_delays(made([u], y), [2]) == (9,)
+
+
 def test_a_record_without_noise_tells_its_delay():
     u = steps(np.random.default_rng(5), 5)[:200]
     assert estimate_delays(made([u], response(u, 6, 0.8)), [1]) == (6,)
