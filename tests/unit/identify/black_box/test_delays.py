@@ -5,7 +5,7 @@ Oracles: scipy's filters, with delays put before them.
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import chirp, lfilter
 
 from orchestration.identify.black_box import input_output_data
 from orchestration.identify.black_box.delays import estimate_delays
@@ -81,6 +81,40 @@ def test_records_without_more_than_the_usual_delay_are_told_of_none():
         y = response(lfilter([1.0 - poles[0]], [1.0, -poles[0]], u), 1, poles[1])
         others += estimate_delays(made([u], y + 0.05 * rng.normal(size=SAMPLES)), [1, 2, 3]) != (1,)
     assert others <= 1
+
+
+def delay_by_arx(y, u, longest=60):
+    """The naive way: the delay of the ARX model of order 3 with the least squares, none clearly."""
+    n, first = len(y), longest + 3
+    past = [y[first - i : n - i] for i in (1, 2, 3)]
+    costs = []
+    for delay in range(longest + 1):
+        driven = [u[first - delay - j : n - delay - j] for j in range(3)]
+        rows = np.column_stack([*past, *driven, np.ones(n - first)])
+        costs.append(np.linalg.lstsq(rows, y[first:], rcond=None)[1][0])
+    best = int(np.argmin(costs))
+    return best if n * np.log(costs[1] / costs[best]) > 4.0 else 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["telegraph", "chirp"])
+def test_delays_of_drawn_records_are_right_more_often_than_those_of_arx(kind):
+    rng = np.random.default_rng(881)
+    right = right_by_arx = 0
+    for i in range(12):
+        flips = np.cumsum(rng.random(SAMPLES) < 0.04) % 2
+        sweep = chirp(np.arange(SAMPLES), 0.002, SAMPLES, 0.08)
+        u = np.where(flips, 1.0, -1.0) if kind == "telegraph" else sweep
+        delay = 1 if i % 2 else int(rng.integers(2, 35))
+        clean = u
+        for k, time_constant in enumerate(rng.uniform(3.0, 40.0, size=rng.integers(1, 3))):
+            clean = response(clean, 0 if k else delay, np.exp(-1.0 / time_constant))
+        y = clean + 0.04 * clean.std() * rng.normal(size=SAMPLES)
+        right += estimate_delays(made([u], y), [1, 2, 3]) == (delay,)
+        right_by_arx += delay_by_arx(y, u) == delay
+    print(f"{kind}: {right} of 12 exact, by ARX {right_by_arx}")
+    assert right >= 10
+    assert right > right_by_arx
 
 
 def test_too_few_samples_for_the_order_leave_the_usual_delay():
