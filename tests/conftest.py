@@ -106,10 +106,8 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
     pause = 0.0 if judged else _watch.longest(call.start, call.stop, **mark.kwargs)
     if pause:
         report.outcome = "skipped"
-        report.longrepr = (
-            *item.location[:2],
-            f"Skipped: not judged, the machine paused for {1e3 * pause:.0f} ms",
-        )
+        reason = f"Skipped: not judged, the machine paused for {1e3 * pause:.0f} ms: "
+        report.longrepr = (*item.location[:2], reason + str(call.excinfo.value)[:200])
 
 
 def pytest_unconfigure() -> None:
