@@ -16,6 +16,7 @@ from typing import Any
 from .component import Component
 from .curves import per
 from .declare import Declaration, InputDeclaration, Parameter, State, of_differences
+from .delay_line import DelayLine
 from .effects import Effect, Size, Term, effect_maker, make_effect
 from .errors import find
 from .functions import clip, outside, sqrt
@@ -71,7 +72,7 @@ def _input_effect(
     arrives: Callable[[Any, Any], Any],
     declared: dict[str, Any],
     sizes: tuple[Size, ...],
-    rates: Mapping[str, Callable[[Any, Any], Any]] | None = None,
+    laws: Mapping[str, Callable[[Any, Any], Any]] | None = None,
     family: str = "{} as it arrives",
 ) -> type[Effect]:
     """Make the effect that makes a change to an input.
@@ -91,15 +92,15 @@ def _input_effect(
     declared : dict of str to Declaration
         Variables of the effect; the first parameter switches it.
     sizes : tuple of Size
-    rates : Mapping of str to callable, optional
-        Rates of its states, from the component instance and the value before the effect.
+    laws : Mapping of str to callable, optional
+        Of its states, from the component instance and the value before the effect.
     family : str
         Name shared by effects that are one cause in several shapes, with a place for the input.
     """
     arriving = _ArrivingInput(name, arrives)
 
-    def rate_law(rate: Callable[[Any, Any], Any]) -> Callable[[Any], Any]:
-        return lambda self: rate(self, arriving.before_effect(self))
+    def law_of(change: Callable[[Any, Any], Any]) -> Callable[[Any], Any]:
+        return lambda self: change(self, arriving.before_effect(self))
 
     switch = next(n for n, value in declared.items() if isinstance(value, Declaration))
     effect = make_effect(
@@ -109,7 +110,7 @@ def _input_effect(
             "__module__": __name__,
             name: arriving,
             **declared,
-            **{law: rate_law(rate) for law, rate in (rates or {}).items()},
+            **{law: law_of(change) for law, change in (laws or {}).items()},
         },
         id=id,
         title=generic_title(id, in_words(name)),
@@ -398,7 +399,7 @@ def backlash(
         arrives=arrives,
         declared=declared,
         sizes=(Size("a gap of {}", (gap,), variable.unit, lambda d: 2.0 * d),),
-        rates={f"{place}_rate": rate},
+        laws={f"{place}_rate": rate},
         family="loop of {} on its way",
     )
 
@@ -480,7 +481,57 @@ def input_lag(
         arrives=arrives,
         declared=declared,
         sizes=sizes,
-        rates={f"{lagged}_rate": rate},
+        laws={f"{lagged}_rate": rate},
+        family="{} arriving late",
+    )
+
+
+@effect_maker
+def input_delay(
+    component: type[Component],
+    input: str,
+    scale: float | None = None,
+    sampling: Sampling | None = None,
+) -> type[Effect]:
+    """Make the effect of a dead time: an input arrives as it was commanded a while ago.
+
+    A `DelayLine` holds the commands; its period is `Sampling.delay_period` of a record, or of the
+    component's experiment.
+
+    Parameters
+    ----------
+    component : type[Component]
+    input : str
+        Name of a real input.
+    scale : float, optional
+        Typical magnitude of the input; by default its nominal value.
+    sampling : Sampling, optional
+        Sampling of the record that the effect is made for.
+
+    Returns
+    -------
+    type[Effect]
+        With the parameter ``<input>_delay``, s; 0 is the base model.
+
+    Raises
+    ------
+    UserError
+        If there is no such input.
+    """
+    variable, size = _find_input(component, input, scale)
+    display = of_differences(variable.display) if variable.display else None
+    about = {"unit": of_differences(variable.unit), "nominal": size, "display": display}
+    period = (sampling or sampling_of(component.experiment)).delay_period
+    line = DelayLine(input, period, about)
+    return _input_effect(
+        "input_delay",
+        input,
+        "Dead time of an input: it arrives as it was commanded that long ago.",
+        "x(t - D)",
+        arrives=line.delayed,
+        declared=line.variables(f"dead time of {input} (D); 0 is without"),
+        sizes=(Size("{} late", (line.delay,)),),
+        laws=line.updates(),
         family="{} arriving late",
     )
 
@@ -501,6 +552,6 @@ def input_effects(
         if variable.type == "real":
             for make in (dead_zone, asymmetric_dead_zone, input_offset, input_saturation):
                 effects.append(make(component, variable.name))
-            for make in (backlash, input_lag):
+            for make in (backlash, input_lag, input_delay):
                 effects.append(make(component, variable.name, sampling=sampling))
     return effects

@@ -21,10 +21,11 @@ from typing import Any
 
 from .component import Component
 from .declare import ONCE, Declaration, Discrete, Parameter, State, of_differences
+from .delay_line import DelayLine
 from .effects import Effect, Size, effect_maker, make_effect
 from .errors import find
-from .functions import clip, exp, maximum, minimum, where
-from .sampling import DELAY_SAMPLES, Sampling, sampling_of
+from .functions import exp, where
+from .sampling import Sampling, sampling_of
 from .titles import in_words
 
 Law = Callable[[Any], Any]
@@ -230,75 +231,30 @@ def sensor_lag(quantity: _Quantity) -> dict[str, Any]:
     "the measurement arrives at once", "A delay of the measured {}", Size("late by {}", ())
 )
 def transport_delay(quantity: _Quantity) -> dict[str, Any]:
-    """Pure delay of up to 64 sample periods.
+    """Pure delay of up to 64 sample periods, by a `DelayLine`.
 
     The period is `Sampling.delay_period` of a record, else 20 ms, or the step of the component's
-    experiment where that is above 0.1 s. The output is sampled every period into a shift register,
-    and interpolated linearly at the present time less the delay; the newest point is the present
-    value. This is exact for a ramp. For a smooth signal the error is at most an eighth of the
-    squared period times the second derivative, and a jump becomes a ramp over one period. The
-    output has a corner at each place of the register, with an event indicator at which solvers of
-    hosts stop. Before the start the output is a line with two states for its deviation and slope;
-    they start at 0, where the output is constant at its start value.
+    experiment where that is above 0.1 s. The output has a corner at each place of the register,
+    with an event indicator at which solvers of hosts stop. Before the start the output is a line
+    with two states for its deviation and slope; they start at 0, where the output is constant at
+    its start value.
     """
-    delay = f"{quantity.name}_delay"
-    period = quantity.sampling.delay_period
-    latest = f"{delay}_sample"
-    instant = f"{delay}_instant"
-    started = f"{delay}_started"
-    begin = f"{delay}_begin"
-    history = f"{delay}_history"
-    slope = f"{delay}_history_slope"
-    changes = [f"{delay}_change_{k}" for k in range(1, DELAY_SAMPLES + 1)]
-
-    def change_since_sample(self: Any, value: Any) -> Any:
-        # none before there is a sample
-        return value - where(getattr(self, started), getattr(self, latest), value)
+    line = DelayLine(quantity.name, quantity.sampling.delay_period, quantity.about())
+    history = f"{line.delay}_history"
+    slope = f"{history}_slope"
 
     def measured(self: Any) -> Any:
-        # the present value less all changes within the time of the delay
-        value = quantity.before_effect(self)
-        delay_time = getattr(self, delay)
-        # change since the latest sample: linear in time, over a time that is not zero
-        age = maximum(self.time - getattr(self, instant), 1e-9 * period)
-        undone = minimum(delay_time / age, 1.0) * change_since_sample(self, value)
-        # changes in the periods before it: linear from sample to sample
-        periods = (delay_time - age) / period
-        for k, change in enumerate(changes):
-            undone = undone + clip(periods - k, 0.0, 1.0) * getattr(self, change)
         # the register has no changes from before the start; there the value is that at the start
         # plus the deviation of a line
-        elapsed = where(getattr(self, started), maximum(self.time - getattr(self, begin), 0.0), 0.0)
-        return value - undone + where(delay_time > elapsed, getattr(self, history), 0.0)
+        is_before = getattr(self, line.delay) > line.elapsed(self)
+        value = line.delayed(self, quantity.before_effect(self))
+        return value + where(is_before, getattr(self, history), 0.0)
 
-    def sampled(about: str, **kind: Any) -> Any:
-        return Discrete(period=period, is_memory=True, doc=about, **kind)
+    def update_law(update: Callable[[Any, Any], Any]) -> Law:
+        return lambda self: update(self, quantity.before_effect(self))
 
-    def value_of(name: str) -> Law:
-        return lambda self: getattr(self, name)
-
-    members = {
-        delay: Parameter(
-            0.0,
-            "s",
-            min=0,
-            max=period * DELAY_SAMPLES,
-            nominal=5.0 * period,
-            tunable=False,  # the states extend the output by it to before the start
-            doc=f"delay of {quantity.name}; 0 is without",
-        ),
-        latest: sampled(
-            f"{quantity.name} at the latest sample", update=f"{latest}_update", **quantity.about()
-        ),
-        instant: sampled(
-            f"time of the latest sample of {quantity.name}", unit="s", update=f"{instant}_update"
-        ),
-        started: sampled(
-            f"whether {latest} is known", unit="1", type="boolean", update=f"{started}_update"
-        ),
-        begin: Discrete(
-            "s", update=f"{begin}_update", period=ONCE, is_memory=True, doc="time of the start"
-        ),
+    return {
+        **line.variables(f"delay of {quantity.name}; 0 is without"),
         history: State(
             rate=f"{history}_rate",
             doc=f"{quantity.name} read of the time before the start, more than at the start",
@@ -306,26 +262,10 @@ def transport_delay(quantity: _Quantity) -> dict[str, Any]:
         ),
         slope: State(rate=f"{slope}_rate", doc=f"rate of {history}", **quantity.about("/s")),
         quantity.name: measured,
-        f"{history}_rate": value_of(slope),
+        f"{history}_rate": lambda self: getattr(self, slope),
         f"{slope}_rate": lambda self: 0.0,
-        f"{begin}_update": lambda self: self.time,
-        f"{latest}_update": quantity.before_effect,
-        f"{instant}_update": lambda self: self.time,
-        f"{started}_update": lambda self: 1.0,
+        **{name: update_law(update) for name, update in line.updates().items()},
     }
-    # at a sample the register shifts by one place
-    updates = [
-        lambda self: change_since_sample(self, quantity.before_effect(self)),
-        *map(value_of, changes[:-1]),
-    ]
-    for change, update in zip(changes, updates, strict=True):
-        members[change] = sampled(
-            f"change of {quantity.name} between two samples",
-            update=f"{change}_update",
-            **quantity.about(),
-        )
-        members[f"{change}_update"] = update
-    return members
 
 
 @_measurement(

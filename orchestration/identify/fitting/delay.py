@@ -1,4 +1,4 @@
-"""Transport delays of measured outputs, exact: the undelayed model read at earlier instants.
+"""Delays of inputs and of measured outputs, exact: earlier inputs, and outputs of earlier instants.
 
 A component has a delay as a shift register, because an FMU keeps no other past; over a whole record
 the past is known. The register differs from the exact delay in the curvature within one of its
@@ -17,19 +17,21 @@ import numpy as np
 from fmus.kit import Component, Effect, stack
 from fmus.kit.arrays import Array, Mask
 from fmus.kit.effects import made_by, unstack
+from fmus.kit.inputs import input_delay
 from fmus.kit.record import CompiledModel, Trajectory
 from fmus.kit.sensors import transport_delay
 from orchestration.identify.fitting.block_simulation import BlockwiseModel
 from orchestration.identify.fitting.simulation_input import SimulationInput
 
 _NEARBY = 1e-3  # of a sample: step of the derivative by time
+_ROUNDING = 1e-6  # of a sample: between instants that are the same
 _KEPT = 64  # compiled models
 
 
 class DelayedModel:
-    """A compiled component whose measurements may be delayed.
+    """A compiled component whose inputs and measurements may be delayed.
 
-    A delay counts as the outermost of the effects.
+    A delay counts as the outermost of the effects: no other one depends on the time.
 
     Parameters
     ----------
@@ -44,7 +46,7 @@ class DelayedModel:
     layout : Layout
         Of the component, the registers included.
     delays : dict of str to str
-        Names of the delays by output.
+        Names of the delays of outputs, by output.
     """
 
     def __init__(
@@ -55,11 +57,13 @@ class DelayedModel:
     ):
         base, effects = unstack(cls)
         delays = [e for e in effects if made_by(e) is transport_delay]
-        others = tuple(e for e in effects if e not in delays)
-        of_delays = {p.name for delay in delays for p in delay.layout.parameters}
+        dead_times = [e for e in effects if made_by(e) is input_delay]
+        others = tuple(e for e in effects if e not in (*delays, *dead_times))
+        of_delays = {p.name for e in (*delays, *dead_times) for p in e.layout.parameters}
         self.layout = cls.layout
         self.delays = {delay.output: delay.neutral for delay in delays}
         self._histories = {delay.output: _history_of(delay) for delay in delays}
+        self._dead_times = {effect.term.signal: effect.neutral for effect in dead_times}
         self._names = list(sensitivities)
         names = tuple(name for name in sensitivities if name not in of_delays)
         model = _compiled(base, others, names)
@@ -82,23 +86,40 @@ class DelayedModel:
         UserError
             If the simulation fails.
         """
+        trajectory = self._run(given)
+        nearby = _NEARBY * float(np.median(np.diff(given.time)))
+        for name in set(self._dead_times.values()).intersection(self._names):
+            moved = {**given.parameters, name: given.parameters[name] + nearby}
+            other = self._run(replace(given, parameters=moved))
+            column = self._names.index(name)
+            for output, slopes in trajectory.sensitivities.items():
+                change = other.signals[output] - trajectory.signals[output]
+                slopes[:, column] = change / nearby
+        return trajectory
+
+    def _run(self, given: SimulationInput) -> Trajectory:
+        """Simulate without derivatives by delays of inputs, which are zero."""
+        if not (self.delays or self._dead_times):
+            return self._undelayed.run(given)
         time = given.time
         parameters = given.parameters
-        undelayed = replace(
-            given, parameters={n: value for n, value in parameters.items() if n in self._known}
-        )
-        if not self.delays:
-            return self._undelayed.run(undelayed)
         pasts = {
             output: _earlier_instants(time, parameters[name])
             for output, name in self.delays.items()
             if parameters[name] > 0.0
         }
-        # all instants that are shown, or read for a derivative
+        late = {name: parameters[delay] for name, delay in self._dead_times.items()}
+        # all instants that are shown, or read for a derivative, or at which an input arrives
         earlier = [instants for past in pasts.values() for instants in (past.then, past.near)]
-        instants = np.unique(np.concatenate([time, *earlier]))
+        arrivals = [_between(time, time + delay) for delay in late.values()]
+        instants = np.unique(np.concatenate([time, *earlier, *arrivals]))
         trajectory = self._undelayed.run(
-            replace(undelayed, time=instants, inputs=_inputs_at(given, instants))
+            replace(
+                given,
+                time=instants,
+                inputs=_inputs_at(given, instants, late),
+                parameters={n: value for n, value in parameters.items() if n in self._known},
+            )
         )
         at = {output: np.searchsorted(instants, past.then) for output, past in pasts.items()}
         now = np.searchsorted(instants, time)
@@ -166,13 +187,25 @@ class DelayedModel:
         return np.column_stack(columns) if columns else slopes
 
 
-def _inputs_at(given: SimulationInput, instants: Array) -> dict[str, Array]:
-    """Return inputs at other instants, as they go between samples."""
-    latest = np.searchsorted(given.time, instants, "right") - 1
+def _between(time: Array, instants: Array) -> Array:
+    """Return the instants inside a record that are not, but for rounding, its samples."""
+    inside = instants[instants < time[-1]]
+    after = np.searchsorted(time, inside)
+    gap = np.minimum(time[after] - inside, inside - time[np.maximum(after - 1, 0)])
+    return inside[gap > _ROUNDING * float(np.median(np.diff(time)))]
+
+
+def _inputs_at(
+    given: SimulationInput, instants: Array, late: Mapping[str, float]
+) -> dict[str, Array]:
+    """Return inputs at other instants, as they go between samples and arrive late, s, by name."""
+    rounding = _ROUNDING * float(np.median(np.diff(given.time)))
     at = {}
     for name, values in given.inputs.items():
         course = np.broadcast_to(np.asarray(values, dtype=float), len(given.time))
-        at[name] = np.interp(instants, given.time, course) if given.linear else course[latest]
+        then = instants - late.get(name, 0.0)
+        latest = np.maximum(np.searchsorted(given.time, then + rounding, "right") - 1, 0)
+        at[name] = np.interp(then, given.time, course) if given.linear else course[latest]
     return at
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fmus.kit import Component, Input, Output, Parameter, stack
+from fmus.kit.inputs import input_delay
 from fmus.kit.sensors import transport_delay
 from orchestration.identify.fitting.delay import DelayedModel
 from orchestration.identify.fitting.simulation_input import SimulationInput
@@ -77,3 +78,29 @@ def test_no_delay_is_the_model_as_it_is():
     ran = run(Amplifier, ["gain"], u, y_delay=0.0)
     assert ran.signals["y"] == pytest.approx(2.0 * u, abs=1e-12)
     assert ran.sensitivities["y"][:, 0] == pytest.approx(u, abs=1e-12)
+
+
+@pytest.mark.parametrize("linear", [False, True], ids=["held", "linear"])
+@pytest.mark.parametrize("delay", [DELAY, 0.2], ids=["between samples", "at samples"])
+def test_an_input_that_arrives_late(delay, linear):
+    """A relaxation follows a step, or a ramp, from the delay on; both in closed form."""
+    cls = stack(Relaxation, input_delay(Relaxation, "u"))
+    known = {p.name: p.start for p in cls.layout.parameters} | {"u_delay": delay, "tau": 0.5}
+    model = DelayedModel(cls, ["u_delay", "tau"])
+    elapsed = TIME - TIME[0]
+    u = elapsed if linear else np.where(elapsed < 0.5 - 1e-9, 0.0, 1.0)
+    ran = model.run(SimulationInput(TIME, {"u": u}, known, linear=linear))
+    since = np.maximum(elapsed - delay - (0.0 if linear else 0.5), 0.0)
+    rising = -np.expm1(-since / 0.5)
+    if linear:
+        expected, rate = since - 0.5 * rising, rising
+    else:
+        expected, rate = rising, np.where(since > 1e-9, np.exp(-since / 0.5) / 0.5, 0.0)
+    assert ran.signals["y"] == pytest.approx(expected, abs=1e-6)
+    near_step = np.abs(since) < 2e-9
+    by_delay = ran.sensitivities["y"][:, 0]
+    assert by_delay[~near_step] == pytest.approx(-rate[~near_step], abs=3e-3)
+    moved = model.run(SimulationInput(TIME, {"u": u}, known | {"tau": 0.501}, linear=linear))
+    assert ran.sensitivities["y"][:, 1] == pytest.approx(
+        (moved.signals["y"] - ran.signals["y"]) / 1e-3, abs=3e-3
+    )
