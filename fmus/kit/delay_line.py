@@ -31,11 +31,15 @@ class DelayLine:
         Sample period, s.
     about : Mapping
         Unit, nominal value and display unit of differences of the signal.
+    is_held : bool
+        Whether the signal jumps at samples, as one does that a host sets, and is held after them.
+        A jump becomes a ramp about the time at which it arrives, and not one before it.
     """
 
     name: str
     period: float
     about: Mapping[str, Any]
+    is_held: bool = False
 
     @property
     def delay(self) -> str:
@@ -73,6 +77,8 @@ class DelayLine:
             Present value.
         """
         delay = getattr(component, self.delay)
+        if self.is_held:
+            delay = delay + 0.5 * minimum(delay, self.period)
         # change since the latest sample: linear in time, over a time that is not zero
         age = maximum(component.time - getattr(component, self._instant), 1e-9 * self.period)
         undone = minimum(delay / age, 1.0) * self._change_since_sample(component, value)

@@ -522,7 +522,7 @@ def input_delay(
     display = of_differences(variable.display) if variable.display else None
     about = {"unit": of_differences(variable.unit), "nominal": size, "display": display}
     period = (sampling or sampling_of(component.experiment)).delay_period
-    line = DelayLine(input, period, about)
+    line = DelayLine(input, period, about, is_held=True)
     return _input_effect(
         "input_delay",
         input,

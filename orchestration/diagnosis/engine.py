@@ -162,7 +162,10 @@ class Diagnosis:
     @cached_property
     def component(self) -> type[Component]:
         """The final model as a component, with fitted values as defaults."""
-        made = extended_component(self.final.fit, self.terms)
+        has_equations = self.model.cls is not None
+        made = extended_component(
+            self.final.fit, self.terms, self.reading if has_equations else None
+        )
         files = ", ".join(dict.fromkeys(record.source.name for record in self.records))
         read = "" if self.reading is None else f", in which {self.reading.sentence}"
         made.remark = f"Fitted to {ascii(files)[1:-1]}{read}\n{made.remark}".strip()

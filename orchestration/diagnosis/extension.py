@@ -9,13 +9,15 @@ import numpy as np
 
 from fmus.kit import Component, Effect, stack
 from fmus.kit.declare import ParameterDeclaration
-from fmus.kit.effects import unstack
+from fmus.kit.effects import effect_name, unstack
+from fmus.kit.inputs import input_delay
 from fmus.kit.law_terms import LawTerm, law_term_effect
 from fmus.kit.sampling import Sampling
 from fmus.kit.sensors import transport_delay
 from orchestration.diagnosis.courses import courses_of_fit
 from orchestration.diagnosis.fitting import Fit
 from orchestration.diagnosis.law_model import LawModel
+from orchestration.diagnosis.readings import Reading
 from orchestration.diagnosis.runs import step_of
 from orchestration.diagnosis.term_names import (
     seen_unit,
@@ -29,7 +31,9 @@ from orchestration.diagnosis.terms import FORMS, DelayTerm, NamedTerm, Shape, Te
 _ADDITIONS = 4  # place of the additions to laws among the arguments of a model's functions
 
 
-def extended_component(fitted: Fit, terms: Mapping[str, Term] | None = None) -> type[Component]:
+def extended_component(
+    fitted: Fit, terms: Mapping[str, Term] | None = None, reading: Reading | None = None
+) -> type[Component]:
     """Return a model with the terms of a fit, and fitted values as defaults.
 
     Start states are those of the first record.
@@ -39,6 +43,9 @@ def extended_component(fitted: Fit, terms: Mapping[str, Term] | None = None) -> 
     fitted : Fit
     terms : Mapping of str to Term, optional
         Its terms by name; by default named in their order.
+    reading : Reading, optional
+        Of the files that it was fitted to. The model has the dead time of an input, so that it
+        takes the values as they were recorded.
 
     Notes
     -----
@@ -47,8 +54,15 @@ def extended_component(fitted: Fit, terms: Mapping[str, Term] | None = None) -> 
     """
     model = fitted.problem.model
     named = stems(model.cls, fitted.terms) if terms is None else dict(terms)
-    effects = []
+    effects: list[type[Effect]] = []
+    of_inputs = []
     values = _own_values(fitted)
+    if reading is not None and reading.dead_time:  # next to the command
+        (column,) = reading.columns
+        sampling = _sampling(fitted, reading.dead_time)
+        effects.append(input_delay(model.cls, column, sampling=sampling))
+        values[effects[0].neutral] = reading.dead_time
+        of_inputs.append(f"Added to {column}: {effect_name(effects[0])}")
     for stem, term in named.items():
         if isinstance(term, NamedTerm):
             effects.append(model.effects[term.effect])
@@ -61,19 +75,24 @@ def extended_component(fitted: Fit, terms: Mapping[str, Term] | None = None) -> 
     declared = {p.name: p for p in made.layout.parameters}
     defaults = {n: _allowed(v, declared[n]) for n, v in values.items() if v != declared[n].start}
     made = stack(made, name=made.name, defaults=defaults)
-    made.remark = "\n".join(
+    remarks = [
         f"Added to {term.law or 'it'}: {shape_text(term)}, {sentence(model.cls, term)}"
         for term in named.values()
-    )
+    ]
+    made.remark = "\n".join([*of_inputs, *remarks])
     return made
 
 
 def _delay(fitted: Fit, term: DelayTerm) -> type[Effect]:
-    """Return the effect of measurement that a delay is, for the samples of the first record."""
-    time = fitted.problem.records[0].time
+    """Return the effect of measurement that a delay is."""
     seconds = max(float(term.size * fitted.values_of(term)[0]), 0.0)
-    sampling = Sampling(step_of(time), float(np.ptp(time)))
-    return transport_delay(fitted.problem.model.cls, term.law, sampling.holding(seconds))
+    return transport_delay(fitted.problem.model.cls, term.law, _sampling(fitted, seconds))
+
+
+def _sampling(fitted: Fit, delay: float) -> Sampling:
+    """Return the sampling of the first record, with a register that holds a delay, s."""
+    time = fitted.problem.records[0].time
+    return Sampling(step_of(time), float(np.ptp(time))).holding(delay)
 
 
 def _own_values(fitted: Fit) -> dict[str, float]:

@@ -116,8 +116,11 @@ class _Screen:
         if reading.moves_inputs(self.subject.problem.model):
             count = int(np.log(most) / np.log(_DELAYS)) + 2
             samples = np.unique(np.geomspace(1.0, most, count).astype(int))
-            # an early input of a model with one output is a late output
-            is_early = self.subject.problem.records[0].measured.sum() > 1
+            # an early input is a late output where there is one of each
+            record = self.subject.problem.records[0]
+            is_early = (
+                record.measured.sum() > 1 or np.count_nonzero(np.ptp(record.inputs, axis=0)) > 1
+            )
         else:
             samples = np.arange(1, most + 1)
             is_early = True

@@ -42,6 +42,7 @@ _ZERO_CELSIUS = 273.15
 _ORDER = 2  # of a filter that is tried: one that is sharper leaves little else
 _SMOOTH = 1e-3  # roughness of what was filtered at most
 _NEAR_ZERO = 0.02  # of the largest value
+_ACTS_LATE = "{column} acts {size} s later than it is recorded"
 
 
 class _Kind(NamedTuple):
@@ -108,6 +109,8 @@ class Reading:
         taken off before it was integrated, SI.
     instead : tuple of Reading
         Others that a model cannot tell from it.
+    is_command : bool
+        Whether a late column is an input.
     """
 
     kind: ReadingKind
@@ -117,6 +120,7 @@ class Reading:
     unit: str = ""
     levels: tuple[float, ...] = ()
     instead: tuple[Reading, ...] = ()
+    is_command: bool = False
 
     @property
     def source(self) -> tuple[ReadingKind, tuple[str, ...]]:
@@ -137,6 +141,11 @@ class Reading:
     def is_sized(self) -> bool:
         """True if it has values that are estimated."""
         return self.is_fitted or bool(self.levels)
+
+    @property
+    def dead_time(self) -> float:
+        """Time, s, after which an input acts, if that is a property of the plant; else 0."""
+        return max(-float(self.shift), 0.0) if self.is_command else 0.0
 
     @property
     def values(self) -> Array:
@@ -229,7 +238,11 @@ class Reading:
     @property
     def sentence(self) -> str:
         """The fault of the file, without its name."""
-        return " or ".join(one._said(one.kind.value.fault) for one in (self, *self.instead))
+        return " or ".join(one._said(one._fault) for one in (self, *self.instead))
+
+    @property
+    def _fault(self) -> str:
+        return _ACTS_LATE if self.dead_time else self.kind.value.fault
 
     @property
     def correction(self) -> str:
@@ -338,7 +351,7 @@ def readings_of(model: LawModel, records: Sequence[Record]) -> list[Reading]:
         result.append(Reading(kinds.CLOCK, (TIME,), size, unit=f"in {unit}"))
         result.append(Reading(kinds.CLOCK, (TIME,), 1.0 / size, unit=f"in s and read as {unit}"))
     # a late output is a fault of its measurement, which is a term
-    result += [Reading(kinds.LATE, (v.name,)) for v in own]
+    result += [Reading(kinds.LATE, (v.name,), is_command=True) for v in own]
     logged = tuple(v.name for v in model.outputs if v.name in moving)
     if own and logged:  # by another logger than the inputs
         result += [Reading(kinds.LATE, logged), Reading(kinds.PACE, logged)]

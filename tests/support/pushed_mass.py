@@ -150,12 +150,12 @@ INPUT_CASES = {
 }
 
 
-def by_scipy(rates, states):
+def by_scipy(rates, states, force=FORCE):
     x, found = np.zeros(states), [0.0]
-    jumps = [0, *(np.flatnonzero(np.diff(FORCE[:-1])) + 1), len(TIME) - 1]
+    jumps = [0, *(np.flatnonzero(np.diff(force[:-1])) + 1), len(TIME) - 1]
     for first, last in pairwise(jumps):  # the force is held from one to the next
         solved = solve_ivp(
-            lambda t, x, u=FORCE[first]: rates(x, u),
+            lambda t, x, u=force[first]: rates(x, u),
             (TIME[first], TIME[last]),
             x,
             "LSODA",

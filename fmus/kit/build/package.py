@@ -29,6 +29,7 @@ RUNTIME_MODULES = (
     "component",
     "curves",
     "declare",
+    "delay_line",
     "effects",
     "errors",
     "functions",

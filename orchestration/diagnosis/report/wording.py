@@ -299,6 +299,12 @@ def _next_of_misread(diagnosis: Diagnosis, reading: Reading, written: Mapping[st
     check = "" if diagnosis.verdict == "cause" else "check file and wiring; if it is so, "
     model = _model_in(written)
     fitted = f"{model} is" if model else f"{_built(diagnosis, 'fitted')} builds"
+    if reading.dead_time and diagnosis.model.cls is not None:
+        return (
+            f"it is a dead time, or the column is early: then {ways} ({files(diagnosis)}), and"
+            f" diagnose it again; {fitted} the model with the dead time, which takes the values as"
+            " they were recorded."
+        )
     return (
         f"{check}{ways} ({files(diagnosis)}), and diagnose it again; {fitted} the model fitted to"
         " the corrected values."

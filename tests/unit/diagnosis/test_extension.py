@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from fmus.kit import Component, Input, Output, Parameter, State
+from fmus.kit.build.building import RUNTIMES
 from orchestration.diagnosis.extension import extended_component
+from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.terms import DelayTerm, Memory, Shape, Term
 from tests.support.fitted_terms import fitted, one_of_shape, run_fmu
 from tests.support.oscillator_model import Oscillator
@@ -73,6 +75,24 @@ def test_a_late_output_is_late_in_the_fmu():
     kernel, without, fmu = courses(Oscillator, [late], [[0.5]])
     assert np.abs(kernel - without).max() > 1e-3
     assert np.abs(fmu - kernel).max() < 1e-6
+
+
+@pytest.mark.parametrize("runtime", RUNTIMES)
+def test_an_input_that_acts_late_is_delayed_in_the_fmu(runtime):
+    """It does to the recorded values what the model without a delay does to those it was fitted to,
+    but for the ramps of a sample that jumps become.
+    """
+    fit = fitted(Oscillator, [], [])
+    (record,) = fit.problem.records
+    step = record.time[1] - record.time[0]
+    reading = Reading(ReadingKind.LATE, ("force",), shift=-7.0 * step, is_command=True)
+    meant = replace(fit.problem, records=(reading.apply(fit.problem.model, record),))
+    expected = meant.run(meant.records[0], fit.point, (), fit.point.starts[0], False).outputs[:, 0]
+    made = extended_component(fit, reading=reading)
+    late = run_fmu(fit, made, runtime=runtime)
+    assert np.abs(run_fmu(fit, extended_component(fit)) - expected).max() > 0.1
+    assert np.abs(late - expected).max() < 2e-3
+    assert "input_delay(force)" in made.remark
 
 
 @pytest.mark.parametrize("memory", [*Memory][1:], ids=lambda memory: memory.name.lower())

@@ -174,6 +174,18 @@ def test_an_early_input_of_a_model_with_one_output_is_no_reading() -> None:
     assert min(shifts) > 0.0
 
 
+def test_an_early_input_beside_another_is_a_reading() -> None:
+    """The output is not late behind the other one."""
+    subject = diagnosis_with(RIGHT).found.subject
+    two = [
+        replace(r, inputs=np.hstack([r.inputs, r.inputs[::-1]])) for r in subject.problem.records
+    ]
+    screen = _Screen(subject)
+    screen.subject = replace(subject, problem=replace(subject.problem, records=tuple(two)))
+    shifts = screen._shifts(Reading(ReadingKind.LATE, ("force",)))
+    assert min(shifts) == -max(shifts)
+
+
 def test_a_reading_with_a_value_is_not_preferred_to_terms_that_do_the_same() -> None:
     """An offset of the force is a constant force."""
     constant = Term("acceleration", "", Shape.CONSTANT, size=5.0)

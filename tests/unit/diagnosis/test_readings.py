@@ -276,6 +276,16 @@ def test_units_are_those_of_the_quantity(model: LawModel) -> None:
             "shift first 0.25 s later",
         ),
         (
+            Reading(ReadingKind.LATE, ("power",), shift=-0.25, is_command=True),
+            "power acts 0.25 s later than it is recorded",
+            "shift power 0.25 s later",
+        ),
+        (
+            Reading(ReadingKind.LATE, ("power",), shift=0.25, is_command=True),
+            "power is 0.25 s late",
+            "shift power 0.25 s earlier",
+        ),
+        (
             Reading(ReadingKind.LATE, ("first", "second"), shift=2.0),
             "first and second are 2 s late",
             "shift first and second 2 s earlier",
