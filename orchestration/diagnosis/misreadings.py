@@ -411,7 +411,7 @@ def _best_change(trial: _Trial) -> Array | None:
     columns = np.sqrt(_WEIGHT) * np.column_stack(tried) - target[:, np.newaxis]
     known = np.isfinite(target) & np.isfinite(columns).all(axis=1)
     own = np.linalg.lstsq(np.hstack([columns, others])[known], -target[known])[0][: len(steps)]
-    if trial.reading.kind is ReadingKind.LATE:
+    if trial.reading.kind is ReadingKind.LATE and not trial.reading.is_command:
         own = np.round(own)
     return own @ steps if own.any() else None
 

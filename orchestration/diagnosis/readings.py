@@ -287,18 +287,18 @@ def _derivative(values: Array, time: Array) -> Array:
 
 
 def _earlier(values: Array, time: Array, shift: float, *, is_input: bool) -> Array:
-    """Return the samples of a column nearest to instants later by a shift, s.
+    """Return a column at instants later by a shift, s.
 
-    Beyond its ends an input keeps its value, and an output has none.
+    An input is linear between samples, as the mean of one that is held is, and keeps its value
+    beyond its ends. An output has none there, and is that of the nearest sample, with its noise.
     """
     instants = time + shift
+    if is_input:
+        return np.interp(instants, time, values)
     places = np.interp(instants, time, np.arange(len(time)))
-    moved = values[np.round(places).astype(int)]
-    if not is_input:
-        near = 0.5 * step_of(time)
-        inside = (instants > time[0] - near) & (instants < time[-1] + near)
-        moved = np.where(inside, moved, np.nan)
-    return moved
+    near = 0.5 * step_of(time)
+    inside = (instants > time[0] - near) & (instants < time[-1] + near)
+    return np.where(inside, values[np.round(places).astype(int)], np.nan)
 
 
 def _filtered(values: Array, time: Array, cutoff: float) -> Array:
