@@ -221,6 +221,8 @@ class DesignedController:
         Input of the component for the reference, and its output.
     limits : tuple of str
         Parameters for the lowest and the highest command; empty if it has none.
+    experiment : tuple of float
+        Stop time and step of the class, s; empty for those of the function.
     """
 
     place: str
@@ -229,11 +231,15 @@ class DesignedController:
     reference: str = "reference"
     command: str = "command"
     limits: tuple[str, ...] = ()
+    experiment: tuple[float, ...] = ()
 
     @property
     def component(self) -> type[Component]:
         """The class of the controller."""
         made: type[Component] = load(self.place)(**self.arguments)
+        if self.experiment:
+            stop, step = self.experiment
+            made.experiment = (stop, step)
         return made
 
     @property
@@ -243,7 +249,8 @@ class DesignedController:
         # the module knows nothing of numpy, whose numbers have reprs of their own
         plain = {key: getattr(x, "tolist", lambda x=x: x)() for key, x in self.arguments.items()}
         values = "".join(f"    {key}={value!r},\n" for key, value in plain.items())
-        return f"from {module} import {name}\n\nController = {name}(\n{values})\n"
+        call = f"from {module} import {name}\n\nController = {name}(\n{values})\n"
+        return f"{call}Controller.experiment = {self.experiment}\n" if self.experiment else call
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from orchestration.api.options import DesignKeywords, LineariseKeywords
 from orchestration.api.results import DiagnosisResult
 from orchestration.api.simulation import as_declared, values_of
 from orchestration.experiment.subjects import is_system
-from orchestration.fmu import Model
+from orchestration.fmu import Model, Value
 from orchestration.fmu.signal import read_amount
 from orchestration.linear import (
     ControllerDesign,
@@ -90,11 +90,18 @@ def design(
     measures = [one for one in designed.signals.values() if one not in inputs]
     if measures != [*plant.outputs]:
         plant = _sampled(linearised(plant.inputs, measures), options)
-    settings = {}
-    if isinstance(runs, Model):
-        fit = fit_of(runs, options)
-        settings = (fit.values if fit else {}) | values_of(runs, options["settings"])
-    return ControllerDesign(designed, plant, request.limits, runs, settings)
+    found = ControllerDesign(designed, plant, request.limits, runs, _settings(runs, options))
+    # that of the rule knows no loop: until this one has settled, by samples
+    experiment = (float(found.time[-1]), float(plant.period))
+    return replace(found, designed=replace(designed, experiment=experiment))
+
+
+def _settings(model: Any, options: DesignKeywords) -> dict[str, Value]:
+    """Return the values of parameters with which a plant runs, those of a fit among them."""
+    if not isinstance(model, Model):
+        return {}
+    fit = fit_of(model, options)
+    return (fit.values if fit else {}) | values_of(model, options["settings"])
 
 
 def _request(

@@ -30,6 +30,20 @@ def test_a_system_of_python_control_goes_in_and_comes_out():
         _ = found.system
 
 
+@pytest.mark.parametrize("slower", [1.0, 600.0])
+def test_a_controller_alone_runs_in_its_samples_until_its_loop_has_settled(slower):
+    plant = control.tf([2.0], [slower, 1.0])
+    found = ppy.design(plant, sample_period=0.1 * slower, crossover=0.3 / slower)
+    stop, step = found.controller.experiment
+    assert step == pytest.approx(0.1 * slower, rel=1e-12)
+    closed = control.feedback(found.loop.state_space, 1)
+    settled = 4.0 * found.plant.period / -np.log(np.abs(closed.poles()).max())  # to 2 %
+    assert settled < stop < 20.0 * settled
+    module = {}
+    exec(found.designed.source, module)
+    assert module["Controller"].experiment == (stop, step)
+
+
 def test_intervals_of_a_diagnosis_are_its_band(monkeypatch):
     from fmus import component
 
