@@ -29,6 +29,8 @@ _HALVINGS = 20
 _ROUNDING = 1e-15  # least step, relative to the largest unknown, both in nominal values
 _INDEPENDENT = 1e-10  # least singular value of independent equations, relative to the largest
 _VISIBLE = 1e-6  # least share in a null direction of an unknown that is undetermined
+_MORE_STARTS = 32  # of free signals, where the search from the given ones ends without a solution
+_WIDTH = 10.0  # of the range of starts of a signal that declares none, in nominal values
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,7 @@ class _Equations(NamedTuple):
     unknowns: list[Declaration]
     nominal: Array
     start: Array
+    is_free: Array  # of each unknown, whether it is an input or a parameter
 
 
 @uninterrupted()
@@ -88,7 +91,7 @@ def trim(graph: Graph, near: OperatingPoint, request: TrimRequest) -> OperatingP
     _check(graph, request, targets)
     start = replace(near, inputs=near.inputs | constants)
     equations = _equations(graph, start, request, targets)
-    solution, residual = _solve(equations)
+    solution, residual = _search(equations)
     errors = np.append(np.abs(residual), 0.0)
     worst = int(errors.argmax())
     if not errors[worst] <= _SOLVED:
@@ -108,7 +111,22 @@ def trim(graph: Graph, near: OperatingPoint, request: TrimRequest) -> OperatingP
     point = start.updated(dict(zip(names, values, strict=True)))
     rates = with_outputs(graph, point).rates
     drift = {name: rates[name] for name in request.drift}
-    return replace(point, trimmed=True, drift=drift, undetermined=tuple(undetermined))
+    return replace(
+        point,
+        trimmed=True,
+        drift=drift,
+        undetermined=tuple(undetermined),
+        outside=_outside(equations, solution),
+    )
+
+
+def _outside(equations: _Equations, x: Array) -> dict[str, tuple[float, float]]:
+    """Return the ranges of unknowns that leave them."""
+    return {
+        v.name: (v.min, v.max)
+        for v, value, nominal in zip(equations.unknowns, x, equations.nominal, strict=True)
+        if not v.min / nominal - _SOLVED <= value <= v.max / nominal + _SOLVED
+    }
 
 
 def _check(graph: Graph, request: TrimRequest, targets: Mapping[str, float]) -> None:
@@ -163,6 +181,7 @@ def _equations(
         unknowns=unknowns,
         nominal=nominal,
         start=known[[place + 1 for place in places]] / nominal,
+        is_free=np.array([variable.name in request.free for variable in unknowns], dtype=bool),
     )
 
 
@@ -213,14 +232,59 @@ def _laws(
         yield f"{name} = {value:g}", (expressions[k] - value) / signals[k].nominal
 
 
+def _search(equations: _Equations) -> tuple[Array, Array]:
+    """Return the first solution of those that searches from several starts find.
+
+    The first search begins at the given values, and its result is returned if none finds a
+    solution. Where a law does not answer a signal there, such as the flow of a shut valve its
+    opening, others begin at free signals across their ranges; states begin where they were given,
+    because undetermined ones keep their values.
+
+    Returns
+    -------
+    ndarray, ndarray
+        As `_solve` does.
+    """
+    first = _solve(equations, equations.start)
+    found = first
+    for start in _other_starts(equations):
+        if _is_solved(found[1]):
+            return found
+        found = _solve(equations, start)
+    return found if _is_solved(found[1]) else first
+
+
+def _is_solved(residual: Array) -> bool:
+    return bool((np.abs(residual) <= _SOLVED).all())
+
+
+def _other_starts(equations: _Equations) -> Iterator[Array]:
+    """Yield starts with free signals at points of a Halton sequence in their ranges."""
+    free = np.flatnonzero(equations.is_free)
+    if not free.size:
+        return
+    from scipy.stats.qmc import Halton
+
+    start, nominal = equations.start, equations.nominal
+    declared = [equations.unknowns[k] for k in free]
+    low = np.array([v.min for v in declared]) / nominal[free]
+    high = np.array([v.max for v in declared]) / nominal[free]
+    near = np.clip(start[free], low, high)
+    low, high = np.maximum(low, near - _WIDTH), np.minimum(high, near + _WIDTH)
+    for point in Halton(free.size, scramble=False).random(_MORE_STARTS + 1)[1:]:
+        other = start.copy()
+        other[free] = low + point * (high - low)
+        yield other
+
+
 @np.errstate(over="ignore")  # an infinite residual is reported as no equilibrium
-def _solve(equations: _Equations) -> tuple[Array, Array]:
+def _solve(equations: _Equations, start: Array) -> tuple[Array, Array]:
     """Return the solution by Gauss-Newton with steps of least norm, and its relative residual.
 
     Unknowns that the equations do not determine keep their start values. Residuals are relative to
     the size of their terms, so that rounding does not matter.
     """
-    x = equations.start
+    x = start
     r, jacobian = _evaluate(equations, x)
     for _ in range(_MOST_STEPS):
         if not np.isfinite(r).all() or not np.isfinite(jacobian).all():

@@ -41,6 +41,8 @@ class OperatingPoint:
         Rates of states that drift in the equilibrium, in their unit per second.
     undetermined : tuple of str
         States that the equilibrium does not determine, which keep their start values.
+    outside : dict of str to tuple of float
+        Ranges that states and free signals declare, of those that leave them in the equilibrium.
     """
 
     time: float
@@ -53,6 +55,7 @@ class OperatingPoint:
     trimmed: bool = False
     drift: dict[str, float] = field(default_factory=dict)
     undetermined: tuple[str, ...] = ()
+    outside: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def words(self) -> str:

@@ -258,12 +258,16 @@ class Equations(LinearSubject):
 
 
 def _notes(point: OperatingPoint) -> tuple[str, ...]:
-    """Return notes on undetermined and drifting states of an equilibrium."""
+    """Return notes on undetermined and drifting states of an equilibrium, and on ranges."""
     lines = [
         f"{name} is not determined by the equilibrium; it stays at {point.values[name]:.6g}"
         for name in point.undetermined
     ]
     lines += [f"{name} drifts by {rate:.6g} per second" for name, rate in point.drift.items()]
+    lines += [
+        f"{name} is outside its range, {low:.6g} to {high:.6g}"
+        for name, (low, high) in point.outside.items()
+    ]
     return tuple(lines)
 
 

@@ -6,7 +6,18 @@ import numpy as np
 import pytest
 
 from fmus import component
-from fmus.kit import Component, Discrete, Input, Parameter, State, UserError
+from fmus.kit import (
+    Component,
+    Discrete,
+    Input,
+    Parameter,
+    State,
+    UserError,
+    clip,
+    exp,
+    log,
+    where,
+)
 from fmus.kit.symbolic import trace
 from orchestration.linear.equilibrium import TrimRequest, trim
 from orchestration.linear.operating_point import point_at, start_point
@@ -125,3 +136,47 @@ def test_what_is_no_equilibrium_is_refused_in_a_line(actuator, fixed, free, drif
     with pytest.raises(UserError, match=said) as refusal:
         trim(actuator, near, TrimRequest(fixed, free, drift))
     assert "\n" not in str(refusal.value)
+
+
+class Level(Component):
+    """Tank behind an equal-percentage valve that shuts: with outflow g h, h = q R^(x - 1) / g."""
+
+    name = "level"
+    flow = Parameter(1.0, "m^3/s", min=0, max=10, doc="flow of the open valve")
+    ratio = Parameter(50.0, "1", min=1.1, max=1000, doc="rangeability")
+    valve = Input("1", min=0, max=1, doc="opening")
+    other = Input("1", min=0, max=1, doc="opening of a second valve")
+    height = State("m", rate="change", start=0.3, min=0, max=2, doc="level")
+    apart = State("m", rate="nothing", start=0.7, doc="depends on nothing")
+    unchecked = ("change",)
+
+    def passed(self, opening):
+        """Share of the flow."""
+        return where(opening > 0.0, exp((clip(opening, 0.0, 1.0) - 1.0) * log(self.ratio)), 0.0)
+
+    def change(self):
+        """Balance, with g = 1 m^2/s and an area of 1 m^2."""
+        return self.flow * (self.passed(self.valve) + self.passed(self.other)) - self.height
+
+    def nothing(self):
+        """Rest."""
+        return 0.0 * self.apart
+
+
+@pytest.mark.parametrize("start", [0.0, 0.9, 1.0])
+def test_a_valve_that_is_shut_where_the_search_begins(start):
+    point = trimmed(trace(Level), {"height": 0.4}, ["valve"], valve=start)
+    assert point.inputs["valve"] == pytest.approx(1.0 + np.log(0.4) / np.log(50.0), rel=1e-9)
+    assert point.states["apart"] == 0.7
+    assert point.outside == {}
+
+
+def test_an_equilibrium_outside_of_a_range_says_so():
+    point = trimmed(trace(Level), {}, valve=1.0, other=1.0, flow=3.0)
+    assert point.states["height"] == pytest.approx(6.0, rel=1e-9)
+    assert point.outside == {"height": (0.0, 2.0)}
+
+
+def test_what_no_opening_reaches_is_no_equilibrium():
+    with pytest.raises(UserError, match="no equilibrium found"):
+        trimmed(trace(Level), {"height": 1.5}, ["valve"])
