@@ -212,8 +212,10 @@ class SearchOptions(SettingsOption, total=False):
 
     hold: Annotated[
         Names,
-        "Parameters that are known and not fitted, e.g. mass,R1; see --set.",
-        "Parameters that are known and not fitted.",
+        "Parameters that are known and not fitted, e.g. mass,R1; see --set. A diagnosis also takes"
+        " inputs that the experiment of --experiment cannot set, such as a disturbance.",
+        "Parameters that are known and not fitted. A diagnosis also takes inputs that an experiment"
+        " cannot set, such as a disturbance.",
     ]
     time: Annotated[
         Time,

@@ -124,7 +124,8 @@ def design_experiment(
     step = float(f"{np.median(np.diff(time)):.9g}")
     duration = float(f"{round(float(time[-1] - time[0]) / step) * step:.9g}")
     shortest = max(2.0 * step, 0.5 / rig.bandwidth)
-    shapes = menu.menus(model.recorded, within, duration=duration, step=step, shortest=shortest)
+    resting = menu.operating_values(model.recorded, recorded)
+    shapes = menu.menus(resting, within, duration=duration, step=step, shortest=shortest)
     contest = _Contest(causes, found, duration, step)
     return contest.concluded(contest.improved(shapes), within)
 

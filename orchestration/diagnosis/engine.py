@@ -40,7 +40,7 @@ from orchestration.diagnosis.search import Found, search
 from orchestration.diagnosis.subject import Subject, longest_time_constant, predicted, subject_of
 from orchestration.diagnosis.term_names import deviations, estimates, stems
 from orchestration.diagnosis.terms import Term
-from orchestration.experiment.design import DiscriminatingExperiment
+from orchestration.experiment.design import DiscriminatingExperiment, menu
 from orchestration.fmu import Model
 from orchestration.identify.uncertainty import Estimate, is_significantly_different
 from orchestration.records import Record as MeasuredRecord
@@ -405,13 +405,18 @@ def _decide(
 def _designed(
     found: Found, conclusion: Conclusion, records: Sequence[MeasuredRecord], options: Options
 ) -> Design:
-    """Design an experiment as long as the longest record; inputs with a given value keep it."""
+    """Design an experiment as long as the longest record.
+
+    Inputs with a given value keep it, and inputs that are held that about which they were recorded.
+    """
     record = max(records, key=lambda record: float(np.ptp(record.time)))
     law_model = found.subject.problem.model
     inputs = recorded_inputs(record, law_model, options.given)
     given = {name: (value, value) for name, value in options.given.items() if name in inputs}
     rig = options.excitation or Excitation({}, np.inf)
-    rig = replace(rig, ranges={**rig.ranges, **given})
+    values = menu.operating_values(law_model.recorded, inputs)
+    held = {name: (values[name], values[name]) for name in options.hold if name in values}
+    rig = replace(rig, ranges={**rig.ranges, **held, **given})
     try:
         return design_experiment(found, conclusion, inputs, record.time, rig)
     except UserError as error:

@@ -29,7 +29,7 @@ class Options:
     Attributes
     ----------
     hold : collection of str
-        Parameters that keep their values.
+        Parameters that keep their values, and inputs that an experiment cannot set.
     fit : collection of str
         Parameters that are fitted, all others being held; empty for all.
     each : collection of str
@@ -51,7 +51,7 @@ class Options:
         Processor time of the search, s; by default without a limit.
     excitation : Excitation or None
         Limits of an experiment that is designed; without them those that the model declares, and
-        where it declares none those of the record.
+        where it declares none those of the record, in which an input that stands still stays.
     """
 
     hold: Collection[str] = ()
@@ -71,13 +71,15 @@ class Options:
         """True if nothing but parameters is fitted."""
         return not self.laws and self.effects is not None and not self.effects
 
-    def held(self, parameters: Collection[str]) -> frozenset[str]:
+    def held(
+        self, parameters: Collection[str], inputs: Collection[str] = ()
+    ) -> frozenset[str]:
         """Return the parameters that keep their values.
 
         Parameters
         ----------
-        parameters : collection of str
-            Of the model.
+        parameters, inputs : collection of str
+            Of the model; inputs only where an experiment may be designed.
 
         Raises
         ------
@@ -85,20 +87,23 @@ class Options:
             If one is unknown, or both held and fitted.
         """
         for name, values in (("hold", self.hold), ("fit", self.fit), ("each", self.each)):
-            unknown = next((value for value in values if value not in parameters), None)
+            known = [*parameters, *inputs] if name == "hold" else parameters
+            unknown = next((value for value in values if value not in known), None)
             if unknown is not None:
-                hint = suggestion(unknown, parameters)
+                hint = suggestion(unknown, known)
                 raise UserError(f"{option(name, [unknown])}: no parameter named {unknown!r}{hint}")
         both = next((name for name in self.fit if name in self.hold), None)
         if both is not None:
             raise UserError(f"{option('fit', [both])}: {both} is held by {option('hold', [both])}")
         others = [name for name in parameters if self.fit and name not in self.fit]
-        return frozenset([*self.hold, *others])
+        return frozenset([*self.hold, *others]).intersection(parameters)
 
     def held_of(self, model: LawModel) -> frozenset[str]:
         """Return `held`, with what is declared as not fitted unless its fit is asked for."""
         unfitted = {p.name for p in model.parameters if not p.fitted}
-        return self.held([p.name for p in model.parameters]) | unfitted.difference(self.fit)
+        inputs = [v.name for v in model.recorded]
+        held = self.held([p.name for p in model.parameters], inputs)
+        return held | unfitted.difference(self.fit)
 
     def own_of_each(self, model: LawModel) -> tuple[str, ...]:
         """Return the parameters with a value of their own in every record, but for start states.

@@ -162,7 +162,8 @@ class DiscriminatingExperiment:
         """
         units = self.rehearsal.units
         limits = "; ".join(
-            f"{n} {low:g} to {high:g} {units[n]}" for n, (low, high) in self.limits.items()
+            f"{n} {f'{low:g} to ' if low < high else ''}{high:g} {units[n]}"
+            for n, (low, high) in self.limits.items()
         )
         comments = [f"# {comment}", f"# Limits kept: {limits}.", *self._comments()]
         lines = [quoting.visible(line) for line in comments]

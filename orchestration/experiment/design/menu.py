@@ -43,10 +43,34 @@ class Stimulus:
         return _SHAPES[self.kind](time, **self.keys)
 
 
+def operating_values(inputs: Sequence[InputDeclaration], recorded: Signals) -> dict[str, float]:
+    """Return the value about which each input was recorded: the median, which is a sample.
+
+    Parameters
+    ----------
+    inputs : sequence of InputDeclaration
+        One that was not recorded has its start value.
+    recorded : Mapping of str to ndarray, shape (n,)
+        Inputs that were recorded, by name, SI.
+
+    Returns
+    -------
+    dict of str to float
+        SI.
+    """
+    return {
+        v.name: float(np.nanpercentile(recorded.get(v.name, v.start), 50.0, method="lower"))
+        for v in inputs
+    }
+
+
 def limits_of_inputs(
     inputs: Sequence[InputDeclaration], recorded: Signals, limits: Limits
 ) -> dict[str, tuple[float, float]]:
-    """Return the limits of every real input: those given or declared, else of the record.
+    """Return the limits of every input: those given or declared, else of the record.
+
+    One that kept its value while others moved may be none that can be set, such as a temperature of
+    the surroundings: without given limits it stays there. So does one that is no real number.
 
     Parameters
     ----------
@@ -72,26 +96,37 @@ def limits_of_inputs(
             raise UserError(
                 f"limits of {name}: there is no such input; there are {', '.join(declared)}"
             )
-    limits_by_input = {}
-    for name, variable in declared.items():
-        if variable.type != "real":
-            continue
-        given_low, given_high = limits.get(name, (variable.min, variable.max))
-        values = np.asarray(recorded.get(name, variable.start), dtype=float)
-        low = max(given_low, variable.min)
-        high = min(given_high, variable.max)
-        if not np.isfinite(low):
-            low = float(values.min())
-        if not np.isfinite(high):
-            high = float(values.max())
-        if low > high:
-            raise UserError(f"limits of {name}: {low:g} to {high:g} {variable.unit} leaves nothing")
-        limits_by_input[name] = (low, high)
-    return limits_by_input
+    operating = operating_values(inputs, recorded)
+    moving = [name for name in declared if name in recorded and np.ptp(recorded[name]) > 0.0]
+    return {
+        name: _limits_of(variable, recorded.get(name, operating[name]), limits.get(name))
+        if name in limits or (variable.type == "real" and (name in moving or not moving))
+        else (operating[name], operating[name])
+        for name, variable in declared.items()
+    }
+
+
+def _limits_of(
+    variable: InputDeclaration, values: Array | float, given: tuple[float, float] | None
+) -> tuple[float, float]:
+    """Return the limits of an input that may move, within those that it declares."""
+    if given is not None and given[0] == given[1]:
+        return given
+    name = variable.name
+    given_low, given_high = given or (variable.min, variable.max)
+    low = max(given_low, variable.min)
+    high = min(given_high, variable.max)
+    if not np.isfinite(low):
+        low = float(np.min(values))
+    if not np.isfinite(high):
+        high = float(np.max(values))
+    if low > high:
+        raise UserError(f"limits of {name}: {low:g} to {high:g} {variable.unit} leaves nothing")
+    return low, high
 
 
 def menus(
-    inputs: Sequence[InputDeclaration],
+    operating: Mapping[str, float],
     limits: Mapping[str, tuple[float, float]],
     *,
     duration: float,
@@ -102,16 +137,16 @@ def menus(
 
     Parameters
     ----------
-    inputs : sequence of InputDeclaration
+    operating : Mapping of str to float
+        Values at rest, SI.
     limits : Mapping of str to tuple of float
-        Of all inputs that may move, SI.
+        SI.
     duration, step, shortest : float
         Of the experiment, of its samples, and the shortest stay at a level, s.
     """
-    declared = {v.name: v for v in inputs}
     menu = {}
     for seed, (name, (low, high)) in enumerate(limits.items(), start=1):
-        resting = float(np.clip(declared[name].start, low, high))
+        resting = float(np.clip(operating[name], low, high))
         menu[name] = shapes_between(
             low, high, resting, duration=duration, step=step, shortest=shortest, seed=seed
         )

@@ -352,6 +352,8 @@ def test_an_experiment_is_as_long_as_the_longest_record_within_its_range():
     assert given.notes == [
         ("no_experiment", "", "no experiment is designed: no input of the model may move")
     ]
+    held = engine._designed(dry.found, group, [long], Options(hold={"force", "mass"}))
+    assert held.notes == given.notes
     wrong = Options(excitation=Excitation({"push": (0.0, 1.0)}, 1.0))
     refused = engine._designed(dry.found, group, [long], wrong)
     assert "limits of push: there is no such input" in refused.reason

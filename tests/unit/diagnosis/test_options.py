@@ -36,6 +36,15 @@ def test_what_is_not_to_be_fitted_is_held(options, held):
     assert options.held(NAMES) == held
 
 
+def test_an_input_may_be_held_for_an_experiment_and_is_no_parameter():
+    options = Options(hold=["mass", "force"])
+    assert options.held(NAMES, ["force"]) == {"mass"}
+    with pytest.raises(UserError, match="no parameter named 'force'"):
+        options.held(NAMES)
+    with pytest.raises(UserError, match="no parameter named 'force'"):
+        Options(fit=["force"]).held(NAMES, ["force"])
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
