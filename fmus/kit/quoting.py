@@ -10,12 +10,18 @@ from __future__ import annotations
 import html as standard
 import re
 import shlex
+import unicodedata
 from collections.abc import Iterable
 from keyword import iskeyword
 from pathlib import Path
 
 from .errors import UserError
 
+# as they are written where a keyboard lacks them; others lose their accents
+_SPELLED = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "æ": "ae", "ø": "oe"}) | (
+    str.maketrans({"Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "Æ": "Ae", "Ø": "Oe"})
+)
+_NAMED_LETTER = re.compile(r"\w+ (SMALL|CAPITAL) LETTER (\w+)")  # GREEK SMALL LETTER THETA
 _BARE = frozenset("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-")
 
 
@@ -44,7 +50,9 @@ def line(text: str) -> str:
 
 
 def identifier(text: str, stem: str) -> str:
-    """Return a name in Python, C and FMI that resembles a text.
+    """Return a name in Python, C and FMI that resembles a text; letters are spelled in ASCII.
+
+    Different texts may have the same name.
 
     Parameters
     ----------
@@ -52,9 +60,21 @@ def identifier(text: str, stem: str) -> str:
     stem : str
         Stands ahead of what is no name by itself, such as a number or a keyword.
     """
-    plain = re.sub(r"\W", "_", text, flags=re.ASCII).strip("_")
+    composed = unicodedata.normalize("NFC", text).translate(_SPELLED)
+    spelled = "".join(map(_spelled, unicodedata.normalize("NFKD", composed)))
+    plain = re.sub(r"\W", "_", spelled, flags=re.ASCII).strip("_")
     is_name = plain.isidentifier() and not any(map(iskeyword, (plain, plain.capitalize())))
     return plain if is_name else f"{stem}_{plain}".strip("_")
+
+
+def _spelled(letter: str) -> str:
+    """Return a letter in ASCII, by its name in Unicode; an accent that stands apart is dropped."""
+    if unicodedata.combining(letter):
+        return ""
+    name = None if letter.isascii() else _NAMED_LETTER.fullmatch(unicodedata.name(letter, ""))
+    if name is None:
+        return letter
+    return name[2].capitalize() if name[1] == "CAPITAL" else name[2].lower()
 
 
 def html(text: str) -> str:

@@ -69,9 +69,10 @@ def _check_name(name: str) -> None:
 
     if name.isascii() and name.isidentifier() and name.islower() and not keyword.iskeyword(name):
         return
-    better = re.sub(r"\W+", "_", re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)).strip("_").lower()
-    hint = f", such as {better}" if better.isidentifier() and not keyword.iskeyword(better) else ""
-    raise UserError(f"NAME {name!r}: write small letters, digits and underscores{hint}")
+    better = quoting.identifier(re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower(), "my")
+    raise UserError(
+        f"NAME {name!r}: write small letters, digits and underscores, such as {better}"
+    )
 
 
 def _words(name: str) -> dict[str, str]:

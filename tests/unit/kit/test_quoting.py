@@ -70,9 +70,16 @@ def test_an_identifier_is_one_in_python_and_in_c(text):
 
 
 def test_an_identifier_resembles_its_text():
-    names = ["two layers", "2-layer", "class", "none", "ä", ""]
+    names = ["two layers", "2-layer", "class", "none", "§", ""]
     found = [quoting.identifier(name, "model") for name in names]
     assert found == ["two_layers", "model_2_layer", "model_class", "model_none", "model", "model"]
+
+
+def test_letters_of_other_languages_stay_readable():
+    names = ["Kühlung", "Ku\u0308hlung", "Öffnung", "Maß", "débit d'eau", "Δp", "ϑ_1", "m²", "Å", "µ"]
+    found = [quoting.identifier(name, "model") for name in names]
+    expected = "Kuehlung Kuehlung Oeffnung Mass debit_d_eau Deltap theta_1 m2 A mu"
+    assert found == expected.split()
 
 
 @given(texts)

@@ -41,6 +41,8 @@ def source(model: IdentifiedModel, name: str, units: Mapping[str, str], doc: str
     signals = (*model.input_names, model.output_name)
     *inputs, output = identifiers(signals)
     unit = {new: units[old] for new, old in zip((*inputs, output), signals, strict=True)}
+    shown = model.output_name
+    about = "Output of the identified model" + (f", column {shown}." if shown != output else ".")
     factors = [f"self.{x}" for x in states] + [f"(self.{u} - self.{u}_mean)" for u in inputs]
     lines = [
         ascii(doc),
@@ -59,7 +61,7 @@ def source(model: IdentifiedModel, name: str, units: Mapping[str, str], doc: str
         "",
         f"    @Output({unit[output]!a})",
         f"    def {output}(self):",
-        '        """Output of the identified model."""',
+        f"        {about!a}",
         *_return_statement([f"self.{output}_mean"], factors, np.hstack([c, d])[0]),
     ]
     for x, amounts in zip(states, state_amounts, strict=True):
@@ -81,8 +83,10 @@ def _declarations(
 ) -> list[str]:
     """Return the lines that declare inputs, the operating point and states."""
     lines = []
-    for u, level in zip(inputs, model.input_offsets.tolist(), strict=True):
-        lines.append(f'    {u} = Input({unit[u]!a}, start={level!r}, doc="input")')
+    levels = model.input_offsets.tolist()
+    for u, column, level in zip(inputs, model.input_names, levels, strict=True):
+        doc = "input" if u == column else f"input, column {column}"
+        lines.append(f"    {u} = Input({unit[u]!a}, start={level!r}, doc={doc!a})")
         lines.append(f'    {u}_mean = Parameter({level!r}, {unit[u]!a}, doc="operating point")')
     lines.append(
         f"    {output}_mean = Parameter({model.output_offset!r}, {unit[output]!a},"
@@ -97,11 +101,18 @@ def _declarations(
 
 
 def identifiers(names: tuple[str, ...]) -> list[str]:
-    """Turn names of columns into names that Python allows, all different."""
+    """Turn names of columns into names that Python allows, all different.
+
+    Those of the operating points, with ``_mean`` behind them, differ, too.
+    """
     made: list[str] = []
     for name in names:
         plain = quoting.identifier(name, "signal")
-        while plain in made or hasattr(Component, plain) or plain in _TAKEN:
+        while (
+            {plain, f"{plain}_mean"} & {*made, *(f"{one}_mean" for one in made)}
+            or hasattr(Component, plain)
+            or plain in _TAKEN
+        ):
             plain += "_"
         made.append(plain)
     return made

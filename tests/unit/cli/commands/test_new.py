@@ -149,6 +149,7 @@ def test_what_is_written_is_formatted_and_clean(tmp_path):
     ("arguments", "parts"),
     [
         (("component", "Water Tank"), ["'Water Tank'", "such as water_tank"]),
+        (("component", "Kühlung"), ["such as kuehlung"]),
         (("component", "class"), ["'class'"]),
         (("effect", "leak", "--model", "foot", "--law", "nothing"), ["no such law"]),
         (("effect", "leak", "--model", "gone.py:Tank"), ["gone.py"]),

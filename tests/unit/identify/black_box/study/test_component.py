@@ -59,6 +59,26 @@ def test_an_estimated_operating_point_is_a_number_in_the_file(signals, tmp_path)
     assert starts["y_mean"] == pytest.approx(level, abs=0.01)
 
 
+def test_a_file_has_the_names_of_its_columns(signals, tmp_path):
+    u, y = signals
+    columns = ("Kühlung", "Kuehlung")
+    model = box_jenkins(
+        input_output_data(u, y, STEP, columns, "Öffnung"), [2, 2], [1, 2], 0, 0, [0, 2]
+    ).model
+    path = tmp_path / "model.py"
+    path.write_text(source(model, "model", dict.fromkeys((*columns, "Öffnung"), "V"), "A model."))
+    layout = load_class(f"{path}:Model").layout
+    assert [(v.name, v.doc) for v in layout.inputs] == [
+        ("Kuehlung", "input, column Kühlung"),
+        ("Kuehlung_", "input, column Kuehlung"),
+    ]
+    (output,) = layout.outputs
+    assert (output.name, output.doc) == (
+        "Oeffnung",
+        "Output of the identified model, column Öffnung",
+    )
+
+
 def test_names_of_columns_become_names_of_variables():
     assert identifiers(("drive", "U [cell]", "2nd", "for", "a b", "a_b", "name", "%")) == [
         "drive",
@@ -70,6 +90,8 @@ def test_names_of_columns_become_names_of_variables():
         "name_",
         "signal",
     ]
+    assert identifiers(("Kühlung", "Kuehlung", "Kuhlung")) == ["Kuehlung", "Kuehlung_", "Kuhlung"]
+    assert identifiers(("u_mean", "u", "y", "y_mean")) == ["u_mean", "u_", "y", "y_mean_"]
     assert class_name("two_layer_wall") == "TwoLayerWall"
 
 
@@ -80,7 +102,8 @@ def test_names_of_columns_become_names_of_variables():
         ("wall 2", "wall_2", "Wall2"),
         ("class", "model_class", "ModelClass"),
         ("none", "model_none", "ModelNone"),
-        ("é", "model", "Model"),
+        ("é", "e", "E"),
+        ("→", "model", "Model"),
         ("a.b", "a_b", "AB"),
     ],
 )
