@@ -24,7 +24,7 @@ class ComponentType(type):
         Attributes that are also set after a class is made.
     """
 
-    described: ClassVar[tuple[str, ...]] = ("__doc__", "remark")
+    described: ClassVar[tuple[str, ...]] = ("__doc__", "remark", "experiment")
     _made: partial[Any]
 
 
@@ -37,6 +37,12 @@ def call_of(cls: type) -> partial[Any] | None:
 def keep_call(module: ModuleType, call: Callable[[], ModuleType]) -> None:
     """Keep the call that makes a module, for its classes in another process."""
     vars(module)["_run_again"] = call
+
+
+def neighbours_of(module: ModuleType) -> dict[str, ModuleType]:
+    """Return the files beside a user's file that it imported, by the names that it has for them."""
+    known: dict[str, ModuleType] = vars(module).setdefault("_neighbours", {})
+    return known
 
 
 def _member(run: Callable[[], ModuleType], name: str) -> Any:

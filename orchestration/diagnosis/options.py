@@ -71,9 +71,7 @@ class Options:
         """True if nothing but parameters is fitted."""
         return not self.laws and self.effects is not None and not self.effects
 
-    def held(
-        self, parameters: Collection[str], inputs: Collection[str] = ()
-    ) -> frozenset[str]:
+    def held(self, parameters: Collection[str], inputs: Collection[str] = ()) -> frozenset[str]:
         """Return the parameters that keep their values.
 
         Parameters

@@ -17,7 +17,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from fmus.kit import quoting
-from fmus.kit.component import Component
+from fmus.kit.component import Component, neighbours_of
 from fmus.kit.effects import made_by, made_with, stacked_with, unstack
 from fmus.kit.errors import UserError
 from fmus.kit.layout import law_of
@@ -324,6 +324,9 @@ class Bundle:
         name = importlib.util.resolve_name(written, package) if node.level else written
         if name.split(".")[0] in (*sys.stdlib_module_names, *self.needs):
             return None
+        beside = neighbours_of(sys.modules[module]).get(name) if module in sys.modules else None
+        if beside is not None:
+            return self.add(beside.__name__)
         modules = _imported_modules(name, node)
         if name == _KIT or name.startswith(f"{_KIT}."):
             _check_kit_modules(modules, where)
@@ -331,7 +334,7 @@ class Bundle:
         if not name.startswith(f"{_OURS}.") and name.split(".")[0] != package.split(".")[0]:
             raise UserError(
                 f"{where}: {name} cannot go into a Python FMU, which brings the standard library,"
-                f" {_KIT} and modules of the model's own package only"
+                f" {_KIT}, files beside the model's and modules of its own package only"
             )
         for imported in sorted(modules):
             self.add(imported)
@@ -372,7 +375,8 @@ def _check_plain_import(node: ast.Import, source: Path, needs: Collection[str]) 
             raise UserError(
                 f"{source}, line {node.lineno}: 'import {alias.name}' cannot go into a Python FMU,"
                 f" which brings the standard library and {_KIT} only; write 'from {_KIT} import"
-                " ...', or 'from .module import ...' for a module of the model's own package"
+                " ...', or 'from module import ...' for a file beside the model's, 'from .module"
+                " import ...' for a module of its own package"
             )
 
 

@@ -70,9 +70,7 @@ def _check_name(name: str) -> None:
     if name.isascii() and name.isidentifier() and name.islower() and not keyword.iskeyword(name):
         return
     better = quoting.identifier(re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower(), "my")
-    raise UserError(
-        f"NAME {name!r}: write small letters, digits and underscores, such as {better}"
-    )
+    raise UserError(f"NAME {name!r}: write small letters, digits and underscores, such as {better}")
 
 
 def _words(name: str) -> dict[str, str]:

@@ -154,6 +154,7 @@ def describe(path: Path, text: bytes, error: BaseException) -> str:
         rf"\b{quoting.identifier(path.stem, 'model')}_[0-9a-f]{{12}}\."  # as `loading` names it
     )
     description = re.sub(module, "", _description(error))
+    description = re.sub(r"(?<=\w)_[0-9a-f]{12}(?=')", "", description)  # of a file beside it
     return f"{place}: {quoting.line(description)}"
 
 

@@ -1,11 +1,17 @@
-"""Loading of users' classes by names such as ``path/to/file.py:Class``."""
+"""Loading of users' classes by names such as ``path/to/file.py:Class``.
+
+A user's file may import files beside it, as a script may. The statement in the file finds them, and
+nothing else does: neither their folder nor their names become known to other modules.
+"""
 
 from __future__ import annotations
 
+import builtins
 import importlib.util
 import re
 import sys
 import traceback
+from collections.abc import Mapping, Sequence
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
@@ -13,7 +19,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from fmus.kit import files, quoting
-from fmus.kit.component import keep_call
+from fmus.kit.component import keep_call, neighbours_of
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.interrupt import raise_interrupt
 from orchestration.fmu.model.authoring import check_names, describe, line_of, remarks
@@ -161,14 +167,14 @@ def _load(path: Path) -> ModuleType:
 def _run(path: Path, text: bytes) -> ModuleType:
     """Return the text of a file as a module, which is run once; UserError if that fails."""
     check_names(path, text)
-    digest = sha256(str(path.resolve()).encode(errors="surrogateescape") + text).hexdigest()
-    name = f"{quoting.identifier(path.stem, 'model')}_{digest[:12]}"
-    if name in sys.modules:
+    name = _module_name(path, text)
+    if name in sys.modules and _is_current(sys.modules[name], set()):
         return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.origin is None:
         raise UserError(f"{path}: is not a Python file")
     module = importlib.util.module_from_spec(spec)
+    vars(module)["__builtins__"] = vars(builtins) | {"__import__": partial(_import, module)}
     sys.modules[name] = module
     try:
         # not by the import system, whose cached bytecode may be outdated or damaged
@@ -182,6 +188,55 @@ def _run(path: Path, text: bytes) -> ModuleType:
     _LOADED.add(spec.origin)
     keep_call(module, partial(_run, path, text))
     return module
+
+
+def _module_name(path: Path, text: bytes) -> str:
+    """Return the name of a user's file in ``sys.modules``, another one for other contents."""
+    digest = sha256(str(path.resolve()).encode(errors="surrogateescape") + text).hexdigest()
+    return f"{quoting.identifier(path.stem, 'model')}_{digest[:12]}"
+
+
+def _is_current(module: ModuleType, known: set[str]) -> bool:
+    """Return whether the files that a user's file imported have not changed since.
+
+    Parameters
+    ----------
+    module : ModuleType
+    known : set of str
+        Modules that are not looked at again, since files may import each other.
+    """
+    known.add(module.__name__)
+    for neighbour in neighbours_of(module).values():
+        path = Path(str(neighbour.__file__))
+        if not path.is_file() or _module_name(path, files.contents(path)) != neighbour.__name__:
+            return False
+        if neighbour.__name__ not in known and not _is_current(neighbour, known):
+            return False
+    return True
+
+
+def _import(
+    module: ModuleType,
+    name: str,
+    context: Mapping[str, Any] | None = None,
+    local: Mapping[str, Any] | None = None,
+    fromlist: Sequence[str] = (),
+    level: int = 0,
+) -> ModuleType:
+    """Import for a user's file: as Python does, but first from its folder."""
+    beside = Path(str(module.__file__)).with_name(f"{name}.py")
+    if level or name in sys.stdlib_module_names or not beside.is_file() or _finds(name, beside):
+        return builtins.__import__(name, context, local, fromlist, level)
+    return neighbours_of(module).setdefault(name, _load(beside))
+
+
+def _finds(name: str, file: Path) -> bool:
+    """Return whether Python finds this very file by a name, which it then has everywhere."""
+    if name in sys.modules:
+        origin = getattr(sys.modules[name], "__file__", None)
+    else:
+        origin = getattr(importlib.util.find_spec(name), "origin", None)
+    return origin is not None and Path(origin).resolve() == file.resolve()
 
 
 def remarks_on(place: str) -> tuple[str, ...]:

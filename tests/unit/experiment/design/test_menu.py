@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmus.ppy_actuator.model import PpyActuator
 from fmus.kit import Component, Input
+from fmus.ppy_actuator.model import PpyActuator
 from orchestration.experiment.design.menu import (
     Stimulus,
     limits_of_inputs,

@@ -10,6 +10,7 @@ import sys
 import pytest
 
 from fmus.kit import UserError, stack
+from fmus.kit.build.package import python_package
 from orchestration.fmu.model.loading import load_class
 
 SOURCE = '''
@@ -111,3 +112,73 @@ def test_a_pickle_of_a_file_that_changed_is_of_the_file_as_it_was(path):
     after = load_class(f"{path}:Own")
     again = [pickle.loads(pickle.dumps(cls)) for cls in (before, after)]
     assert [cls().outputs() for cls in again] == [[1.0], [2.0]]
+
+
+@pytest.fixture
+def oven(tmp_path):
+    """A folder with a model whose gain is twice a number in a file beside it."""
+    (tmp_path / "tables.py").write_text("from numbers_of_oven import HALF\nSIZE = 2.0 * HALF\n")
+    (tmp_path / "numbers_of_oven.py").write_text("HALF = 1.5\n")
+    file = tmp_path / "own.py"
+    file.write_text(f"from tables import SIZE\n{SOURCE.replace('GAIN', 'SIZE')}")
+    return file
+
+
+def test_a_file_imports_those_beside_it_and_nobody_else_does(oven, tmp_path):
+    before = list(sys.path)
+    assert gain(oven) == 3.0
+    assert sys.path == before
+    assert "tables" not in sys.modules
+    assert importlib.util.find_spec("tables") is None
+    # of another folder it is another file
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "tables.py").write_text("SIZE = 7.0\n")
+    (other / "own.py").write_text(oven.read_text())
+    assert gain(other / "own.py") == 7.0
+
+
+def test_a_file_that_changed_behind_those_beside_is_read_again(oven):
+    assert load_class(f"{oven}:Own") is load_class(f"{oven}:Own")
+    assert gain(oven) == 3.0
+    (oven.parent / "numbers_of_oven.py").write_text("HALF = 2.0\n")
+    assert gain(oven) == 4.0
+
+
+def test_files_may_import_each_other(oven):
+    oven.write_text(f"import tables\n{SOURCE.replace('GAIN', 'tables.size()')}")
+    text = "import own\n\ndef size():\n    return 5.0 if own else 0.0\n"
+    (oven.parent / "tables.py").write_text(text)
+    assert gain(oven) == 5.0
+    assert load_class(f"{oven}:Own") is load_class(f"{oven}:Own")
+
+
+def test_what_a_file_beside_lacks_is_told_with_its_place(oven):
+    (oven.parent / "tables.py").write_text("OTHER = 1.0\n")
+    with pytest.raises(UserError, match=r"own\.py, line 1: .*'SIZE' from 'tables'"):
+        load_class(f"{oven}:Own")
+    (oven.parent / "tables.py").write_text("SIZE = \n")
+    with pytest.raises(UserError, match=r"own\.py, line 1: .*tables\.py, line 1: SyntaxError"):
+        load_class(f"{oven}:Own")
+
+
+def test_files_beside_a_model_travel_in_a_python_fmu(oven):
+    packed = python_package(load_class(f"{oven}:Own"))
+    root = "resources/python/"
+    for path, contents in packed.items():
+        if path.startswith(root):
+            target = oven.parent / "packed_oven" / path.removeprefix(root)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(contents)
+    program = "import packed_oven; print(packed_oven.MODEL(gain=packed_oven.MODEL().gain).y())"
+    for name in ("own", "tables", "numbers_of_oven"):
+        (oven.parent / f"{name}.py").unlink()
+    command = [sys.executable, "-c", program]
+    run = subprocess.run(command, cwd=oven.parent, capture_output=True, text=True, check=True)
+    assert float(run.stdout) == 3.0
+
+
+def test_a_file_beside_that_cannot_travel_is_named(oven):
+    oven.write_text(f"import tables\n{SOURCE.replace('GAIN', 'tables.SIZE')}")
+    with pytest.raises(UserError, match=r"line 1: 'import tables' cannot .*'from module import"):
+        python_package(load_class(f"{oven}:Own"))
