@@ -174,9 +174,13 @@ def estimates(fitted: Fit, terms: Mapping[str, Term]) -> dict[str, Estimate]:
         at = places[term]
         parameters = term_parameters(problem.model.cls, stem, term)
         values = zip(fitted.values_of(term), deviation[at:], priors[at:], strict=False)
-        for parameter, (value, wide, prior) in zip(parameters, values, strict=False):
+        for k, (parameter, (value, wide, prior)) in enumerate(
+            zip(parameters, values, strict=False)
+        ):
             ends = interval_of(float(value), float(wide), float(prior))
-            result[parameter.name] = _estimate(parameter, float(value), ends)
+            # without the term its amounts are zero, and its other values nothing
+            nominal = 0.0 if k < term.coefficients else np.nan
+            result[parameter.name] = _estimate(parameter, float(value), nominal, ends)
     own = len(problem.free) + len(fitted.point.values)
     return result | _start_states(fitted, deviation[own:])
 
@@ -224,12 +228,13 @@ def interval_of(value: float, deviation: float, prior: float) -> tuple[float, fl
     return value - _INTERVAL * deviation, value + _INTERVAL * deviation
 
 
-def _estimate(parameter: TermParameter, value: float, ends: tuple[float, float]) -> Estimate:
-    """Return a value of a term in the unit of its parameter; without the term it is 0."""
+def _estimate(
+    parameter: TermParameter, value: float, nominal: float, ends: tuple[float, float]
+) -> Estimate:
+    """Return a value of a term in the unit of its parameter."""
     three = (ends[0], value, ends[1])
     low, middle, high = np.exp(three) if parameter.logarithmic else three
     scaled = [float(parameter.factor * end) for end in (low, middle, high)]
-    nominal = scaled[1] if parameter.logarithmic else 0.0
     return Estimate(scaled[1], nominal, (scaled[0], scaled[2]), parameter.unit)
 
 

@@ -24,6 +24,7 @@ from orchestration.diagnosis.term_names import (
     seen_unit,
     sentence,
     shape_text,
+    term_parameters,
     unit_of,
 )
 from orchestration.diagnosis.terms import Term
@@ -234,7 +235,11 @@ def _remainder_rows(diagnosis: Diagnosis) -> Iterator[tuple[str, ...]]:
 
 def _parameter_rows(diagnosis: Diagnosis) -> Iterator[tuple[str, ...]]:
     """Yield a row for each parameter; those that differ from nominal are marked."""
-    of_terms = {name for name in diagnosis.parameters if name.startswith(tuple(diagnosis.terms))}
+    of_terms = {
+        parameter.name
+        for stem, term in diagnosis.terms.items()
+        for parameter in term_parameters(diagnosis.cls, stem, term)
+    }
     places = _places(diagnosis.cls, diagnosis.terms)
     for name, estimate in diagnosis.parameters.items():
         label = name + places.get(name, "")

@@ -45,7 +45,7 @@ class Estimate:
     Attributes
     ----------
     value, nominal : float
-        Fitted value and the value the fit started from.
+        Fitted value and the value the fit started from; NaN where there was none.
     interval : tuple of float
         95 % confidence interval; infinite where the record says nothing about the parameter.
     unit : str
@@ -57,9 +57,10 @@ class Estimate:
     unit: str
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the figures, ready for JSON: None for an open end of ``ci95``."""
+        """Return the figures, ready for JSON: None for an open end of ``ci95``, or no nominal."""
         interval = [finite_or_none(end) for end in self.interval]
-        return {"value": self.value, "ci95": interval, "nominal": self.nominal, "unit": self.unit}
+        nominal = finite_or_none(self.nominal)
+        return {"value": self.value, "ci95": interval, "nominal": nominal, "unit": self.unit}
 
 
 def estimates_frame(estimates: Mapping[str, Estimate]) -> pandas.DataFrame:

@@ -154,6 +154,19 @@ def test_a_logarithm_of_an_effects_parameter_is_that_of_its_value():
     assert one.factor * np.exp(np.log(15.0)) == pytest.approx(15.0)
 
 
+def test_only_amounts_of_a_term_have_a_value_without_it(dry):
+    """The width of a friction that is not there is none."""
+    found = estimates(dry.final.fit, dry.terms)
+    (stem,) = dry.terms
+    assert found[stem].nominal == 0.0
+    assert found[stem].to_dict()["nominal"] == 0.0
+    width = found[f"{stem}_width"]
+    assert width.value > 0.0
+    assert np.isnan(width.nominal)
+    assert width.to_dict()["nominal"] is None
+    assert found["stiffness"].nominal == 20.0
+
+
 def test_texts_say_signal_memory_and_middle():
     assert sentence(Oscillator, DRY) == "friction over velocity"
     assert sentence(Oscillator, LAG) == "friction over lagging velocity"

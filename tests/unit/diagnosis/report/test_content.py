@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from orchestration.diagnosis.report import content, wording
-from orchestration.diagnosis.terms import Memory, Shape, Term
+from orchestration.diagnosis.terms import Memory, NamedTerm, Released, Shape, Term
+from orchestration.identify.fitting import Scale
+from orchestration.identify.uncertainty import Estimate
 
 
 @pytest.fixture
@@ -50,6 +53,24 @@ def test_it_shows_what_was_diagnosed(dry):
     assert [line.is_final for line in course.simulated] == [False, True]
     nothing = replace(dry, conclusion=replace(dry.conclusion, verdict="consistent"))
     assert content.view_of(nothing).answer.causes == ()
+
+
+def test_a_parameter_that_an_effect_brought_has_no_nominal_value(dry):
+    released = [Released(n, "s", Scale(True, 1.0), 0.1, 10.0) for n in ("amount", "lag_time")]
+    effect = NamedTerm(
+        "friction", "velocity", Shape.LINEAR, effect="mass", released=tuple(released)
+    )
+    estimate = Estimate(2.0, 2.0, (1.0, 3.0), "s")
+    shown = SimpleNamespace(
+        cls=dry.cls,
+        subject=dry.subject,
+        # the name of the effect is that of a parameter of the model
+        terms={"mass": effect},
+        parameters=dict.fromkeys(("mass", "amount", "lag_time"), estimate),
+        changed=(),
+    )
+    rows = {name: nominal for name, _, _, nominal in content._parameter_rows(shown)}
+    assert rows == {"mass": "2 kg", "amount": "", "lag_time": ""}
 
 
 def test_values_of_a_curve_say_where_they_are(dry):
