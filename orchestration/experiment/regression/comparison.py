@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from fmus.kit import units
 from fmus.kit.arrays import Array, Indices
+from fmus.kit.declare import of_differences
 from fmus.kit.errors import UserError, suggestion
 from orchestration.experiment.regression.tolerances import EXACT, OTHERS, Tolerance
 from orchestration.records import Record
@@ -87,9 +88,17 @@ class Deviation(NamedTuple):
         k = self.worst
         now, lower, upper = (self.shown(one[k]) for one in (self.values, self.lower, self.upper))
         return (
-            f"differs by {self.shown(self.difference)} at {self.time[k]:.6g} s: {now}, allowed"
+            f"differs by {self.shown_difference} at {self.time[k]:.6g} s: {now}, allowed"
             f" {lower} to {upper}; {self.outside} of {self.compared} samples are outside"
         )
+
+    @property
+    def shown_difference(self) -> str:
+        """The difference with its unit; of temperatures it is in K, whatever their scale."""
+        unit = of_differences(self.unit)
+        if unit == self.unit:
+            return self.shown(self.difference)
+        return f"{units.convert(self.difference, unit, 'K'):.7g} K"
 
     def shown(self, value: float) -> str:
         """Return a value with the unit."""

@@ -22,7 +22,7 @@ def _row(one: Deviation) -> tuple[str, ...]:
         return (one.signal, "", "", "", one.fault)
     return (
         one.signal,
-        one.shown(one.difference),
+        one.shown_difference,
         f"{one.time[one.worst]:.6g} s",
         f"{one.outside} of {one.compared}",
         "differs" if one.message else "as allowed",

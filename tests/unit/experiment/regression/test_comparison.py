@@ -140,6 +140,22 @@ def test_units_are_converted_and_others_refused():
     assert "cannot be compared" in refused(metres, "1%")["v"]
 
 
+@pytest.mark.parametrize(
+    ("unit", "scale", "zero"), [("degC", 1.0, 273.15), ("degF", 5.0 / 9.0, 255.372222222222)]
+)
+def test_temperatures_are_compared_across_scales_and_differ_by_kelvins(unit, scale, zero):
+    kelvins = 300.0 + 10.0 * np.sin(TIME)
+    read = ((kelvins - zero) / scale).round(12)
+    one = Record(TIME, {"T": read}, {"T": unit}, Path("result.csv"))
+    other = replace(one, signals={"T": kelvins}, units={"T": "K"}, source=Path("reference.csv"))
+    for first, second in ((one, other), (other, one)):
+        assert refused(first, "T=1mK", second) == {}
+        bumped = second.signals["T"].copy()
+        bumped[100] += 2.0 / (scale if second is one else 1.0)
+        (message,) = refused(first, "T=1mK", replace(second, signals={"T": bumped})).values()
+        assert message.startswith("differs by 2 K at 1 s: ")
+
+
 def test_what_is_missing_is_told():
     one = result()
     assert (
