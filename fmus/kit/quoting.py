@@ -21,7 +21,8 @@ from .errors import UserError
 _SPELLED = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "æ": "ae", "ø": "oe"}) | (
     str.maketrans({"Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "Æ": "Ae", "Ø": "Oe"})
 )
-_NAMED_LETTER = re.compile(r"\w+ (SMALL|CAPITAL) LETTER (\w+)")  # GREEK SMALL LETTER THETA
+# GREEK SMALL LETTER THETA, LATIN CAPITAL LETTER L WITH STROKE
+_LETTER = re.compile(r"\w+ (SMALL|CAPITAL) LETTER (\w+)(?: WITH .*)?")
 _BARE = frozenset("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-")
 
 
@@ -61,20 +62,16 @@ def identifier(text: str, stem: str) -> str:
         Stands ahead of what is no name by itself, such as a number or a keyword.
     """
     composed = unicodedata.normalize("NFC", text).translate(_SPELLED)
-    spelled = "".join(map(_spelled, unicodedata.normalize("NFKD", composed)))
+    spelled = ""
+    for character in unicodedata.normalize("NFKD", composed):
+        letter = _LETTER.fullmatch(unicodedata.name(character, ""))
+        if letter:
+            spelled += letter[2].lower() if letter[1] == "SMALL" else letter[2].capitalize()
+        elif not unicodedata.combining(character):
+            spelled += character
     plain = re.sub(r"\W", "_", spelled, flags=re.ASCII).strip("_")
     is_name = plain.isidentifier() and not any(map(iskeyword, (plain, plain.capitalize())))
     return plain if is_name else f"{stem}_{plain}".strip("_")
-
-
-def _spelled(letter: str) -> str:
-    """Return a letter in ASCII, by its name in Unicode; an accent that stands apart is dropped."""
-    if unicodedata.combining(letter):
-        return ""
-    name = None if letter.isascii() else _NAMED_LETTER.fullmatch(unicodedata.name(letter, ""))
-    if name is None:
-        return letter
-    return name[2].capitalize() if name[1] == "CAPITAL" else name[2].lower()
 
 
 def html(text: str) -> str:

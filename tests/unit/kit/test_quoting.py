@@ -76,9 +76,21 @@ def test_an_identifier_resembles_its_text():
 
 
 def test_letters_of_other_languages_stay_readable():
-    names = ["Kühlung", "Ku\u0308hlung", "Öffnung", "Maß", "débit", "Δp", "ϑ_1", "m²", "Å", "µ"]
+    names = [
+        "Kühlung",
+        "Ku\u0308hlung",
+        "Öffnung",
+        "Maß",
+        "débit",
+        "Δp",
+        "ϑ_1",
+        "m²",
+        "Å",
+        "µ",
+        "ciepło",
+    ]
     found = [quoting.identifier(name, "model") for name in names]
-    expected = "Kuehlung Kuehlung Oeffnung Mass debit Deltap theta_1 m2 A mu"
+    expected = "Kuehlung Kuehlung Oeffnung Mass debit Deltap theta_1 m2 A mu cieplo"
     assert found == expected.split()
 
 
