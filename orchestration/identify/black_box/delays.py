@@ -24,6 +24,7 @@ from orchestration.identify.black_box.variable_projection import ReducedPredicti
 _USUAL = 1  # sample: that of a system which is sampled at the instants at which it is driven
 _LONGEST = 100  # samples
 _SHORTEST_RECORD = 10  # in longest delays
+_TURNS = 6
 _CLEARLY = 4.0  # difference of BIC: odds of e^2
 _TRIALS = 12
 _ENOUGH = 1e-4
@@ -75,17 +76,24 @@ def _least(
     limits: Sequence[int],
     progress: Callable[[int, int], None],
 ) -> tuple[float, tuple[int, ...]]:
-    """Return the least criterion of a model, and the delays that have it."""
+    """Return the least criterion of a model, and the delays that have it.
+
+    A delay that is wrong draws off that of another input, so that inputs are searched by turns.
+    """
     delays = list(usual)
     value = criterion(delays)
-    for i, limit in enumerate(limits):
-        bic = {}
-        for delay in range(limit + 1):
-            progress(sum(limits[:i]) + i + delay, sum(limits) + len(limits))
-            bic[delay] = criterion([*delays[:i], delay, *delays[i + 1 :]])
-        best = min(bic, key=bic.__getitem__)
-        if bic[usual[i]] - bic[best] > _CLEARLY:
-            delays[i], value = best, bic[best]
+    for _ in range(_TURNS if len(delays) > 1 else 1):
+        before = list(delays)
+        for i, limit in enumerate(limits):
+            bic = {}
+            for delay in range(limit + 1):
+                progress(sum(limits[:i]) + i + delay, sum(limits) + len(limits))
+                bic[delay] = criterion([*delays[:i], delay, *delays[i + 1 :]])
+            best = min(bic, key=bic.__getitem__)
+            delays[i] = best if bic[usual[i]] - bic[best] > _CLEARLY else usual[i]
+            value = bic[delays[i]]
+        if delays == before:
+            break
     return value, tuple(delays)
 
 
@@ -99,9 +107,16 @@ class _Criterion:
         self._order = order
         self._first = first
         self._before: list[Array] = []  # where the search for the delays before ended
+        self._known: dict[tuple[int, ...], float] = {}
 
     def __call__(self, delays: Sequence[int]) -> float:
         """Return the least BIC, times the number of samples, of models with and without zeros."""
+        key = tuple(delays)
+        if key not in self._known:
+            self._known[key] = self._least_of(delays)
+        return self._known[key]
+
+    def _least_of(self, delays: Sequence[int]) -> float:
         all_zeros = [self._order + (delay == 0) for delay in delays]
         counts = [all_zeros] if max(all_zeros) == 1 else [all_zeros, [1] * len(delays)]
         return min(self._of(numerators, delays) for numerators in counts)

@@ -46,6 +46,58 @@ def test_each_input_has_a_delay_of_its_own():
     assert estimate_delays(made([u, v], y), [1]) == (9, 0)
 
 
+def delays_by_arx(y, inputs, longest=40):
+    """The naive way: ARX models of order 3, by turns as well, from one sample of every input."""
+    n, first = len(y), longest + 3
+    past = [y[first - i : n - i] for i in (1, 2, 3)]
+    delays = [1] * len(inputs)
+    for i in [*range(len(inputs))] * 3:
+        costs = []
+        for delay in range(longest + 1):
+            delays[i] = delay
+            rows = [
+                u[first - d - j : n - d - j]
+                for u, d in zip(inputs, delays, strict=True)
+                for j in range(3)
+            ]
+            columns = np.column_stack([*past, *rows, np.ones(n - first)])
+            costs.append(np.linalg.lstsq(columns, y[first:], rcond=None)[1][0])
+        delays[i] = int(np.argmin(costs))
+    return tuple(delays)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("count", "seed"), [(2, 44), (2, 46), (3, 45), (3, 47)])
+def test_delays_of_several_inputs_are_found_by_turns(count, seed):
+    """One input after the other, once, the first input's was drawn off by those to come."""
+    rng = np.random.default_rng(seed)
+    right = right_by_arx = 0
+    for _ in range(3):
+        inputs = [steps(rng, int(rng.integers(5, 40))) for _ in range(count)]
+        delays = tuple(int(d) for d in rng.integers(0, 31, size=count))
+        paths = [
+            response(u, d, np.exp(-1.0 / rng.uniform(4.0, 30.0)))
+            for u, d in zip(inputs, delays, strict=True)
+        ]
+        clean = np.sum(paths, axis=0)
+        y = clean + 0.04 * clean.std() * rng.normal(size=SAMPLES)
+        found = estimate_delays(made(inputs, y), [1])
+        by_arx = delays_by_arx(y, inputs)
+        print(delays, found, by_arx)
+        right += found == delays
+        right_by_arx += by_arx == delays
+    print(f"{count} inputs: {right} of 3 exact, by ARX {right_by_arx}")
+    assert right >= 2
+    assert right >= right_by_arx
+
+
+def test_a_delay_that_was_found_is_the_start_of_a_further_turn():
+    rng = np.random.default_rng(1)
+    u, v = steps(rng, 4)[:160], steps(rng, 9)[:160]
+    y = response(u, 11, 0.8) + 3.0 * response(v, 6, 0.7)
+    assert estimate_delays(made([u, v], y), [1]) == (11, 6)
+
+
 @pytest.mark.slow
 def test_a_bump_has_the_delay_of_the_smallest_model_that_follows_it():
     """With the poles of a higher order every delay up to the true one follows a bump alike."""
