@@ -1,9 +1,10 @@
 """Mapping of columns to signals of a model: by equal names, or by ``--map column=signal[unit]``."""
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from fmus.kit import quoting
 from fmus.kit.errors import UserError, suggestion
 from orchestration.records.formula import Formula, is_formula
 from orchestration.records.proposal import propose
@@ -142,7 +143,9 @@ def match_columns(
     for signal in signals:
         if signal not in matches:
             _match_name(table, signal, matches, matched)
-    _match_member_signals(table, signals, matches, matched)
+    so_far = (table, signals, matches, matched)
+    _match_alike(*so_far, _is_of_member, "of a member of this name")
+    _match_alike(*so_far, _is_written_alike, "that is written so where spaces may not be")
     unmatched = _unmatched(table, matched)
     ignored = [column.name for column in unmatched]
     missing = {signal: unit for signal, unit in signals.items() if signal not in matches}
@@ -258,22 +261,33 @@ def _match_name(
         matches[signal] = Match(column, signal, None)
 
 
-def _match_member_signals(
-    table: Table, signals: Iterable[str], matches: dict[str, Match], matched: list[Column]
+def _match_alike(
+    table: Table,
+    signals: Iterable[str],
+    matches: dict[str, Match],
+    matched: list[Column],
+    is_alike: Callable[[str, str], bool],
+    reason: str,
 ) -> None:
-    """Match a column ``member.signal`` of a system's result to a signal without a column.
+    """Match a column whose name is alike to a signal without a column.
 
     A signal is matched only if there is exactly one such column; it is noted as a repair.
     """
     for signal in signals:
-        columns = [
-            column for column in _unmatched(table, matched) if column.name.endswith(f".{signal}")
-        ]
+        columns = [column for column in _unmatched(table, matched) if is_alike(column.name, signal)]
         if signal not in matches and len(columns) == 1:
             column = columns[0]
             matches[signal] = Match(column, signal, None)
             matched.append(column)
-            message = (
-                f"column '{column.name}' is read as {signal}: the only one of a member of this name"
-            )
+            message = f"column '{column.name}' is read as {signal}: the only one {reason}"
             table.note("member", message)
+
+
+def _is_of_member(name: str, signal: str) -> bool:
+    """Return whether a column is ``member.signal`` of a system's result."""
+    return name.endswith(f".{signal}")
+
+
+def _is_written_alike(name: str, signal: str) -> bool:
+    """Return whether a signal is a column's name as models may write it: ``Zone_3`` for Zone 3."""
+    return quoting.identifier(name, "signal") == signal

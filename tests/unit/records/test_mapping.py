@@ -39,6 +39,18 @@ def test_the_only_column_of_a_member_is_taken_and_told(written):
     )
 
 
+def test_a_name_with_spaces_is_that_of_a_model_which_writes_none(written):
+    path, values = written("current", "Zone 3")
+    record = read_record(path, {"current": "A", "Zone_3": "V"})
+    assert record.signals["Zone_3"] == pytest.approx(values["Zone 3"])
+    assert any("'Zone 3' is read as Zone_3" in repair.message for repair in record.repairs)
+
+
+def test_two_names_that_are_written_alike_are_left_to_the_user(written):
+    path, _ = written("current", "Zone 3", "Zone.3")
+    assert set(read_record(path, {"current": "A", "Zone_3": "V"}).signals) == {"current"}
+
+
 def test_a_column_of_the_very_name_goes_first(written):
     path, values = written("current", "proxy.voltage", "voltage")
     assert read_record(path, OF_MEMBER).signals["voltage"] == pytest.approx(values["voltage"])
