@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fmus.kit import UserError
 from fmus.kit.declare import summary
-from fmus.kit.effects import effect_name, unstack
+from fmus.kit.effects import effect_name, made_by, unstack
+from fmus.kit.sensors import transport_delay
 from orchestration.api.declaration import stated_of
 from orchestration.api.options import ReadingOptions
 from orchestration.cli.command import command
@@ -109,14 +110,17 @@ def _facts_of_class(name: str, cls: type[Component]) -> _Facts:
     from orchestration.fmu.signal import declared_signal
 
     layout = cls.layout
-    memory = {layout.start_of[z.name] for z in layout.discretes if z.is_memory}
-    settable = [p for p in layout.parameters if p.name not in memory]
+    base, stacked = unstack(cls)
+    hidden = {layout.start_of[z.name] for z in layout.discretes if z.is_memory}
+    # what an output was before the start belongs to its delay
+    delays = [effect for effect in stacked if made_by(effect) is transport_delay]
+    hidden |= {start for effect in delays for start in effect.layout.start_of.values()}
+    settable = [p for p in layout.parameters if p.name not in hidden]
     groups = {
         "inputs": layout.inputs,
         "outputs": layout.shown,
         "parameters": (*settable, *layout.texts),
     }
-    base, stacked = unstack(cls)
     added = [effect_name(effect) for effect in stacked]
     signals = {}
     for group, variables in groups.items():
