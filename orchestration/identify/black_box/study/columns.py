@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from fmus.kit.arrays import Array, Indices
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.units import convert
 from orchestration.identify.black_box.data import InputOutputData, input_output_data
+from orchestration.identify.black_box.outliers import find_outliers
 from orchestration.records import Arrays, read_record
 from orchestration.records.formats import read_table
-from orchestration.records.sampling import UNEVEN, sample_period
+from orchestration.records.sampling import UNEVEN, sample_period, true_runs
 from orchestration.records.tables import Column, Table, numbers
 from orchestration.records.times import find_time, holds_instants
 from orchestration.reporting import option
+
+# Outliers that are bad readings: so many, or that share of the samples, at most. More are a model
+# that does not hold, or noise of another level.
+_FEW = 10
+_SHARE = 0.02
+_LONGEST_GAP = 5  # samples of the output that are interpolated
 
 
 @dataclass(frozen=True)
@@ -83,8 +91,52 @@ def read_columns(
         values = {c.name: numbers(table, c) for c in table.columns if c.name in units}
         notes = ()
     stacked = np.column_stack([values[name] for name in chosen])
-    sampled = input_output_data(stacked, values[output], period, chosen, output)
+    measured = values[output]
+    missing = _short_gaps(measured)
+    if missing.size:
+        known = np.flatnonzero(np.isfinite(measured))
+        measured = measured.copy()
+        measured[missing] = np.interp(missing, known, measured[known])
+        text = f"{output}, {_describe_samples(missing)} (the first is 0): missing; interpolated"
+        notes = (*notes, text)
+    sampled = input_output_data(stacked, measured, period, chosen, output)
     return Columns(table.path, sampled, units, notes)
+
+
+def _short_gaps(values: Array) -> Indices:
+    """Return the samples that are missing, in gaps that are short."""
+    gaps = true_runs(np.isnan(values))
+    short = [np.arange(*gap) for gap in gaps if gap[1] - gap[0] <= _LONGEST_GAP]
+    return np.concatenate([np.empty(0, dtype=int), *short])
+
+
+def without_outliers(columns: Columns) -> Columns:
+    """Replace bad readings of the output by what is expected there, with a note.
+
+    Where there are too many, they are no bad readings but what a linear model does not say: the
+    output stays as it is, with a note.
+    """
+    data = columns.data
+    bad, expected = find_outliers(data)
+    if not bad.size:
+        return columns
+    samples = f"{data.output_name}, {_describe_samples(bad)} (the first is 0)"
+    far = "far from what the inputs and the samples around say"
+    if bad.size > max(_FEW, _SHARE * len(data)):
+        note = (
+            f"{data.output_name}: {bad.size} of {len(data)} samples are {far}: kept, as bad"
+            " readings are few"
+        )
+        return replace(columns, notes=(*columns.notes, note))
+    note = f"{samples}: {far}; left out as bad readings"
+    return replace(columns, data=replace(data, output=expected), notes=(*columns.notes, note))
+
+
+def _describe_samples(samples: Indices) -> str:
+    """Return samples as text: ``sample 12, 40 to 43``."""
+    runs = np.split(samples, np.flatnonzero(np.diff(samples) > 1) + 1)
+    texts = [f"{run[0]} to {run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs]
+    return f"sample{'s' if samples.size > 1 else ''} {', '.join(texts)}"
 
 
 def _non_inputs(table: Table, output: str, inputs: Sequence[str], step: float | None) -> list[str]:

@@ -18,10 +18,10 @@ from orchestration.identify.black_box.order_search import OrderSearch, Row, sear
 from orchestration.identify.black_box.orders import Count
 from orchestration.identify.black_box.polynomials import Roots
 from orchestration.identify.black_box.residual_tests import ResidualTests
-from orchestration.identify.black_box.study.columns import Columns
+from orchestration.identify.black_box.study.columns import Columns, without_outliers
 from orchestration.identify.black_box.study.component import source
 from orchestration.identify.metrics import finite_or_none
-from orchestration.reporting import Displayable, one_line, plain_table
+from orchestration.reporting import Displayable, one_line, option, plain_table
 
 if TYPE_CHECKING:
     import pandas
@@ -104,14 +104,27 @@ class BlackBox(Displayable):
 
     @property
     def remarks(self) -> list[str]:
-        """Delays, and models that were passed over and left out, a line for each."""
+        """Delays, inputs that rest, and models passed over and left out, a line for each."""
         names = self.estimation.input_names
-        delays = (f"{name} {delay}" for name, delay in zip(names, self.search.delays, strict=True))
+        delays = (
+            f"{name} {delay}" + f" ({delay * self.model.step:g} s)" * (delay > 0)
+            for name, delay in zip(names, self.search.delays, strict=True)
+        )
         return [
             f"delays in samples: {', '.join(delays)}",
+            *([] if np.ptp(self.validation.inputs, axis=0).any() else [self._resting]),
             *(f"passed over: {line}" for line in self.passed_over),
             *(f"left out: {line}" for line in self.search.left_out),
         ]
+
+    @property
+    def _resting(self) -> str:
+        """A line on unseen data in which nothing happens."""
+        at = len(self.estimation)
+        return (
+            f"no input moves from sample {at} on, in the part that models have not seen: it judges"
+            f" nothing but noise; {option('share')} sets where it begins"
+        )
 
     def __str__(self) -> str:
         return "\n".join(
@@ -242,7 +255,8 @@ def study(
 ) -> BlackBox:
     """Identify models of every structure and order from the first part of a record.
 
-    They are judged by the other part, the validation data.
+    They are judged by the other part, the validation data. Bad readings of the output count in
+    neither.
 
     Parameters
     ----------
@@ -263,6 +277,7 @@ def study(
     UserError
         If there is no such structure or criterion, or no model can be identified.
     """
-    estimation, validation = columns.data.split(share)
+    cleaned = without_outliers(columns)
+    estimation, validation = cleaned.data.split(share)
     search = search_orders(estimation, validation, nk=delays, **options)
-    return BlackBox(columns, search, estimation, validation)
+    return BlackBox(cleaned, search, estimation, validation)

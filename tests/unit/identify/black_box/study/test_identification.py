@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import orchestration as ppy
 from demonstrations.records import draw, write
@@ -55,8 +56,61 @@ def test_doubts_come_first_and_stand_in_the_figures(found):
     passing = replace(found, search=replace(found.search, rows=(replace(doubtful, bic=-99.0), row)))
     title = f"OE of order 1 2, {row.validation_fit:.1f} % on unseen data: {doubt}"
     assert passing.sentence == found.sentence
-    assert passing.remarks == ["delays in samples: drive 0, for 2", f"passed over: {title}"]
+    assert passing.remarks == ["delays in samples: drive 0, for 2 (1 s)", f"passed over: {title}"]
     assert passing.to_dict()["passed_over"] == [title]
+
+
+def step_test(bad=()):
+    """Return a record of one step of a process, by its columns, with some readings of 850."""
+    u = np.where(np.arange(400) > 60, 230.0, 0.0)
+    y = 20.0 + lfilter(np.r_[np.zeros(9), 0.02], [1.0, -0.95], u)
+    y += 0.05 * np.random.default_rng(5).normal(size=400)
+    y[list(bad)] = 850.0
+    return {"time [s]": np.arange(400.0), "heater [V]": u, "zone [degC]": y}
+
+
+def test_bad_readings_are_named_and_change_nothing():
+    options = {"structures": ["ARX"], "path_orders": [1], "noise_orders": [1], "delays": [9]}
+    clean = ppy.black_box(step_test(), "zone", **options)
+    found = ppy.black_box(step_test([150, 151, 230]), "zone", **options)
+    assert found.columns.notes[-1] == (
+        "zone, samples 150 to 151, 230 (the first is 0): far from what the inputs and the samples"
+        " around say; left out as bad readings"
+    )
+    assert found.to_dict()["record"]["notes"] == [*found.columns.notes]
+    assert found.model.a == pytest.approx(clean.model.a, abs=0.01)
+    assert found.model.noise_variance == pytest.approx(clean.model.noise_variance, rel=0.2)
+
+
+def test_many_samples_that_no_model_explains_are_kept_and_told():
+    record = step_test()
+    far = np.arange(20, 400, 20)
+    record["zone [degC]"][far] += 40.0 * np.random.default_rng(1).choice([-1.0, 1.0], size=far.size)
+    options = {"structures": ["ARX"], "path_orders": [1], "noise_orders": [1], "delays": [9]}
+    found = ppy.black_box(record, "zone", **options)
+    assert "of 400 samples are far from" in found.columns.notes[-1]
+    assert (found.columns.data.output == record["zone [degC]"]).all()
+
+
+def test_short_gaps_of_the_output_are_interpolated_and_long_ones_refused():
+    options = {"structures": ["ARX"], "path_orders": [1], "noise_orders": [1], "delays": [9]}
+    clean = ppy.black_box(step_test(), "zone", **options)
+    record = step_test()
+    record["zone [degC]"][[150, 151, 230]] = np.nan
+    found = ppy.black_box(record, "zone", **options)
+    said = "zone, samples 150 to 151, 230 (the first is 0): missing; interpolated"
+    assert said in found.columns.notes
+    assert found.model.a == pytest.approx(clean.model.a, abs=0.01)
+    record["zone [degC]"][300:306] = np.nan
+    with pytest.raises(UserError, match="zone, sample 300: is nan"):
+        ppy.black_box(record, "zone", **options)
+
+
+def test_unseen_data_in_which_nothing_moves_are_named(found):
+    assert not any(line.startswith("no input moves") for line in found.remarks)
+    options = {"structures": ["ARX"], "path_orders": [1], "noise_orders": [1], "delays": [9]}
+    resting = ppy.black_box(step_test(), "zone", **options)
+    assert resting.remarks[1].startswith("no input moves from sample 200 on")
 
 
 @pytest.mark.slow
