@@ -111,6 +111,9 @@ class Component(metaclass=ComponentType):
         Laws that limit another law, each with the law that it equals below the limit.
     ports : tuple of PowerPort
         Pairs of variables through which it exchanges power with other components.
+    begins_anywhere : bool
+        Whether its start states say nothing of its own, as those of an identified model, so that a
+        comparison estimates them from the record.
     unchecked : tuple of str
         Laws whose units are not checked, because they compute with bare numbers.
     declared : dict of str to Declaration or ArrayDeclaration
@@ -132,6 +135,7 @@ class Component(metaclass=ComponentType):
     engine: ClassVar[Engine | None] = None
     limits: ClassVar[Mapping[str, str]] = {}
     ports: ClassVar[tuple[PowerPort, ...]] = ()
+    begins_anywhere: ClassVar[bool] = False
     unchecked: ClassVar[tuple[str, ...]] = ()
     declared: ClassVar[dict[str, Declaration | ArrayDeclaration]] = {}
     layout: ClassVar[Layout]

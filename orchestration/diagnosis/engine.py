@@ -183,8 +183,12 @@ class Diagnosis:
 
     @property
     def begins_elsewhere(self) -> bool:
-        """True if the records begin at other start states than the model declares."""
-        return self.found.subject.problem.begins_anywhere
+        """True if the records begin at other start states than the model declares.
+
+        A model that may begin anywhere declares none.
+        """
+        problem = self.found.subject.problem
+        return problem.begins_anywhere and not problem.model.cls.begins_anywhere
 
     @cached_property
     def changed(self) -> tuple[str, ...]:

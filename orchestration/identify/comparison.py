@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -329,9 +329,25 @@ def compare(
         found = compare_fitted(model, [record], given, names, progress=progress, workers=workers)
         return next(iter(found.comparisons.values()))
     model = with_measured(model, record)
+    data = fit_data(model, record)
     progress(f"simulating {source_of(model).name} over {record.time.size} samples")
-    before, remarks = _assess(model, fit_data(model, record), given)
+    starts = _unknown_starts(model, given)
+    estimated = fit_model(model, [data], starts, given).values if starts else {}
+    before, remarks = _assess(model, data, given | estimated)
+    if starts:
+        values = ", ".join(f"{name} = {value:.4g}" for name, value in estimated.items())
+        remarks = (*remarks, f"start states are estimated from the record: {values}")
     return Comparison(model, record, given, before, fit=None, after=None, remarks=remarks)
+
+
+def _unknown_starts(model: Model, given: Collection[str]) -> list[str]:
+    """Return start values of which neither a model nor the user, who gives some, says anything."""
+    if model.cls is None or not model.cls.begins_anywhere:
+        return []
+    layout = model.cls.layout
+    states = [*layout.states, *(z for z in layout.discretes if not z.is_memory)]
+    names = [layout.start_of[state.name] for state in states]
+    return [name for name in names if name not in given]
 
 
 def compare_fitted(
@@ -416,6 +432,7 @@ def fit_model(
         If a parameter is unknown or cannot be fitted, or the model cannot be simulated.
     """
     names = _checked_names(model, names)
+    names += _unknown_starts(model, [*names, *given])
     moved = _checked_names(model, [*names, *assumptions.ties])
     fixed = {name: value for name, value in given.items() if name not in model.inputs}
     data = [_with_constants(model, record, given) for record in records]

@@ -126,6 +126,13 @@ class IdentifiedModel(ABC):
     def matrices(self) -> tuple[Array, Array, Array, Array]:
         """Return A, B, C and D of the paths from all inputs."""
 
+    @abstractmethod
+    def without_delays(self) -> tuple[IdentifiedModel, tuple[int, ...]]:
+        """Return the model of inputs that were delayed before, and their delays in samples.
+
+        One sample of a delay remains, as between a state and what drives it.
+        """
+
     def transfer_function(self, which: int | str = 0) -> Any:
         """Return the path from an input as a discrete `control.TransferFunction`.
 

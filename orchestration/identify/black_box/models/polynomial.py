@@ -5,7 +5,7 @@ Sources: Ljung, eq. 4.33, with a denominator for every input; thesis, eq. 3.14.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -116,6 +116,13 @@ class PolynomialModel(IdentifiedModel):
         """Return A, B, C and D of the paths from all inputs."""
         a, b, c, d = zip(*(tf2ss(*self._path(i)) for i in range(len(self.b))), strict=True)
         return block_diag(*a), block_diag(*b), np.hstack(c), np.hstack(d)
+
+    def without_delays(self) -> tuple[PolynomialModel, tuple[int, ...]]:
+        """Return the model of inputs that were delayed before, and their delays in samples."""
+        lags = tuple(max(delay - 1, 0) for delay in self.orders.nk)
+        nk = tuple(delay - lag for delay, lag in zip(self.orders.nk, lags, strict=True))
+        b = tuple(b[lag:] for b, lag in zip(self.b, lags, strict=True))
+        return replace(self, b=b, orders=replace(self.orders, nk=nk)), lags
 
 
 def _free_responses(

@@ -5,7 +5,7 @@ Source: Ljung, eq. 4.91.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import eigvals, schur
@@ -103,6 +103,24 @@ class StateSpaceModel(IdentifiedModel):
     def matrices(self) -> tuple[Array, Array, Array, Array]:
         """Return A, B, C and D of the paths from all inputs."""
         return self.a, self.b, self.c[np.newaxis], self.d[np.newaxis]
+
+    def without_delays(self) -> tuple[StateSpaceModel, tuple[int, ...]]:
+        """Return the model of inputs that were delayed before, and their delays in samples.
+
+        A state that is an input a sample before is a delay.
+        """
+        a, b, c, d, k = self.a, self.b.copy(), self.c, self.d.copy(), self.k
+        lags = [0] * b.shape[1]
+        for i in range(len(lags)):
+            while d[i] == 0.0 and np.count_nonzero(b[:, i]) == 1:
+                x = int(np.flatnonzero(b[:, i])[0])
+                if b[x, i] != 1.0 or np.count_nonzero(b[x]) > 1 or a[x].any() or c[x] != 0.0:
+                    break
+                b[:, i] = a[:, x]
+                kept = np.arange(len(a)) != x
+                a, b, c, k = a[np.ix_(kept, kept)], b[kept], c[kept], k[kept]
+                lags[i] += 1
+        return replace(self, a=a, b=b, c=c, d=d, k=k), tuple(lags)
 
 
 def states(a: Array, drive: Array, start: Array) -> Array:

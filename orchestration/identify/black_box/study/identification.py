@@ -227,7 +227,8 @@ class BlackBox(Displayable):
             f"{self.chosen.structure} model of {self.model.output_name}, identified from"
             f" {self.columns.path.name}."
         )
-        text = source(self.model, name or target.stem, self.columns.units, doc)
+        spreads = self.columns.data.inputs.std(axis=0)
+        text = source(self.model, name or target.stem, self.columns.units, doc, spreads)
         files.write(target, text.encode())
         return target
 
