@@ -157,6 +157,7 @@ def test_names_of_columns_become_names_of_variables():
     ]
     assert identifiers(("Kühlung", "Kuehlung", "Kuhlung")) == ["Kuehlung", "Kuehlung_", "Kuhlung"]
     assert identifiers(("u_mean", "u", "y", "y_mean")) == ["u_mean", "u_", "y", "y_mean_"]
+    assert identifiers(("u", "u_past")) == ["u", "u_past_"]
     assert class_name("two_layer_wall") == "TwoLayerWall"
 
 
