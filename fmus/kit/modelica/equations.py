@@ -19,7 +19,7 @@ _OPERANDS_WRITTEN_TWICE = {ca.OP_EQ, ca.OP_NE}
 
 
 @dataclass(frozen=True)
-class Target:
+class Definition:
     """A variable, or its derivative, that an equation defines.
 
     Attributes
@@ -29,28 +29,14 @@ class Target:
     type : {"real", "integer", "boolean"}
     node : ExpressionNode
         The right-hand side.
+    law : str
+        Name of the law whose value an auxiliary variable has; empty for others.
     """
 
     text: str
     type: str
     node: ExpressionNode
-
-
-@dataclass(frozen=True)
-class Auxiliary:
-    """A variable of type Real for the value of a law, or for a common subexpression.
-
-    Attributes
-    ----------
-    name : str
-    node : ExpressionNode
-    law : str
-        Name of the law; empty for a common subexpression.
-    """
-
-    name: str
-    node: ExpressionNode
-    law: str
+    law: str = ""
 
 
 @dataclass(frozen=True)
@@ -59,16 +45,17 @@ class EquationSet:
 
     Attributes
     ----------
-    auxiliaries : list of Auxiliary
+    auxiliaries : list of Definition
+        Variables of type Real for values of laws and for common subexpressions.
     lines : list of str
     """
 
-    auxiliaries: list[Auxiliary]
+    auxiliaries: list[Definition]
     lines: list[str]
 
 
 def define(
-    targets: Sequence[Target],
+    targets: Sequence[Definition],
     laws: Mapping[ExpressionNode, str],
     intermediates: Mapping[ExpressionNode, str],
     taken: set[str],
@@ -80,7 +67,7 @@ def define(
 
     Parameters
     ----------
-    targets : sequence of Target
+    targets : sequence of Definition
     laws : Mapping of ExpressionNode to str
         Name of the law by the expression for its value.
     intermediates : Mapping of ExpressionNode to str
@@ -105,17 +92,14 @@ def define(
         if node not in names:
             law = laws.get(node, "")
             term = intermediates.get(node, "")
-            name = _name_of_law(law, taken) if law else ""
-            name = name or _numbered(term or described(node, spoken), taken)
-            taken.add(name)
-            names[node] = name
+            names[node] = _auxiliary_name(law, term or described(node, spoken), taken)
+            taken.add(names[node])
             if law or term:
-                spoken[node] = name
-            auxiliaries.append(Auxiliary(name, node, law))
+                spoken[node] = names[node]
+            auxiliaries.append(Definition(names[node], "real", node, law))
     writer = Writer(names)
     lines = []
-    definitions = [Target(a.name, "real", a.node) for a in auxiliaries]
-    for target in (*definitions, *targets):
+    for target in (*auxiliaries, *targets):
         right = writer.define(target.node, target.text, target.type)
         if literal and target.type == "real" and _RELATION.search(right):
             right = f"noEvent({right})"
@@ -123,19 +107,16 @@ def define(
     return EquationSet(auxiliaries, lines)
 
 
-def _name_of_law(law: str, taken: set[str]) -> str:
-    """Return the name of a law, or a second one if the law is also evaluated at samples."""
-    return identifier(f"sampled_{law}" if law in taken else law, taken)
-
-
-def _numbered(name: str, taken: set[str]) -> str:
-    """Return a name for a common subexpression, with a number if it is in use."""
+def _auxiliary_name(law: str, term: str, taken: set[str]) -> str:
+    """Return a free name: of a law, which may also be evaluated at samples, or of a term."""
+    if law:
+        return identifier(f"sampled_{law}" if law in taken else law, taken)
+    name = term
     number = 1
-    numbered = name
-    while numbered in taken or identifier(numbered) != numbered:
+    while name in taken or identifier(name) != name:
         number += 1
-        numbered = f"{name}_{number}"
-    return numbered
+        name = f"{term}_{number}"
+    return name
 
 
 def _nodes_with_names(

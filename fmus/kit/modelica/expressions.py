@@ -19,14 +19,6 @@ from fmus.kit.modelica.names import real
 
 # precedence of operators, from the lowest to the highest (section 3.2)
 _CHOICE, _OR, _AND, _NOT, _RELATION, _SUM, _PRODUCT, _POWER, _PRIMARY = range(9)
-_INFIX = {
-    ca.OP_ADD: ("+", _SUM),
-    ca.OP_SUB: ("-", _SUM),
-    ca.OP_MUL: ("*", _PRODUCT),
-    ca.OP_DIV: ("/", _PRODUCT),
-}
-_RELATIONS = {ca.OP_LT: "<", ca.OP_LE: "<="}
-_LOGICAL = {ca.OP_AND: ("and", _AND), ca.OP_OR: ("or", _OR)}
 _FUNCTIONS = {
     ca.OP_ACOS: "acos",
     ca.OP_ASIN: "asin",
@@ -67,7 +59,58 @@ _NOUNS = {
     _IF: ("choice", ""),
 }
 _EQUALITIES = {ca.OP_EQ, ca.OP_NE}
-_TRUTHS = {*_RELATIONS, *_LOGICAL, *_EQUALITIES, ca.OP_NOT}
+
+
+class _Form(NamedTuple):
+    """The text of an operation.
+
+    Attributes
+    ----------
+    text : str
+        With ``{}`` in the place of each operand.
+    precedence : int
+    operands : tuple of int
+        Lowest precedence of each operand that needs no brackets.
+    conditions : int
+        Number of operands of type Boolean, which are the first ones.
+    """
+
+    text: str
+    precedence: int
+    operands: tuple[int, ...]
+    conditions: int = 0
+
+
+_TEXT_OF_CHOICE = "if {} then {} else {}"
+_BRANCHES = (_CHOICE, _OR, _CHOICE)  # no brackets around a choice as the last one: `else if`
+_FORMS = {
+    ca.OP_ADD: _Form("{} + {}", _SUM, (_SUM, _PRODUCT)),
+    ca.OP_SUB: _Form("{} - {}", _SUM, (_SUM, _PRODUCT)),
+    ca.OP_NEG: _Form("-{}", _SUM, (_PRODUCT,)),
+    ca.OP_MUL: _Form("{} * {}", _PRODUCT, (_PRODUCT, _POWER)),
+    ca.OP_DIV: _Form("{} / {}", _PRODUCT, (_PRODUCT, _POWER)),
+    ca.OP_TWICE: _Form("2.0 * {}", _PRODUCT, (_POWER,)),
+    ca.OP_INV: _Form("1.0 / {}", _PRODUCT, (_POWER,)),
+    ca.OP_SQ: _Form("{} ^ 2", _POWER, (_PRIMARY,)),
+    ca.OP_POW: _Form("{} ^ {}", _POWER, (_PRIMARY, _PRIMARY)),
+    ca.OP_CONSTPOW: _Form("{} ^ {}", _POWER, (_PRIMARY, _PRIMARY)),
+    ca.OP_LT: _Form("{} < {}", _RELATION, (_SUM, _SUM)),
+    ca.OP_LE: _Form("{} <= {}", _RELATION, (_SUM, _SUM)),
+    # Modelica has no equality of Reals
+    ca.OP_EQ: _Form("{0} >= {1} and {0} <= {1}", _AND, (_SUM, _SUM)),
+    ca.OP_NE: _Form("{0} < {1} or {0} > {1}", _OR, (_SUM, _SUM)),
+    _IF: _Form(_TEXT_OF_CHOICE, _CHOICE, _BRANCHES, 1),
+}
+_FORMS_OF_TRUTHS = {
+    ca.OP_AND: _Form("{} and {}", _AND, (_AND, _AND), 2),
+    ca.OP_OR: _Form("{} or {}", _OR, (_OR, _OR), 2),
+    ca.OP_NOT: _Form("not {}", _NOT, (_RELATION,), 1),
+    ca.OP_EQ: _Form("{} == {}", _RELATION, (_PRIMARY, _PRIMARY), 2),
+    ca.OP_NE: _Form("not ({} == {})", _NOT, (_PRIMARY, _PRIMARY), 2),
+    ca.OP_IF_ELSE_ZERO: _Form("{} and {}", _AND, (_AND, _AND), 2),
+    _IF: _Form(_TEXT_OF_CHOICE, _CHOICE, _BRANCHES, 3),
+}
+_TRUTHS = {ca.OP_LT, ca.OP_LE, ca.OP_AND, ca.OP_OR, ca.OP_NOT, *_EQUALITIES}
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,14 +262,6 @@ class Writer:
             return f"integer({_to_real(node, written).within(_SUM)} + 0.5)"
         return _to_real(node, written).text
 
-    def _real(self, node: ExpressionNode) -> _Text:
-        """Write an expression, or the variable that replaces it, as a Real."""
-        return _to_real(node, self._named(node))
-
-    def _boolean(self, node: ExpressionNode) -> _Text:
-        """Write an expression, or the variable that replaces it, as a Boolean."""
-        return _to_boolean(node, self._named(node))
-
     def _named(self, node: ExpressionNode) -> _Text:
         """Write an expression, or the variable that replaces it."""
         if node in self.names:
@@ -235,85 +270,40 @@ class Writer:
 
     def _operation(self, node: ExpressionNode) -> _Text:
         """Write an expression by its operation, also if a variable replaces it."""
-        operation = node.operation
-        if operation == _SYMBOL:
+        if node.operation == _SYMBOL:
             return _Text(node.text, _PRIMARY)
-        if operation == _CONSTANT:
+        if node.operation == _CONSTANT:
             return _Text(real(node.value), _PRIMARY if node.value >= 0.0 else _SUM)
-        if node.is_boolean:
-            return self._boolean_operation(node)
-        if operation in _INFIX:
-            sign, precedence = _INFIX[operation]
-            left, right = map(self._real, node.operands)
-            text = f"{left.within(precedence)} {sign} {right.within(precedence + 1)}"
-            return _Text(text, precedence)
-        if operation in _FUNCTIONS:
-            arguments = ", ".join(self._real(o).text for o in node.operands)
-            return _Text(f"{_FUNCTIONS[operation]}({arguments})", _PRIMARY)
-        return self._special_operation(node)
+        if node.operation in _FUNCTIONS:
+            arguments = ", ".join(_to_real(o, self._named(o)).text for o in node.operands)
+            return _Text(f"{_FUNCTIONS[node.operation]}({arguments})", _PRIMARY)
+        if node.operation == ca.OP_IF_ELSE_ZERO and not node.is_boolean:
+            node = _with_both_branches(*node.operands)
+        form = _form(node)
+        operands = []
+        for k, (operand, precedence) in enumerate(zip(node.operands, form.operands, strict=True)):
+            convert = _to_boolean if k < form.conditions else _to_real
+            operands.append(convert(operand, self._named(operand)).within(precedence))
+        return _Text(form.text.format(*operands), form.precedence)
 
-    def _special_operation(self, node: ExpressionNode) -> _Text:
-        """Write a choice, a negation, a power, or CasADi's operations for 2 x and 1 / x."""
-        match node.operation:
-            case ca.OP_NEG:
-                return _Text(f"-{self._real(node.operands[0]).within(_PRODUCT)}", _SUM)
-            case ca.OP_TWICE:
-                return _Text(f"2.0 * {self._real(node.operands[0]).within(_POWER)}", _PRODUCT)
-            case ca.OP_INV:
-                return _Text(f"1.0 / {self._real(node.operands[0]).within(_POWER)}", _PRODUCT)
-            case ca.OP_SQ:
-                return _Text(f"{self._real(node.operands[0]).within(_PRIMARY)} ^ 2", _POWER)
-            case ca.OP_POW | ca.OP_CONSTPOW:
-                base, exponent = (self._real(o).within(_PRIMARY) for o in node.operands)
-                return _Text(f"{base} ^ {exponent}", _POWER)
-            case _ if node.operation == _IF:
-                condition, yes, no = node.operands
-                return self._choice(condition, self._real(yes), self._real(no))
-            case ca.OP_IF_ELSE_ZERO:
-                condition, yes = node.operands
-                branches = self._real(yes), _Text("0.0", _PRIMARY)
-                if condition.operation == ca.OP_NOT and condition not in self.names:
-                    return self._choice(condition.operands[0], *branches[::-1])
-                return self._choice(condition, *branches)
+
+def _with_both_branches(condition: ExpressionNode, yes: ExpressionNode) -> ExpressionNode:
+    """Return the choice between a value and zero, without a negation of its condition."""
+    if condition.operation == ca.OP_NOT:
+        return ExpressionNode(_IF, (condition.operands[0], constant(0.0), yes))
+    return ExpressionNode(_IF, (condition, yes, constant(0.0)))
+
+
+def _form(node: ExpressionNode) -> _Form:
+    """Return the text of an operation by the types of its operands."""
+    has_truths = node.is_boolean
+    if node.operation in _EQUALITIES:
+        has_truths = all(o.is_boolean for o in node.operands)
+    if has_truths and node.operation in _FORMS_OF_TRUTHS:
+        return _FORMS_OF_TRUTHS[node.operation]
+    if node.operation not in _FORMS:
         raise UserError(f"a law calls {_casadi_name(node.operation)}, which Modelica does not have")
-
-    def _choice(self, condition: ExpressionNode, yes: _Text, no: _Text) -> _Text:
-        # a choice as the last branch needs no brackets: `else if`
-        text = f"if {self._boolean(condition).text} then {yes.within(_OR)} else {no.text}"
-        return _Text(text, _CHOICE)
-
-    def _boolean_operation(self, node: ExpressionNode) -> _Text:
-        """Write an expression of type Boolean."""
-        operation = node.operation
-        if operation in _RELATIONS:
-            left, right = (self._real(o).within(_SUM) for o in node.operands)
-            return _Text(f"{left} {_RELATIONS[operation]} {right}", _RELATION)
-        if operation in _LOGICAL:
-            word, precedence = _LOGICAL[operation]
-            left, right = (self._boolean(o).within(precedence) for o in node.operands)
-            return _Text(f"{left} {word} {right}", precedence)
-        if operation == ca.OP_NOT:
-            return _Text(f"not {self._boolean(node.operands[0]).within(_RELATION)}", _NOT)
-        if operation in _EQUALITIES:
-            return self._equality(node)
-        condition = node.operands[0]
-        if operation == ca.OP_IF_ELSE_ZERO:
-            parts = (self._boolean(o).within(_AND) for o in node.operands)
-            return _Text(" and ".join(parts), _AND)
-        yes, no = map(self._boolean, node.operands[1:])
-        return self._choice(condition, yes, no)
-
-    def _equality(self, node: ExpressionNode) -> _Text:
-        """Write ``==`` or its negation; of two Reals by ``<`` and ``>``, for want of ``==``."""
-        is_equal = node.operation == ca.OP_EQ
-        if all(o.is_boolean for o in node.operands):
-            left, right = (self._boolean(o).within(_PRIMARY) for o in node.operands)
-            text = f"{left} == {right}"
-            return _Text(text, _RELATION) if is_equal else _Text(f"not ({text})", _NOT)
-        left, right = (self._real(o).within(_SUM) for o in node.operands)
-        if is_equal:
-            return _Text(f"{left} >= {right} and {left} <= {right}", _AND)
-        return _Text(f"{left} < {right} or {left} > {right}", _OR)
+    return _FORMS[node.operation]
 
 
 def _casadi_name(operation: int) -> str:

@@ -16,7 +16,6 @@ from fmus.kit.declare import Declaration, summary
 from fmus.kit.interrupt import uninterrupted
 from fmus.kit.layout import Layout
 from fmus.kit.modelica.declarations import declaration, declared_identifiers, literal
-from fmus.kit.modelica.equations import Target, define
 from fmus.kit.modelica.expressions import ExpressionNode, apply, constant
 from fmus.kit.modelica.model import TracedModel
 from fmus.kit.modelica.names import class_name, comment, identifier, indented, wrapped
@@ -44,14 +43,13 @@ def flat_text(model: TracedModel) -> str:
     texts = {v.name: identifier(v.name) for v in layout.variables}
     clocks = {d.name: k for k, (_, members) in enumerate(layout.sampled) for d in members}
     sampled = [graph.updates[clocks[d.name]][k] for k, d in enumerate(layout.discretes)]
-    defined = ca.vertcat(graph.rates, graph.outputs, *sampled)
-    nodes, *others = model.expression_nodes(texts, [defined], _without_division)
     left = [f"der({texts[s.name]})" for s in layout.states]
     left += [texts[o.name] for o in layout.outputs]
     left += map(_next, layout.discretes)
-    targets = [Target(text, "real", node) for text, node in zip(left, nodes, strict=True)]
+    right = ca.vertcat(graph.rates, graph.outputs, *sampled)
     taken = declared_identifiers(model.cls) | set(left)
-    equations = define(targets, *model.names_of(*others), taken)
+    types = dict.fromkeys(left, "real")
+    equations = model.equations(types, right, texts, taken, operation=_without_division)
     name = class_name(model.cls.name)
     lines = [
         f"model {name}{comment(summary(model.cls))}",

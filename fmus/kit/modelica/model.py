@@ -15,7 +15,7 @@ from fmus.kit.layout import Clock, Layout
 from fmus.kit.modelica.annotations import annotation
 from fmus.kit.modelica.connectors import port_equations
 from fmus.kit.modelica.declarations import declarations, declared_identifiers
-from fmus.kit.modelica.equations import Auxiliary, EquationSet, Target, define
+from fmus.kit.modelica.equations import Definition, EquationSet, define
 from fmus.kit.modelica.expressions import ExpressionNode, apply, constant, symbol
 from fmus.kit.modelica.names import (
     class_name,
@@ -53,24 +53,6 @@ def trace_model(cls: type[Component]) -> TracedModel:
     with recorded_intermediates() as intermediates:
         graph, laws = trace_with_laws(cls)
     return TracedModel(cls, graph, laws, intermediates)
-
-
-@dataclass(frozen=True)
-class _ModelEquations:
-    """The equations of a component.
-
-    Attributes
-    ----------
-    events : list of str
-        Boolean variables, whose changes restart a solver.
-    continuous : EquationSet
-    sampled : list of EquationSet
-        Equations of each clock.
-    """
-
-    events: list[str]
-    continuous: EquationSet
-    sampled: list[EquationSet]
 
 
 @dataclass(frozen=True)
@@ -126,20 +108,6 @@ class TracedModel:
         UserError
             If a law calls a function that Modelica does not have.
         """
-        name = class_name(self.cls.name)
-        kind = "model" if self.cls.ports else "block"
-        equations = self._equations()
-        lines = [
-            f"{kind} {name}{comment(summary(self.cls))}",
-            *indented(declarations(self.cls, registers=self.registers)),
-        ]
-        lines += self._protected(equations)
-        lines += ["equation", *self._equation_section(equations)]
-        lines += [f"  {annotation(self.cls)}", f"end {name};"]
-        return "\n".join(lines) + "\n"
-
-    def _equations(self) -> _ModelEquations:
-        """Write the equations, with unused names for their auxiliary variables."""
         taken = declared_identifiers(self.cls)
         for register in self.registers:
             taken |= {register.array, f"{register.name}_start"}
@@ -148,36 +116,34 @@ class TracedModel:
         taken.update(events)
         continuous = self._continuous(taken, events)
         sampled = [self._sampled(k, taken) for k in range(len(self.layout.sampled))]
-        return _ModelEquations(events, continuous, sampled)
+        protected = [self.auxiliary(a) for a in continuous.auxiliaries]
+        for part in sampled:
+            protected += [self.auxiliary(a, "start=0.0, fixed=true") for a in part.auxiliaries]
+        protected += [f"Boolean {name};" for name in events]
+        name = class_name(self.cls.name)
+        lines = [
+            f"{'model' if self.cls.ports else 'block'} {name}{comment(summary(self.cls))}",
+            *indented(declarations(self.cls, registers=self.registers)),
+            *(["protected"] if protected else []),
+            *indented(protected),
+            "equation",
+            *(line for port in self.cls.ports for line in wrapped(port_equations(port))),
+            *wrapped(continuous.lines),
+        ]
+        for (clock, _), part in zip(self.layout.sampled, sampled, strict=True):
+            condition = f"  when {_sample_condition(clock)} then"
+            lines += [condition, *wrapped(part.lines, "    "), "  end when;"]
+        lines += [f"  {annotation(self.cls)}", f"end {name};"]
+        return "\n".join(lines) + "\n"
 
-    def _protected(self, equations: _ModelEquations) -> list[str]:
-        """Write the declarations of auxiliary variables and event variables."""
-        lines = [self.auxiliary(a) for a in equations.continuous.auxiliaries]
-        for part in equations.sampled:
-            lines += [self.auxiliary(a, "start=0.0, fixed=true") for a in part.auxiliaries]
-        lines += [f"Boolean {name};" for name in equations.events]
-        return ["protected", *indented(lines)] if lines else []
-
-    def _equation_section(self, equations: _ModelEquations) -> list[str]:
-        """Return the lines of the equations, those of each clock in a ``when`` clause."""
-        lines = [line for port in self.cls.ports for line in wrapped(port_equations(port))]
-        lines += wrapped(equations.continuous.lines)
-        for (clock, _), part in zip(self.layout.sampled, equations.sampled, strict=True):
-            lines += [
-                f"  when {_sample_condition(clock)} then",
-                *wrapped(part.lines, "    "),
-                "  end when;",
-            ]
-        return lines
-
-    def auxiliary(self, auxiliary: Auxiliary, start: str = "") -> str:
+    def auxiliary(self, auxiliary: Definition, start: str = "") -> str:
         """Write the declaration of an auxiliary variable, with attributes of its start."""
         unit = self.units.get(auxiliary.law, "")
         of_unit = f"unit={string(to_modelica(unit))}" if unit and unit != "1" else ""
         items = ", ".join(filter(None, (start, of_unit)))
         attributes = f"({items})" if items else ""
         about = summary(getattr(self.cls, auxiliary.law)) if auxiliary.law else ""
-        return f"Real {auxiliary.name}{attributes}{comment(about)};"
+        return f"Real {auxiliary.text}{attributes}{comment(about)};"
 
     def _continuous(self, taken: set[str], events: Sequence[str]) -> EquationSet:
         """Write the equations of rates, outputs and events.
@@ -187,19 +153,13 @@ class TracedModel:
         """
         layout = self.layout
         graph = self.graph
-        rates, outputs, signs, *named = self.expression_nodes(
-            self.texts, [graph.rates, graph.outputs, graph.indicators > 0.0]
-        )
-        targets = [
-            Target(f"der({identifier(s.name)})", "real", node)
-            for s, node in zip(layout.states, rates, strict=True)
-        ]
-        targets += [
-            Target(identifier(o.name), o.type, node)
-            for o, node in zip(layout.outputs, outputs, strict=True)
-        ]
-        targets += [Target(name, "boolean", node) for name, node in zip(events, signs, strict=True)]
-        return define(targets, *self.names_of(*named), taken, literal=True)
+        types = {
+            **{f"der({identifier(s.name)})": "real" for s in layout.states},
+            **{identifier(o.name): o.type for o in layout.outputs},
+            **dict.fromkeys(events, "boolean"),
+        }
+        right = ca.vertcat(graph.rates, graph.outputs, graph.indicators > 0.0)
+        return self.equations(types, right, self.texts, taken, literal=True)
 
     def _sampled(self, group: int, taken: set[str]) -> EquationSet:
         """Write the equations of one clock.
@@ -213,15 +173,11 @@ class TracedModel:
         for v in (*layout.inputs, *layout.discretes):
             if v.name not in before:
                 texts[v.name] = f"pre({texts[v.name]})"
-        after, *named = self.expression_nodes(texts, [self.graph.updates[group]])
         shifted = {state for register in self.registers for state in register.states[1:]}
         members = {d.name for d in layout.sampled[group][1]} - shifted
-        targets = [
-            Target(self.texts[d.name], d.type, node)
-            for d, node in zip(layout.discretes, after, strict=True)
-            if d.name in members
-        ]
-        part = define(targets, *self.names_of(*named), taken)
+        places = [k for k, d in enumerate(layout.discretes) if d.name in members]
+        types = {self.texts[d.name]: d.type for d in layout.discretes if d.name in members}
+        part = self.equations(types, self.graph.updates[group][places], texts, taken)
         for register in self.registers:
             start = f"{register.array}[1] = "
             part.lines[:] = [
@@ -232,54 +188,56 @@ class TracedModel:
             ]
         return part
 
-    def expression_nodes(
+    def equations(
         self,
+        types: Mapping[str, str],
+        right: ca.SX,
         texts: Mapping[str, str],
-        results: list[ca.SX],
+        taken: set[str],
+        literal: bool = False,
         operation: Callable[[int, list[ExpressionNode]], ExpressionNode] = apply,
-    ) -> list[list[ExpressionNode]]:
-        """Return the expression of every element of some columns, a list for each column.
+    ) -> EquationSet:
+        """Write equations, with auxiliary variables for laws and common subexpressions.
 
         Parameters
         ----------
+        types : Mapping of str to str
+            Type by left-hand side, in the order of the equations.
+        right : casadi.SX
+            Column of the right-hand sides, in the symbols of the graph.
         texts : Mapping of str to str
             Text of each variable by its name.
-        results : list of casadi.SX
-            Columns in the symbols of the graph.
+        taken : set of str
+            Names in use; the names of auxiliary variables are added.
+        literal : bool
+            Whether relations within a Real are evaluated at every point, without events.
         operation : callable
             Returns the expression of an operation of CasADi.
 
         Returns
         -------
-        list of list of ExpressionNode
-            The last two lists are those of all laws and of intermediate values. Equal
-            subexpressions are one object.
+        EquationSet
         """
-        graph = self.graph
-        laws = ca.vertcat(ca.SX(0, 1), *self.laws.values())
-        intermediates = ca.vertcat(ca.SX(0, 1), *(value for _, value in self.intermediates))
-        columns = [ca.densify(column) for column in (*results, laws, intermediates)]
-        function = ca.Function("laws", graph.arguments, ca.cse(columns))
         layout = self.layout
         arguments = [[symbol("time")]]
         for group in (layout.parameters, layout.inputs, layout.states, layout.discretes):
             arguments.append([symbol(texts[v.name], v.type == "boolean") for v in group])
-        return carry_out(function, arguments, constant, operation)
-
-    def names_of(
-        self, laws: Sequence[ExpressionNode], intermediates: Sequence[ExpressionNode]
-    ) -> tuple[dict[ExpressionNode, str], dict[ExpressionNode, str]]:
-        """Return the names of the expressions of laws and of intermediate values.
-
-        The first name counts if several have the same value.
-        """
-        return (
-            _first_names(zip(self.laws, laws, strict=True)),
-            _first_names(zip((name for name, _ in self.intermediates), intermediates, strict=True)),
-        )
+        laws = ca.vertcat(ca.SX(0, 1), *self.laws.values())
+        intermediates = ca.vertcat(ca.SX(0, 1), *(value for _, value in self.intermediates))
+        columns = ca.cse([ca.densify(column) for column in (right, laws, intermediates)])
+        function = ca.Function("laws", self.graph.arguments, columns)
+        nodes, of_laws, others = carry_out(function, arguments, constant, operation)
+        targets = [
+            Definition(text, type, node)
+            for (text, type), node in zip(types.items(), nodes, strict=True)
+        ]
+        terms = zip((name for name, _ in self.intermediates), others, strict=True)
+        names = _first_names(zip(self.laws, of_laws, strict=True))
+        return define(targets, names, _first_names(terms), taken, literal)
 
 
 def _first_names(pairs: Iterable[tuple[str, ExpressionNode]]) -> dict[ExpressionNode, str]:
+    """Return the first name of each expression that is no leaf."""
     names: dict[ExpressionNode, str] = {}
     for name, node in pairs:
         if not node.is_leaf:

@@ -2,7 +2,7 @@
 
 import casadi as ca
 
-from fmus.kit.modelica.equations import Target, define
+from fmus.kit.modelica.equations import Definition, define
 from fmus.kit.modelica.expressions import apply, constant, symbol
 from fmus.kit.symbolic import carry_out
 
@@ -17,7 +17,7 @@ def equations(expressions, laws=None, types=None, taken=(), literal=False, inter
     function = ca.Function("f", [x, y, z], [ca.densify(column) for column in columns])
     nodes, of_laws, of_others = carry_out(function, [[symbol(n)] for n in "xyz"], constant, apply)
     targets = [
-        Target(name, (types or {}).get(name, "real"), node)
+        Definition(name, (types or {}).get(name, "real"), node)
         for name, node in zip(expressions, nodes, strict=True)
     ]
     named = dict(zip(of_laws, laws, strict=True))
@@ -28,7 +28,7 @@ def equations(expressions, laws=None, types=None, taken=(), literal=False, inter
 def test_a_law_has_a_variable_even_where_it_stands_once():
     made = equations({"der(x)": x * y + 1.0}, {"product": x * y})
     assert made.lines == ["product = x * y;", "der(x) = product + 1.0;"]
-    assert [(a.name, a.law) for a in made.auxiliaries] == [("product", "product")]
+    assert [(a.text, a.law) for a in made.auxiliaries] == [("product", "product")]
 
 
 def test_a_law_that_nothing_calls_has_none():
@@ -63,7 +63,7 @@ def test_names_are_composed_of_what_has_a_name_and_stay_short():
     made = equations(
         {"a": ca.sin(3.0 * x - y), "b": ca.cos(3.0 * x - y), "c": x**2 * y, "d": x**2 / z}
     )
-    assert [a.name for a in made.auxiliaries] == ["difference", "square_x"]
+    assert [a.text for a in made.auxiliaries] == ["difference", "square_x"]
 
 
 def test_a_variable_stands_for_its_expression():
