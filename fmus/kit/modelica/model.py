@@ -179,13 +179,7 @@ class TracedModel:
         types = {self.texts[d.name]: d.type for d in layout.discretes if d.name in members}
         part = self.equations(types, self.graph.updates[group][places], texts, taken)
         for register in self.registers:
-            start = f"{register.array}[1] = "
-            part.lines[:] = [
-                register.shifted(line.removeprefix(start).removesuffix(";"))
-                if line.startswith(start)
-                else line
-                for line in part.lines
-            ]
+            part.lines[:] = map(register.shifted, part.lines)
         return part
 
     def equations(

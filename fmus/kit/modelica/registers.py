@@ -42,8 +42,11 @@ class Register(NamedTuple):
             texts[f"{self.name}_start[{place}]"] = f"{self.name}_start[{place}]"
         return texts
 
-    def shifted(self, newest: str) -> str:
-        """Write the equation at a sample by the value that enters."""
+    def shifted(self, line: str) -> str:
+        """Write the equation of the newest state as that of the array; return others as they are."""
+        left, _, newest = line.removesuffix(";").partition(" = ")
+        if left != f"{self.array}[1]":
+            return line
         return f"{self.array} = cat(1, {{{newest}}}, pre({self.array}[1:{self.size - 1}]));"
 
 

@@ -1,17 +1,19 @@
 """Reading of shared libraries: format, processors, exports and required libraries.
 
 Headers of ELF (Linux), PE (Windows) and Mach-O (macOS, thin or universal) are read, from which it
-follows whether a host can load an FMU's binary. The layouts are those of ``elf.h``, of Microsoft's
-PE specification and of ``mach-o/loader.h``.
+follows whether a host can load an FMU's binary. ELF is read by pyelftools; the layouts of the
+others are those of Microsoft's PE specification and of ``mach-o/loader.h``.
 """
 
 from __future__ import annotations
 
+import io
 import struct
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import repeat, takewhile
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from elftools.elf.elffile import ELFFile
 
 
 class LibraryError(ValueError):
@@ -27,7 +29,7 @@ class Library:
     format : {"ELF", "PE", "Mach-O"}
     machines : tuple of str
         Processors that it runs on: ``x86``, ``x86_64``, ``arm64``, or the code of another one in
-        hexadecimal; several for a universal library.
+        hexadecimal, for ELF its name in ``elf.h``; several for a universal library.
     needs : tuple of str
         Names of the libraries that the loader must find.
     exports : frozenset of str
@@ -73,9 +75,9 @@ def read_library(contents: bytes) -> Library:
         if contents.startswith(magic):
             try:
                 return reader(contents)
-            except (struct.error, ValueError, KeyError, IndexError, OverflowError) as error:
-                if isinstance(error, LibraryError):
-                    raise
+            except LibraryError:
+                raise
+            except Exception as error:  # of pyelftools any, as it also asserts
                 raise LibraryError("damaged: a table in it points outside of the file") from error
     raise LibraryError("neither ELF nor PE nor Mach-O")
 
@@ -111,125 +113,49 @@ def _file_offset(sections: Sequence[_Section], address: int) -> int:
 
 # --- ELF
 
-
-class _ElfLayouts(NamedTuple):
-    """Layouts of what is read of an ELF file; the rest is skipped."""
-
-    header: str  # type and machine; place, row size and number of segments
-    segment: str  # role, offset, address, size
-    entry: str  # for dynamic loading: tag, value
-    symbol: str  # name, info, section
-    number: str = "I"
-    version: str = "H"
-
-
-_ELF_LAYOUTS = {  # by EI_CLASS
-    1: _ElfLayouts("16xHH8xI10xHH", "III4xI12x", "II", "I8xBxH"),
-    2: _ElfLayouts("16xHH12xQ14xHH", "I4xQQ8xQ16x", "QQ", "IBxH16x"),
-}
-_ELF_ORDERS = {1: "<", 2: ">"}  # by EI_DATA
-_ELF_MACHINES = {0x3: "x86", 0x3E: "x86_64", 0xB7: "arm64"}
-_SHARED_OBJECT = 3  # type of file
-_LOADABLE = 1  # types of segments
-_DYNAMIC = 2
-# tags of entries in the table for dynamic loading
-_END = 0
-_NEEDED = 1
-_SYSV_HASH = 4
-_STRINGS = 5
-_SYMBOLS = 6
-_GNU_HASH = 0x6FFFFEF5
-_VERSIONS = 0x6FFFFFF0
-_TABLES = (_SYSV_HASH, _STRINGS, _SYMBOLS, _GNU_HASH, _VERSIONS)
-# bindings of symbols
-_GLOBAL = 1
-_WEAK = 2
+_ELF_MACHINES = {"EM_386": "x86", "EM_X86_64": "x86_64", "EM_AARCH64": "arm64"}
 _VERSION_INDEX = 0x7FFF  # the highest bit of a version marks a hidden symbol
 _NO_VERSION = 1  # largest version index that means no version: local or global
 
 
-class _ElfSymbol(NamedTuple):
-    """A global or weak symbol for dynamic loading."""
-
-    name: str
-    is_defined: bool
-    is_unsupplied: bool  # a strong one without a version
-
-
 def _read_elf(contents: bytes) -> Library:
     """Read an ELF library of either word size and byte order."""
-    order = _ELF_ORDERS[contents[5]]
-    layouts = _ElfLayouts(*(order + layout for layout in _ELF_LAYOUTS[contents[4]]))
-    kind, machine, place, size, count = struct.unpack_from(layouts.header, contents)
-    if kind != _SHARED_OBJECT:
+    elf = ELFFile(io.BytesIO(contents))
+    if elf["e_type"] != "ET_DYN":
         raise LibraryError("an ELF file, but not a shared library")
-    if size != struct.calcsize(layouts.segment):  # which loaders refuse
-        raise ValueError(size)
-    segments = [*_rows(contents, layouts.segment, place, count)]
-    loaded = [_Section(row[2], row[3], row[1]) for row in segments if row[0] == _LOADABLE]
-    entries = _dynamic_entries(contents, segments, layouts.entry)
-    if not entries:
+    dynamic: Any = next(elf.iter_segments("PT_DYNAMIC"), None)
+    if dynamic is None:
         raise LibraryError("an ELF file without a table for dynamic loading")
-    tables = {tag: _file_offset(loaded, value) for tag, value in entries if tag in _TABLES}
-    needed = [value for tag, value in entries if tag == _NEEDED]
-    symbols = [*_elf_symbols(contents, layouts, tables)]
+    symbols = list(dynamic.iter_symbols())
+    exports = set()
+    unsupplied = []
+    for symbol, version in zip(
+        symbols, _elf_versions(contents, elf, dynamic, len(symbols)), strict=True
+    ):
+        binding = symbol["st_info"]["bind"]
+        if not symbol.name or binding not in ("STB_GLOBAL", "STB_WEAK"):
+            continue
+        if symbol["st_shndx"] != "SHN_UNDEF":
+            exports.add(symbol.name)
+        elif binding == "STB_GLOBAL" and version & _VERSION_INDEX <= _NO_VERSION:
+            unsupplied.append(symbol.name)
+    machine = elf["e_machine"]
     return Library(
         format="ELF",
-        machines=(_ELF_MACHINES.get(machine, hex(machine)),),
-        needs=tuple(_read_text(contents, tables[_STRINGS] + offset) for offset in needed),
-        exports=frozenset(one.name for one in symbols if one.is_defined),
-        unsupplied=tuple(sorted(one.name for one in symbols if one.is_unsupplied)),
+        machines=(_ELF_MACHINES.get(machine, str(machine)),),
+        needs=tuple(tag.needed for tag in dynamic.iter_tags("DT_NEEDED")),
+        exports=frozenset(exports),
+        unsupplied=tuple(sorted(unsupplied)),
     )
 
 
-def _dynamic_entries(
-    contents: bytes, segments: Sequence[tuple[int, ...]], layout: str
-) -> list[tuple[int, ...]]:
-    """Return the tags and values of the table for dynamic loading; empty without one."""
-    for role, offset, _, size in segments:
-        if role == _DYNAMIC:
-            rows = _rows(contents, layout, offset, size // struct.calcsize(layout))
-            return [*takewhile(lambda row: row[0] != _END, rows)]
-    return []
-
-
-def _elf_symbols(
-    contents: bytes, layouts: _ElfLayouts, tables: Mapping[int, int]
-) -> Iterator[_ElfSymbol]:
-    """Yield the global and weak symbols for dynamic loading."""
-    count = _symbol_count(contents, layouts, tables)
-    versions: Iterable[tuple[int, ...]] = repeat((0,), count)
-    if _VERSIONS in tables:
-        versions = _rows(contents, layouts.version, tables[_VERSIONS], count)
-    symbols = _rows(contents, layouts.symbol, tables[_SYMBOLS], count)
-    for (offset, info, section), (version,) in zip(symbols, versions, strict=True):
-        binding = info >> 4
-        if offset and binding in (_GLOBAL, _WEAK):
-            has_version = version & _VERSION_INDEX > _NO_VERSION
-            is_unsupplied = not section and binding == _GLOBAL and not has_version
-            name = _read_text(contents, tables[_STRINGS] + offset)
-            yield _ElfSymbol(name, section != 0, is_unsupplied)
-
-
-def _symbol_count(contents: bytes, layouts: _ElfLayouts, tables: Mapping[int, int]) -> int:
-    """Return the number of dynamic symbols, from one of the hash tables."""
-
-    def number(offset: int) -> int:
-        return int(struct.unpack_from(layouts.number, contents, offset)[0])
-
-    if _SYSV_HASH in tables:
-        return number(tables[_SYSV_HASH] + 4)  # one chain for each symbol
-    # without a count: the end of the last chain is the last symbol
-    offset = tables[_GNU_HASH]
-    bucket_count, first, bloom_size = (number(offset + 4 * k) for k in range(3))
-    buckets = offset + 16 + bloom_size * struct.calcsize(layouts.entry) // 2
-    (last,) = max(_rows(contents, layouts.number, buckets, bucket_count), default=(0,))
-    if last < first:
-        return first
-    chains = buckets + 4 * bucket_count
-    while not number(chains + 4 * (last - first)) & 1:  # set at the end of a chain
-        last += 1
-    return last + 1
+def _elf_versions(contents: bytes, elf: ELFFile, dynamic: Any, count: int) -> Sequence[int]:
+    """Return the version of each symbol for dynamic loading; 0 if there are no versions."""
+    _, offset = dynamic.get_table_offset("DT_VERSYM")
+    if offset is None:
+        return [0] * count
+    order = "<" if elf.little_endian else ">"
+    return struct.unpack_from(f"{order}{count}H", contents, offset)
 
 
 # --- PE
