@@ -29,29 +29,23 @@ _BASE = {
     "candela": "cd",
     "radian": "rad",
 }
-# names of units that are products of SI base units without a factor -> exponents
-_COHERENT: dict[str, dict[str, int]] = {
-    "kg": {"kg": 1},
-    "m": {"m": 1},
-    "s": {"s": 1},
-    "A": {"A": 1},
-    "K": {"K": 1},
-    "mol": {"mol": 1},
-    "cd": {"cd": 1},
-    "rad": {"rad": 1},
-    "N": {"kg": 1, "m": 1, "s": -2},
-    "J": {"kg": 1, "m": 2, "s": -2},
-    "W": {"kg": 1, "m": 2, "s": -3},
-    "Pa": {"kg": 1, "m": -1, "s": -2},
-    "V": {"A": -1, "kg": 1, "m": 2, "s": -3},
-    "ohm": {"A": -2, "kg": 1, "m": 2, "s": -3},
-    "C": {"A": 1, "s": 1},
-    "F": {"A": 2, "kg": -1, "m": -2, "s": 4},
-    "Hz": {"s": -1},
-    "H": {"A": -2, "kg": 1, "m": 2, "s": -2},
-    "S": {"A": 2, "kg": -1, "m": -2, "s": 3},
-    "T": {"A": -1, "kg": 1, "s": -2},
-    "Wb": {"A": -1, "kg": 1, "m": 2, "s": -2},
+BASES = tuple(_BASE.values())
+# units that are products of SI base units without a factor
+_COHERENT = {
+    **{base: base for base in BASES},
+    "N": "kg*m/s^2",
+    "J": "kg*m^2/s^2",
+    "W": "kg*m^2/s^3",
+    "Pa": "kg/(m*s^2)",
+    "V": "kg*m^2/(A*s^3)",
+    "ohm": "kg*m^2/(A^2*s^3)",
+    "C": "A*s",
+    "F": "A^2*s^4/(kg*m^2)",
+    "Hz": "1/s",
+    "H": "kg*m^2/(A^2*s^2)",
+    "S": "A^2*s^3/(kg*m^2)",
+    "T": "kg/(A*s^2)",
+    "Wb": "kg*m^2/(A*s^2)",
 }
 _PREFIXES = {"n": -9, "u": -6, "m": -3, "c": -2, "k": 3, "M": 6}  # powers of ten
 _LETTERS = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
@@ -131,12 +125,12 @@ def _common_base_unit(unit: str) -> BaseUnit | None:
         if coherent not in _COHERENT:
             return None
         tens += power * _PREFIXES.get(prefix, 0)
-        for base, exponent in _COHERENT[coherent].items():
+        for base, exponent in _powers(_parsed(_COHERENT[coherent])).items():
             exponents[base] = exponents.get(base, 0) + power * exponent
     if abs(tens) > _LARGEST_POWER_OF_TEN:
         return None
     return BaseUnit(
-        {base: exponents[base] for base in _BASE.values() if exponents.get(base)},
+        {base: exponents[base] for base in BASES if exponents.get(base)},
         float(f"1e{tens}"),
         0.0,
     )

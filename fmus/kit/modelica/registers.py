@@ -43,7 +43,7 @@ class Register(NamedTuple):
         return texts
 
     def shifted(self, line: str) -> str:
-        """Write the equation of the newest state as that of the array; return others as they are."""
+        """Write the equation of the newest state as that of the array; leave others as they are."""
         left, _, newest = line.removesuffix(";").partition(" = ")
         if left != f"{self.array}[1]":
             return line

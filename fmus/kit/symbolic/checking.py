@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import linecache
 import re
-from collections import Counter
-from collections.abc import Iterator, Mapping
+import traceback
 from pathlib import Path
-from types import CodeType, TracebackType
+from types import CodeType
 from typing import Any, NamedTuple
 from weakref import WeakSet
 
@@ -20,6 +19,7 @@ from fmus.kit import units
 from fmus.kit.component import Component
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.layout import law_of
+from fmus.kit.symbolic.laws import RequiredUnit, required_units
 from fmus.kit.symbolic.symbols import ANY, LawError, ScaleError, Symbol, ValueNeeded, check_number
 
 _KIT = Path(kit.__file__).parent
@@ -57,27 +57,6 @@ class _Place(NamedTuple):
     text: str
 
 
-class _RequiredUnit(NamedTuple):
-    """The unit of a law that follows from a declaration.
-
-    Attributes
-    ----------
-    law : str
-        Name of the law.
-    unit : str
-        Declared unit of the variable that the law belongs to.
-    powers : Mapping of str to float
-        Required unit of the law, as powers of units.
-    words : str
-        Reason, for a message.
-    """
-
-    law: str
-    unit: str
-    powers: Mapping[str, float]
-    words: str
-
-
 def check_component(cls: type[Component]) -> None:
     """Raise an error unless the laws of a component accept symbols and have consistent units.
 
@@ -97,7 +76,7 @@ def check_component(cls: type[Component]) -> None:
     _check_declared(cls)
     instance = _symbolic_instance(cls)
     attributes = set(vars(instance))
-    for required in _required_units(cls):
+    for required in required_units(cls):
         _check_law(instance, required)
     new = sorted(vars(instance).keys() - attributes)
     if new:
@@ -123,23 +102,6 @@ def _check_declared(cls: type[Component]) -> None:
                 f"{place}: {v.name} is in {v.unit}, but a sample period is in s;"
                 f" declare it in s, with display={v.unit!r}"
             )
-
-
-def _required_units(cls: type[Component]) -> Iterator[_RequiredUnit]:
-    """Yield the laws that declarations name, with their required units."""
-    for state in cls.layout.states:
-        powers = Counter[str](units.powers_of_names(state.unit))
-        powers.subtract(["s"])
-        words = f"it is the rate of {state.name}, which is in {state.unit}"
-        yield _RequiredUnit(state.rate, state.unit, powers, words)
-    for discrete in cls.layout.discretes:
-        words = f"it is the next value of {discrete.name}, which is in {discrete.unit}"
-        powers_of = units.powers_of_names(discrete.unit)
-        yield _RequiredUnit(discrete.update, discrete.unit, powers_of, words)
-    for output in cls.layout.outputs:
-        words = f"it is an output in {output.unit}"
-        powers_of = units.powers_of_names(output.unit)
-        yield _RequiredUnit(output.name, output.unit, powers_of, words)
 
 
 def _symbolic_instance(cls: type[Component]) -> Component:
@@ -179,7 +141,7 @@ def _without_unit_check(law: Any) -> Any:
     return lambda *arguments: free(law(*free(arguments)))
 
 
-def _check_law(instance: Component, required: _RequiredUnit) -> None:
+def _check_law(instance: Component, required: RequiredUnit) -> None:
     """Evaluate a law, and check the unit of its value."""
     try:
         value = getattr(instance, required.law)()
@@ -194,7 +156,7 @@ def _check_law(instance: Component, required: _RequiredUnit) -> None:
         raise UserError(_unit_message(instance, required, value, error)) from error
 
 
-def _unit_message(instance: Component, required: _RequiredUnit, value: Any, error: LawError) -> str:
+def _unit_message(instance: Component, required: RequiredUnit, value: Any, error: LawError) -> str:
     """Return the message for the value of a law that is no number or has another unit."""
     place = _place_of_law(type(instance), required.law)
     if not isinstance(value, Symbol):
@@ -205,7 +167,7 @@ def _unit_message(instance: Component, required: _RequiredUnit, value: Any, erro
     return f"{reason}; {_unit_hints(instance, _source_of(type(instance), required.law))}"
 
 
-def _evaluation_message(instance: Component, required: _RequiredUnit, error: Exception) -> str:
+def _evaluation_message(instance: Component, required: RequiredUnit, error: Exception) -> str:
     """Return the message for an error in the evaluation of a law: place, mistake and remedy."""
     place = _place_of(error)
     quoted = f" in {place.text!r}" if place and place.text else ""
@@ -328,32 +290,16 @@ def shown(file: str) -> str:
 
 def _place_of(error: BaseException) -> _Place | None:
     """Return the innermost place of an error in an author's file; None if there is none."""
-    linecache.checkcache()  # the file may have changed
-    place = None
-    for at in _tracebacks(error):
-        code = at.tb_frame.f_code
-        if not Path(code.co_filename).is_relative_to(_KIT):
-            text = _expression_of(code, at.tb_lasti)
-            place = _Place(code.co_filename, at.tb_lineno, code.co_name, text)
-    return place
-
-
-def _tracebacks(error: BaseException) -> Iterator[TracebackType]:
-    """Yield the traceback of every frame that an error passed, the innermost last."""
-    at = error.__traceback__
-    while at:
-        yield at
-        at = at.tb_next
-
-
-def _expression_of(code: CodeType, instruction: int) -> str:
-    """Return the text of the expression of an instruction; empty if it is not in one line."""
-    # an offset in the bytecode, where every instruction has two bytes
-    start, end, left, right = list(code.co_positions())[instruction // 2]
-    if start is None or start != end:
-        return ""
-    line = linecache.getline(code.co_filename, start).encode()
-    return line[left:right].decode()
+    frames = traceback.extract_tb(error.__traceback__)
+    authors = [each for each in frames if not Path(each.filename).is_relative_to(_KIT)]
+    if not authors:
+        return None
+    frame = authors[-1]
+    line = frame.lineno or 0
+    text = b""
+    if line == frame.end_lineno:
+        text = linecache.getline(frame.filename, line).encode()[frame.colno : frame.end_colno]
+    return _Place(frame.filename, line, frame.name, text.decode())
 
 
 def _code_of(cls: type[Component], law: str) -> CodeType | None:

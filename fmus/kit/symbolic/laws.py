@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from math import isclose
+from typing import NamedTuple
 
 from fmus.kit import units
 from fmus.kit.component import Component
@@ -47,6 +48,24 @@ _PREFERRED_UNITS = (
 )
 
 
+class RequiredUnit(NamedTuple):
+    """The unit of a law that follows from a declaration.
+
+    Attributes
+    ----------
+    law : str
+        Name of the law.
+    powers : Mapping of str to float
+        Required unit of the law, as powers of units.
+    words : str
+        Reason, for a message.
+    """
+
+    law: str
+    powers: Mapping[str, float]
+    words: str
+
+
 @dataclass(frozen=True)
 class LawOfModel:
     """A law of a model, with its unit.
@@ -84,6 +103,32 @@ def list_laws(cls: type[Component]) -> list[LawOfModel]:
         getattr(calls.instance, name)()
     units_of = units_of_laws(cls, calls.names)
     return [LawOfModel(name, units_of.get(name, ""), name in outputs) for name in calls.names]
+
+
+def required_units(cls: type[Component]) -> Iterator[RequiredUnit]:
+    """Yield the laws that declarations name, with their required units.
+
+    Parameters
+    ----------
+    cls : type[Component]
+
+    Yields
+    ------
+    RequiredUnit
+    """
+    layout = cls.layout
+    for state in layout.states:
+        powers = Counter[str](units.powers_of_names(state.unit))
+        powers.subtract(["s"])
+        words = f"it is the rate of {state.name}, which is in {state.unit}"
+        yield RequiredUnit(state.rate, powers, words)
+    others = [
+        (d.update, d.unit, f"it is the next value of {d.name}, which is in {d.unit}")
+        for d in layout.discretes
+    ]
+    others += [(o.name, o.unit, f"it is an output in {o.unit}") for o in layout.outputs]
+    for law, unit, words in others:
+        yield RequiredUnit(law, units.powers_of_names(unit), words)
 
 
 def _same_dimension(one: str, other: str) -> bool:
@@ -127,11 +172,7 @@ def units_of_laws(cls: type[Component], laws: Iterable[str]) -> dict[str, str]:
         Unit by law, in its usual spelling; empty if it is not determined.
     """
     layout = cls.layout
-    declared = {v.name: Unit(units.powers_of_names(v.unit)) for v in layout.outputs}
-    for state in layout.states:
-        per_second = Counter(units.powers_of_names(state.unit))
-        per_second.subtract(["s"])
-        declared[state.rate] = Unit(per_second)
+    declared = {required.law: Unit(required.powers) for required in required_units(cls)}
     calls = Calls(cls)
     for v in (*layout.parameters, *layout.inputs, *layout.states, *layout.discretes):
         if v.type == "real":

@@ -7,9 +7,7 @@ from typing import Any
 from xml.etree.ElementTree import Element
 
 from fmus.kit import UserError
-from fmus.kit.units import BaseUnit, defined_unit, difference_unit, measure_alike
-
-_BASES = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+from fmus.kit.units import BASES, BaseUnit, defined_unit, difference_unit, measure_alike
 
 
 def spell_units(description: Any, root: Element) -> None:
@@ -64,7 +62,7 @@ def _meanings(description: Any) -> dict[tuple[str, str | None], BaseUnit]:
         base = unit.baseUnit
         if base is None:
             continue
-        exponents = {name: int(getattr(base, name) or 0) for name in _BASES}
+        exponents = {name: int(getattr(base, name) or 0) for name in BASES}
         powers = {name: power for name, power in exponents.items() if power}
         factor, offset = float(base.factor or 1.0), float(base.offset or 0.0)
         found[unit.name, None] = BaseUnit(powers, factor, offset)

@@ -8,11 +8,11 @@ from collections.abc import Iterator, Mapping, Set
 from xml.etree.ElementTree import Element
 
 from fmus.kit import UserError
+from fmus.kit.units import BASES
 from orchestration.fmu.archive import Archive, experiment_faults
 from orchestration.fmu.check.finding import Finding, listed
 
 _TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
-_BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 _NAMES_IN_FMI_3 = {
     "Outputs": "Output",
     "Derivatives": "ContinuousStateDerivative",
@@ -180,7 +180,7 @@ def _check_unit(unit: Element) -> Iterator[Finding]:
     if base is None:
         yield Finding("no-base-unit", f"unit {name!r} has no BaseUnit: hosts cannot convert it")
         return
-    for attribute in _BASE_UNITS:
+    for attribute in BASES:
         if not re.fullmatch(r"\s*[+-]?\d+\s*", base.get(attribute, "0")):
             yield Finding(
                 "base-unit",
