@@ -13,7 +13,7 @@ import casadi as ca
 
 from fmus.kit.declare import ParameterDeclaration, name_declaration
 from fmus.kit.interrupt import uninterrupted
-from fmus.kit.symbolic.instructions import apply_to_symbols, carry_out
+from fmus.kit.symbolic.instructions import apply_to_symbols, carry_out, column
 from fmus.kit.symbolic.tracing import Graph
 
 _PARAMETERS = 1  # their place among the arguments of a graph
@@ -52,7 +52,7 @@ def hoist(graph: Graph) -> tuple[Graph, ca.Function]:
         outputs=outputs,
         updates=tuple(updates),
     )
-    values = ca.densify(ca.vertcat(ca.SX(0, 1), *expressions))
+    values = ca.densify(column(expressions))
     return extended, ca.Function("hoisted", [graph.parameters], [values], {"cse": True})
 
 

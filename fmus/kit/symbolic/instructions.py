@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeVar
 
 import casadi as ca
@@ -72,3 +72,8 @@ def apply_to_symbols(operation: int, operands: Sequence[ca.SX]) -> ca.SX:
     """
     apply = ca.SX.unary if len(operands) == 1 else ca.SX.binary
     return apply(operation, *operands)
+
+
+def column(values: Iterable[Any]) -> ca.SX:
+    """Return numbers and expressions as a column, which may be empty."""
+    return ca.vertcat(ca.SX(0, 1), *values)

@@ -16,6 +16,7 @@ from fmus.kit.component import Component
 from fmus.kit.declare import Declaration, Started
 from fmus.kit.interrupt import uninterrupted
 from fmus.kit.layout import law_of
+from fmus.kit.symbolic.instructions import column
 from fmus.kit.symbolic.tracing import Graph, trace
 
 _NUMBERS = ca.SX, float, int
@@ -246,11 +247,11 @@ class PerturbedLaws:
             ``update_<i>_of``: the same of all states after a tick of clock i. Jacobians are sparse.
         """
         graph = self._perturbed
-        added = ca.vertcat(ca.SX(0, 1), *self._additions.values())
+        added = column(self._additions.values())
         states = ca.vertcat(graph.states, graph.discretes)
         rates = ca.vertcat(graph.rates, ca.SX(graph.discretes.numel(), 1))
         known = [states, graph.inputs, graph.time, graph.parameters, added]
-        values = ca.vertcat(ca.SX(0, 1), *(self._values[name] for name in self.names))
+        values = column(self._values[name] for name in self.names)
         laws = ca.substitute(values, added, ca.DM.zeros(added.shape))
 
         def function(name: str, value: ca.SX, symbols: Sequence[ca.SX]) -> ca.Function:

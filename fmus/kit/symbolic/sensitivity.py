@@ -23,6 +23,7 @@ from fmus.kit.declare import (
 )
 from fmus.kit.errors import UserError
 from fmus.kit.interrupt import uninterrupted
+from fmus.kit.symbolic.instructions import column
 from fmus.kit.symbolic.tracing import Graph
 
 
@@ -51,7 +52,7 @@ def with_sensitivities(graph: Graph, names: Sequence[str]) -> Graph:
     layout = graph.layout
     positions = _parameter_indices(graph, names)
     parameters = [layout.parameters[k] for k in positions]
-    theta = ca.vertcat(ca.SX(0, 1), *(graph.parameters[k] for k in positions))
+    theta = column(graph.parameters[k] for k in positions)
     state_sensitivities = ca.SX.sym("S", graph.states.numel(), theta.numel())
     discrete_sensitivities = ca.SX.sym("Z", graph.discretes.numel(), theta.numel())
 

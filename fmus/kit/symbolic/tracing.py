@@ -11,7 +11,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -23,6 +23,7 @@ from fmus.kit.interrupt import uninterrupted
 from fmus.kit.layout import Layout
 from fmus.kit.symbolic.calls import Calls
 from fmus.kit.symbolic.digest import digest
+from fmus.kit.symbolic.instructions import column
 from fmus.kit.symbolic.switching import event_indicators
 
 
@@ -77,7 +78,7 @@ class Graph:
         index = {p.starts: i for i, p in enumerate(self.layout.parameters)}
 
         def starts(group: Sequence[Declaration]) -> ca.SX:
-            return ca.vertcat(ca.SX(0, 1), *(self.parameters[index[v.name]] for v in group))
+            return column(self.parameters[index[v.name]] for v in group)
 
         return starts(self.layout.states), starts(self.layout.discretes)
 
@@ -291,7 +292,7 @@ def _traced(cls: type[Component], component: Component) -> Graph:
         after = {d.name: law() for d, law in zip(members, laws, strict=True)}
         # the states of other clocks stay
         updates.append(
-            _column([after.get(d.name, component.__dict__[d.name]) for d in layout.discretes])
+            column([after.get(d.name, component.__dict__[d.name]) for d in layout.discretes])
         )
     return Graph(
         name=cls.name,
@@ -302,8 +303,8 @@ def _traced(cls: type[Component], component: Component) -> Graph:
         inputs=inputs,
         states=states,
         discretes=discretes,
-        rates=_column(component.rates()),
-        outputs=_column(component.outputs()),
+        rates=column(component.rates()),
+        outputs=column(component.outputs()),
         updates=tuple(updates),
         restorable=cls.engine is None,
     )
@@ -311,15 +312,10 @@ def _traced(cls: type[Component], component: Component) -> Graph:
 
 def _set_symbols(component: Component, group: Sequence[Declaration]) -> ca.SX:
     """Set variables of an instance to new symbols, and return these as a column."""
-    column = _column([ca.SX.sym(v.name) for v in group])
+    symbols = column(ca.SX.sym(v.name) for v in group)
     # not setattr: an effect of an input is a descriptor with the name of the input
-    component.__dict__.update(zip([v.name for v in group], ca.vertsplit(column), strict=True))
-    return column
-
-
-def _column(values: list[Any]) -> ca.SX:
-    """Return values as a column, which may be empty."""
-    return ca.vertcat(ca.SX(0, 1), *values)
+    component.__dict__.update(zip([v.name for v in group], ca.vertsplit(symbols), strict=True))
+    return symbols
 
 
 @uninterrupted()
@@ -423,28 +419,28 @@ class _Unknowns:
         else:
             unlisted |= {i for i, s in enumerate(layout.states, first.states) if not s.output}
         rows: dict[int, list[int]] = {}
-        for reference, column in columns.items():
-            rows |= enumerate(self._at_start(column), reference)
+        for reference, block in columns.items():
+            rows |= enumerate(self._at_start(block), reference)
         return {i: known for i, known in rows.items() if i not in unlisted}
 
-    def _at_start(self, column: ca.SX) -> list[list[int]]:
+    def _at_start(self, block: ca.SX) -> list[list[int]]:
         """Return the parameters and inputs that each element depends on at the start."""
         graph = self.graph
         states = [graph.states, graph.discretes]
-        (at_start,) = ca.substitute([column], states, list(graph.start))
+        (at_start,) = ca.substitute([block], states, list(graph.start))
         return self._references(at_start, ca.vertcat(graph.parameters, graph.inputs), 0)
 
-    def _between_events(self, reference: int, column: ca.SX) -> dict[int, list[int]]:
-        """Return the dependencies of a column on knowns, by value reference from the first on."""
+    def _between_events(self, reference: int, block: ca.SX) -> dict[int, list[int]]:
+        """Return the dependencies of a block on knowns, by value reference from the first on."""
         knowns = self.graph.continuous if self.states_known else self.graph.inputs
-        return dict(enumerate(self._references(column, knowns, self.first.inputs), reference))
+        return dict(enumerate(self._references(block, knowns, self.first.inputs), reference))
 
-    def _references(self, column: ca.SX, knowns: ca.SX, first: int) -> list[list[int]]:
+    def _references(self, block: ca.SX, knowns: ca.SX, first: int) -> list[list[int]]:
         """Return value references of the knowns, and of the time, that each element depends on."""
         references = list(range(first, first + knowns.numel()))
         symbols = [knowns]
         if self.time is not None:
             references.append(self.time)
             symbols.append(self.graph.time)
-        rows = self.graph.depends(column, ca.vertcat(*symbols))
+        rows = self.graph.depends(block, ca.vertcat(*symbols))
         return [[references[k] for k in row] for row in rows]
