@@ -1,8 +1,8 @@
 """Reading of shared libraries: format, processors, exports and required libraries.
 
 Headers of ELF (Linux), PE (Windows) and Mach-O (macOS, thin or universal) are read, from which it
-follows whether a host can load an FMU's binary. ELF is read by pyelftools; the layouts of the
-others are those of Microsoft's PE specification and of ``mach-o/loader.h``.
+follows whether a host can load an FMU's binary. ELF is read by pyelftools and PE by pefile; the
+layout of Mach-O is that of ``mach-o/loader.h``.
 """
 
 from __future__ import annotations
@@ -11,9 +11,10 @@ import io
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 from elftools.elf.elffile import ELFFile
+from pefile import DIRECTORY_ENTRY, PE
 
 
 class LibraryError(ValueError):
@@ -77,7 +78,7 @@ def read_library(contents: bytes) -> Library:
                 return reader(contents)
             except LibraryError:
                 raise
-            except Exception as error:  # of pyelftools any, as it also asserts
+            except Exception as error:  # the two libraries raise any: they also assert
                 raise LibraryError("damaged: a table in it points outside of the file") from error
     raise LibraryError("neither ELF nor PE nor Mach-O")
 
@@ -93,22 +94,6 @@ def _rows(contents: bytes, layout: str, offset: int, count: int) -> Iterator[tup
     if end > len(contents):
         raise struct.error
     return struct.iter_unpack(layout, contents[offset:end])
-
-
-class _Section(NamedTuple):
-    """A part of a file, and the address in memory at which it is loaded."""
-
-    address: int
-    size: int
-    offset: int
-
-
-def _file_offset(sections: Sequence[_Section], address: int) -> int:
-    """Return the offset in the file of an address in memory; ValueError if there is none."""
-    for section in sections:
-        if section.address <= address < section.address + section.size:
-            return address - section.address + section.offset
-    raise ValueError(address)
 
 
 # --- ELF
@@ -127,11 +112,10 @@ def _read_elf(contents: bytes) -> Library:
     if dynamic is None:
         raise LibraryError("an ELF file without a table for dynamic loading")
     symbols = list(dynamic.iter_symbols())
+    versions = _elf_versions(contents, elf, dynamic, len(symbols))
     exports = set()
     unsupplied = []
-    for symbol, version in zip(
-        symbols, _elf_versions(contents, elf, dynamic, len(symbols)), strict=True
-    ):
+    for symbol, version in zip(symbols, versions, strict=True):
         binding = symbol["st_info"]["bind"]
         if not symbol.name or binding not in ("STB_GLOBAL", "STB_WEAK"):
             continue
@@ -161,8 +145,7 @@ def _elf_versions(contents: bytes, elf: ELFFile, dynamic: Any, count: int) -> Se
 # --- PE
 
 _PE_MACHINES = {0x14C: "x86", 0x8664: "x86_64", 0xAA64: "arm64"}
-_DLL = 0x2000  # flag of the COFF header
-_PE32_PLUS = 0x20B  # format with addresses of 64 bits
+_PE_TABLES = ("IMAGE_DIRECTORY_ENTRY_EXPORT", "IMAGE_DIRECTORY_ENTRY_IMPORT")
 
 
 def _read_pe(contents: bytes) -> Library:
@@ -170,47 +153,22 @@ def _read_pe(contents: bytes) -> Library:
     start = struct.unpack_from("<I", contents, 60)[0]  # e_lfanew, where the PE signature is
     if contents[start : start + 4] != b"PE\0\0":
         raise LibraryError("an MS-DOS program, no Windows library")
-    header = struct.unpack_from("<HH12xHH", contents, start + 4)
-    machine, section_count, optional_size, flags = header
-    if not flags & _DLL:
+    pe: Any = PE(data=contents, fast_load=True, max_symbol_exports=len(contents))
+    if not pe.is_dll():
         raise LibraryError("a Windows program, but no DLL")
-    optional = start + 24  # header, after the signature and the COFF header
-    is_64_bit = struct.unpack_from("<H", contents, optional)[0] == _PE32_PLUS
-    directories = optional + (112 if is_64_bit else 96)
-    exports, imports = struct.unpack_from("<I4xI", contents, directories)
-    table = optional + optional_size
-    sections = [
-        _Section(address, max(size, raw), offset)
-        for size, address, raw, offset in _rows(contents, "<8xIIII16x", table, section_count)
-    ]
+    pe.parse_data_directories([DIRECTORY_ENTRY[name] for name in _PE_TABLES])
+    # pefile leaves out what it cannot read; of packed code it has suspicions
+    damage = [text for text in pe.get_warnings() if not text.startswith("Suspicious")]
+    if damage:
+        raise ValueError(damage[0])
+    exported = pe.DIRECTORY_ENTRY_EXPORT.symbols if hasattr(pe, "DIRECTORY_ENTRY_EXPORT") else []
+    machine = pe.FILE_HEADER.Machine
     return Library(
         format="PE",
         machines=(_PE_MACHINES.get(machine, hex(machine)),),
-        exports=frozenset(_pe_exports(contents, sections, exports)),
-        needs=tuple(_pe_imports(contents, sections, imports)),
+        exports=frozenset(one.name.decode() for one in exported if one.name),
+        needs=tuple(one.dll.decode() for one in getattr(pe, "DIRECTORY_ENTRY_IMPORT", [])),
     )
-
-
-def _pe_exports(contents: bytes, sections: Sequence[_Section], address: int) -> Iterator[str]:
-    """Yield the names in the export table at an address, which is 0 without one."""
-    if not address:
-        return
-    table = _file_offset(sections, address)
-    count, names = struct.unpack_from("<I4xI", contents, table + 24)  # NumberOfNames, ...
-    if not count:
-        return
-    for (name,) in _rows(contents, "<I", _file_offset(sections, names), count):
-        yield _read_text(contents, _file_offset(sections, name))
-
-
-def _pe_imports(contents: bytes, sections: Sequence[_Section], address: int) -> Iterator[str]:
-    """Yield the names of libraries in the import table at an address, which is 0 without one."""
-    if not address:
-        return
-    row = _file_offset(sections, address)
-    while name := struct.unpack_from("<12xI4x", contents, row)[0]:
-        yield _read_text(contents, _file_offset(sections, name))
-        row += 20
 
 
 # --- Mach-O

@@ -11,6 +11,7 @@ import subprocess
 import sysconfig
 from pathlib import Path
 
+import fmpy
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -63,6 +64,21 @@ def test_elf_is_read_as_readelf_does(fmu, tmp_path):
         unique = {row[7].split("@")[0] for row in rows if row[4] == "UNIQUE"}
         assert library.exports - unique == defined - unique, path
         assert set(library.unsupplied) == unbound, path
+
+
+def test_pe_is_read_as_objdump_does():
+    folder = Path(fmpy.__file__).parent / "sundials" / "x86_64-windows"
+    for name in ("sundials_core.dll", "sundials_nvecserial.dll"):
+        contents = (folder / name).read_bytes()
+        library = read_library(contents)
+        dump = binutils("objdump", "-p", str(folder / name))
+        assert list(library.needs) == re.findall(r"DLL Name: (\S+)", dump)
+        table = dump.partition("[Ordinal/Name Pointer] Table")[2]
+        assert library.exports == set(re.findall(r"^\s+\[.*\]\s(?:\+base.*\s)?(\S+)$", table, re.M))
+        assert library.machines == ("x86_64",)
+        for share in (0.05, 0.5, 0.8):
+            with pytest.raises(LibraryError, match="damaged"):
+                read_library(contents[: int(share * len(contents))])
 
 
 @on_linux
