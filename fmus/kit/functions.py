@@ -79,13 +79,16 @@ def _unary(name: str, scalar: Callable[[float], float], doc: str) -> Callable[[A
     return function
 
 
-def _binary(name: str, scalar: Callable[[Any, Any], Any], doc: str) -> Callable[[Any, Any], Any]:
+def _binary(
+    name: str, scalar: Callable[[Any, Any], Any], doc: str, in_library: str = ""
+) -> Callable[[Any, Any], Any]:
     """Make a function of two floats, arrays or symbols from a function of floats; see `_unary`."""
 
     def function(a: Any, b: Any) -> Any:
         if isinstance(a, _SCALARS) and isinstance(b, _SCALARS):
             return scalar(a, b)
-        return _library_function(name, b if isinstance(a, _SCALARS) else a)(a, b)
+        value = b if isinstance(a, _SCALARS) else a
+        return _library_function(in_library or name, value)(a, b)
 
     function.__name__ = name
     function.__doc__ = doc
@@ -119,6 +122,18 @@ logical_or = _binary(
     "logical_or", lambda a, b: bool(a or b), "Return ``a or b`` for conditions in laws."
 )
 logical_not = _unary("logical_not", lambda x: not x, "Return ``not x`` for conditions in laws.")
+minimum = _binary(
+    "minimum",
+    lambda a, b: a if a < b or b != b else b,
+    "Return the smaller of two values, element by element; like C's ``fmin`` it ignores a NaN.",
+    in_library="fmin",
+)
+maximum = _binary(
+    "maximum",
+    lambda a, b: a if a > b or b != b else b,
+    "Return the larger of two values, element by element; like C's ``fmax`` it ignores a NaN.",
+    in_library="fmax",
+)
 
 
 def where(condition: Any, yes: Any, no: Any) -> Any:
@@ -138,20 +153,6 @@ def where(condition: Any, yes: Any, no: Any) -> Any:
     if isinstance(condition, _SCALARS):
         return yes if condition else no
     return _library_function("where", condition)(condition, yes, no)
-
-
-def minimum(a: Any, b: Any) -> Any:
-    """Return the smaller of two values, element by element; like C's ``fmin`` it ignores a NaN."""
-    if isinstance(a, _SCALARS) and isinstance(b, _SCALARS):
-        return a if a < b or b != b else b
-    return _library_function("fmin", b if isinstance(a, _SCALARS) else a)(a, b)
-
-
-def maximum(a: Any, b: Any) -> Any:
-    """Return the larger of two values, element by element; like C's ``fmax`` it ignores a NaN."""
-    if isinstance(a, _SCALARS) and isinstance(b, _SCALARS):
-        return a if a > b or b != b else b
-    return _library_function("fmax", b if isinstance(a, _SCALARS) else a)(a, b)
 
 
 def clip(x: Any, low: Any, high: Any) -> Any:

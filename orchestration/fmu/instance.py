@@ -85,6 +85,14 @@ def bind_function(library: Any, name: str, *arguments: Any) -> Callable[..., int
     return function
 
 
+def positions_by_type(names: Sequence[str], variables: Mapping[str, Any]) -> dict[str, list[int]]:
+    """Return the positions of variables among names, by their type."""
+    positions_of: dict[str, list[int]] = {}
+    for position, name in enumerate(names):
+        positions_of.setdefault(type_of(variables[name]), []).append(position)
+    return positions_of
+
+
 def prepare_transfers(
     library: Any, verb: str, names: Sequence[str], variables: Mapping[str, Any]
 ) -> list[ValueTransfer]:
@@ -102,11 +110,8 @@ def prepare_transfers(
     -------
     list of ValueTransfer
     """
-    positions_of: dict[str, list[int]] = {}
-    for position, name in enumerate(names):
-        positions_of.setdefault(type_of(variables[name]), []).append(position)
     transfers = []
-    for kind, positions in positions_of.items():
+    for kind, positions in positions_by_type(names, variables).items():
         count = len(positions)
         typed_names = [names[position] for position in positions]
         value_references = [variables[name].valueReference for name in typed_names]
@@ -427,19 +432,17 @@ class Fmu:
 
     def last_time(self) -> float | None:
         """Return the time in s that the FMU says it has reached; None if it does not say."""
-        reached = ctypes.c_double()
-        get_time = self.bound(
-            "fmi2GetRealStatus", ctypes.c_int(fmi2.fmi2LastSuccessfulTime), ctypes.byref(reached)
-        )
-        return reached.value if get_time() <= fmi2.fmi2Warning else None
+        time = ctypes.c_double()
+        return self._status("fmi2GetRealStatus", fmi2.fmi2LastSuccessfulTime, time)
 
     def asks_to_end(self) -> bool:
         """Return whether the FMU discarded the last step to end the simulation."""
-        terminated = ctypes.c_int()
-        get_terminated = self.bound(
-            "fmi2GetBooleanStatus", ctypes.c_int(fmi2.fmi2Terminated), ctypes.byref(terminated)
-        )
-        return get_terminated() <= fmi2.fmi2Warning and bool(terminated.value)
+        return bool(self._status("fmi2GetBooleanStatus", fmi2.fmi2Terminated, ctypes.c_int()))
+
+    def _status(self, function: str, kind: int, memory: Any) -> Any:
+        """Return what the FMU says of the last step; None if it does not say."""
+        get_status = self.bound(function, ctypes.c_int(kind), ctypes.byref(memory))
+        return memory.value if get_status() <= fmi2.fmi2Warning else None
 
     def save(self) -> Any:
         """Return a copy of the FMU state for `restore`, to be freed by `release`.

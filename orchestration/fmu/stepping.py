@@ -55,7 +55,7 @@ class Course(NamedTuple):
         """
         if self.wanted is self.time:
             return result
-        taken = result[_last_before(self.time, self.wanted)]
+        taken = result[last_before(self.time, self.wanted)]
         for k in np.flatnonzero(continuous):
             taken[:, k] = np.interp(self.wanted, self.time, result[:, k])
         return taken
@@ -116,12 +116,12 @@ def plan_course(fmu: Fmu, time: Array, inputs: Mapping[str, Array]) -> Course:
     points = communication_points(fmu.description, wanted)
     table = np.empty((len(points), len(inputs)))
     for k, (name, values) in enumerate(inputs.items()):
-        held = values if points is wanted else values[_last_before(wanted, points)]
+        held = values if points is wanted else values[last_before(wanted, points)]
         table[:, k] = fmu.in_numbers(name, held)
     return Course(points, list(inputs), table, wanted)
 
 
-def _last_before(time: Array, instants: Array) -> Indices:
+def last_before(time: Array, instants: Array) -> Indices:
     """Return the index of the last of `time` that is not after each of `instants`."""
     rounding = _ROUNDING * float(np.median(np.diff(time)))
     index: Indices = np.searchsorted(time, instants + rounding, side="right") - 1

@@ -45,6 +45,10 @@ from fmus.kit.sampling import Sampling
 if TYPE_CHECKING:
     from fmus.kit.symbolic import Graph
 
+_PLACES = {  # group and element of annotations, and the attribute that names a tool, by version
+    2: ("VendorAnnotations", "Tool", "name"),
+    3: ("Annotations", "Annotation", "type"),
+}
 _TOOL = "ppy-rig"
 
 
@@ -89,8 +93,8 @@ class Provenance:
         return self.component or f"{self.file}:{self.cls}"
 
 
-def annotate_fmi2(root: Element, cls: type[Component], graph: Graph) -> None:
-    """Append the provenance of a component to a model description of FMI 2.0.
+def annotate(root: Element, cls: type[Component], graph: Graph, fmi: int) -> None:
+    """Append the provenance of a component to a model description.
 
     Nothing is appended for a user's class without effects, or for a class that no file defines
     under its name.
@@ -98,29 +102,17 @@ def annotate_fmi2(root: Element, cls: type[Component], graph: Graph) -> None:
     Parameters
     ----------
     root : Element
-        ``fmiModelDescription``, complete up to ``DefaultExperiment``.
+        ``fmiModelDescription``, complete up to what stands before annotations.
     cls : type[Component]
     graph : Graph
         The traced component.
+    fmi : {2, 3}
+        Version of FMI.
     """
     made_from = _made_from(cls, graph)
     if made_from is not None:
-        SubElement(SubElement(root, "VendorAnnotations"), "Tool", name=_TOOL).append(made_from)
-
-
-def annotate_fmi3(root: Element, cls: type[Component], graph: Graph) -> None:
-    """Append the provenance of a component to a model description of FMI 3.0.
-
-    Parameters
-    ----------
-    root : Element
-        ``fmiModelDescription``, complete up to ``ModelStructure``.
-    cls, graph
-        See :func:`annotate_fmi2`.
-    """
-    made_from = _made_from(cls, graph)
-    if made_from is not None:
-        SubElement(SubElement(root, "Annotations"), "Annotation", type=_TOOL).append(made_from)
+        group, item, name = _PLACES[fmi]
+        SubElement(SubElement(root, group), item, {name: _TOOL}).append(made_from)
 
 
 def _made_from(cls: type[Component], graph: Graph) -> Element | None:
@@ -192,9 +184,9 @@ def read_provenance(root: Element) -> Provenance | None:
     UserError
         If the sampling of an effect is not given by two numbers, or a term is incomplete.
     """
-    fmi2 = root.find(f"VendorAnnotations/Tool[@name='{_TOOL}']/MadeFrom")
-    fmi3 = root.find(f"Annotations/Annotation[@type='{_TOOL}']/MadeFrom")
-    element = fmi3 if fmi2 is None else fmi2
+    places = [f"{group}/{item}[@{name}='{_TOOL}']" for group, item, name in _PLACES.values()]
+    found = (root.find(f"{place}/MadeFrom") for place in places)
+    element = next((one for one in found if one is not None), None)
     if element is None:
         return None
     effects = {effect.get("name", ""): effect.attrib for effect in element.iterfind("Effect")}

@@ -36,10 +36,36 @@ def hoist(graph: Graph) -> tuple[Graph, ca.Function]:
     casadi.Function
         Values of the additional parameters, as a column, from the original parameters.
     """
-    rewriter = _Rewriter(graph)
-    rates, outputs, *updates = rewriter.rewritten_laws()
-    symbols = [symbol for symbol, _ in rewriter.hoisted.values()]
-    expressions = [expression for _, expression in rewriter.hoisted.values()]
+    hoisted: dict[int, tuple[ca.SX, ca.SX]] = {}  # symbol and expression, by its hash
+
+    def symbol_if_fixed(expression: _Expression) -> ca.SX:
+        """Hoist an expression that is fixed and no leaf: return its symbol, else the expression."""
+        value = expression.value
+        if not expression.is_fixed or value.is_constant() or value.is_symbolic():
+            return value
+        return hoisted.setdefault(value.element_hash(), (ca.SX.sym("hoisted"), value))[0]
+
+    def apply(operation: int, operands: list[_Expression]) -> _Expression:
+        """Apply an operation; the result is fixed if all operands are.
+
+        Otherwise fixed operands are replaced by their symbols.
+        """
+        is_fixed = all(operand.is_fixed for operand in operands)
+        values = [o.value if is_fixed else symbol_if_fixed(o) for o in operands]
+        return _Expression(apply_to_symbols(operation, values), is_fixed)
+
+    laws = ca.Function("laws", graph.arguments, [graph.rates, graph.outputs, *graph.updates])
+    arguments = [
+        [_Expression(symbol, is_fixed=k == _PARAMETERS) for symbol in ca.vertsplit(block)]
+        for k, block in enumerate(graph.arguments)
+    ]
+    results = [ca.SX.ones(laws.sparsity_out(i)) for i in range(laws.n_out())]
+    for result, elements in zip(results, carry_out(laws, arguments, _constant, apply), strict=True):
+        for k, element in enumerate(elements):
+            result.nz[k] = symbol_if_fixed(element)
+    rates, outputs, *updates = results
+    symbols = [symbol for symbol, _ in hoisted.values()]
+    expressions = [expression for _, expression in hoisted.values()]
     declared = [
         name_declaration(ParameterDeclaration(start=0.0, unit="1"), f"hoisted {k}")
         for k in range(len(symbols))
@@ -65,54 +91,3 @@ class _Expression(NamedTuple):
 
 def _constant(value: float) -> _Expression:
     return _Expression(ca.SX(value), is_fixed=True)
-
-
-class _Rewriter:
-    """Rewriter of a graph's laws with symbols for expressions that depend only on parameters.
-
-    Parameters
-    ----------
-    graph : Graph
-
-    Attributes
-    ----------
-    hoisted : dict of int to tuple of casadi.SX
-        Symbol and expression, by the hash of the expression.
-    """
-
-    def __init__(self, graph: Graph):
-        self.hoisted: dict[int, tuple[ca.SX, ca.SX]] = {}
-        self._arguments = graph.arguments
-        self._laws = ca.Function(
-            "laws", graph.arguments, [graph.rates, graph.outputs, *graph.updates]
-        )
-
-    def rewritten_laws(self) -> list[ca.SX]:
-        """Return rates, outputs and updates with symbols for hoisted expressions."""
-        laws = self._laws
-        arguments = [
-            [_Expression(symbol, is_fixed=k == _PARAMETERS) for symbol in ca.vertsplit(column)]
-            for k, column in enumerate(self._arguments)
-        ]
-        rewritten = carry_out(laws, arguments, _constant, self._apply)
-        results = [ca.SX.ones(laws.sparsity_out(i)) for i in range(laws.n_out())]
-        for result, elements in zip(results, rewritten, strict=True):
-            for k, element in enumerate(elements):
-                result.nz[k] = self._symbol_if_fixed(element)
-        return results
-
-    def _apply(self, operation: int, operands: list[_Expression]) -> _Expression:
-        """Apply an operation; the result is fixed (depends only on parameters) if all operands are.
-
-        Otherwise fixed operands are replaced by their symbols.
-        """
-        is_fixed = all(operand.is_fixed for operand in operands)
-        values = [o.value if is_fixed else self._symbol_if_fixed(o) for o in operands]
-        return _Expression(apply_to_symbols(operation, values), is_fixed)
-
-    def _symbol_if_fixed(self, expression: _Expression) -> ca.SX:
-        """Hoist an expression that is fixed and no leaf: return its symbol, else the expression."""
-        value = expression.value
-        if not expression.is_fixed or value.is_constant() or value.is_symbolic():
-            return value
-        return self.hoisted.setdefault(value.element_hash(), (ca.SX.sym("hoisted"), value))[0]

@@ -116,9 +116,7 @@ def held(record: Record, name: str, time: Array) -> Array:
     ndarray, shape (n,)
         In the unit of the record.
     """
-    tolerance = _ROUNDING * np.median(np.diff(record.time))
-    index = np.searchsorted(record.time, time + tolerance, side="right") - 1
-    return record.signals[name][np.clip(index, 0, None)]
+    return record.signals[name][np.clip(stepping.last_before(record.time, time), 0, None)]
 
 
 def with_changes(record: Record, time: Array) -> Array:
@@ -199,29 +197,39 @@ def simulate(
     """
     outputs = list(model.outputs)
     run = (outputs, time, dict(inputs), dict(parameters))
+    function: Callable[..., dict[str, Array]] = _simulate
+    arguments: tuple[Any, ...] = ((model.path.resolve(), model.tolerance), *run, files)
+    callbacks: dict[str, Callable[..., None]] = {"progress": progress, "note": note}
     if model.system is not None:
-        return _simulate_system(model.system, *run, isolation)
-    arguments = ((model.path.resolve(), model.tolerance), *run, files)
-    files.clear_log()
+        function, arguments, callbacks = _simulate_system, (model.system, *run), {}
+    else:
+        files.clear_log()
     if isolation is None:
-        return _simulate(*arguments, progress=progress, note=note)
+        return function(*arguments, **callbacks)
     with Process(isolation) as process:
         try:
-            results: dict[str, Array] = process.call(
-                _simulate, *arguments, callbacks={"progress": progress, "note": note}
-            )
+            results: dict[str, Array] = process.call(function, *arguments, callbacks=callbacks)
         except Ended as end:
             if end.interrupted:
                 raise KeyboardInterrupt from end
-            rows = process.progress.read_rows(end.state.point)
-            # of texts the process has left nothing but numbers
-            numeric = [name for name in outputs if model.outputs[name].type != "string"]
-            rows = rows if len(numeric) == len(outputs) else None
-            names = process.progress.rows_description() or outputs
-            points = stepping.communication_points(read_description(model.path), time)
-            message = f"{end.state.describe(points, model.path.name)}: {end.reason}"
-            raise _unfinished(message, points, names, rows) from end
+            raise _ended(end, process, model, time) from end
         return results
+
+
+def _ended(end: Ended, process: Process, model: Model, time: Array) -> UserError:
+    """Return the error of a run whose process has ended, with the rows that it has left.
+
+    Of a system nothing is left, and of texts nothing but numbers.
+    """
+    if model.system is not None:
+        where = end.state.describe(model.system.points(time), model.system.name)
+        return UserError(f"{where}: {end.reason}")
+    has_texts = any(signal.type == "string" for signal in model.outputs.values())
+    rows = None if has_texts else process.progress.read_rows(end.state.point)
+    names = process.progress.rows_description() or list(model.outputs)
+    points = stepping.communication_points(read_description(model.path), time)
+    message = f"{end.state.describe(points, model.path.name)}: {end.reason}"
+    return _unfinished(message, points, names, rows)
 
 
 def _simulate(
@@ -286,31 +294,8 @@ def _simulate_system(
     time: Array,
     inputs: Mapping[str, Array],
     parameters: Mapping[str, Value],
-    isolation: Limits | None,
 ) -> dict[str, Array]:
-    """Simulate a system; see `simulate`. A failure has no results of the points before."""
-    arguments = (system, time, inputs, parameters, outputs)
-    if isolation is None:
-        return _run_once(*arguments)
-    with Process(isolation) as process:
-        try:
-            results: dict[str, Array] = process.call(_run_once, *arguments)
-        except Ended as end:
-            if end.interrupted:
-                raise KeyboardInterrupt from end
-            where = end.state.describe(system.points(time), system.name)
-            raise UserError(f"{where}: {end.reason}") from end
-        return results
-
-
-def _run_once(
-    system: Source,
-    time: Array,
-    inputs: Mapping[str, Array],
-    parameters: Mapping[str, Value],
-    outputs: Sequence[str],
-) -> dict[str, Array]:
-    """Open a system and run it once; return its outputs, each of shape (n,)."""
+    """Open a system and run it once; see `simulate`."""
     with system.open() as runs:
         table = runs.run(time, inputs, parameters, outputs)
     return {name: table[:, k] for k, name in enumerate(outputs)}

@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from fmus.kit.build.description import common
 from fmus.kit.build.parameters import serialized
-from fmus.kit.build.provenance import annotate_fmi2
+from fmus.kit.build.provenance import annotate
 from fmus.kit.component import Component
 from fmus.kit.layout import Layout
 from fmus.kit.symbolic import Graph, dependencies
@@ -45,7 +45,7 @@ def describe_fmi2(
             node = SubElement(definitions, "SimpleType", name=name)
             SubElement(node, "Real", common.type_attributes(variable))
     common.append_experiment(root, cls)
-    annotate_fmi2(root, cls, graph)
+    annotate(root, cls, graph, 2)
     _append_variables(root, cls.layout)
     structure = dependencies(graph, states_known=can.directional_derivatives)
     _append_structure(root, structure)

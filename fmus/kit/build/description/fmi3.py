@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from fmus.kit.build.description import common
 from fmus.kit.build.parameters import serialized
-from fmus.kit.build.provenance import annotate_fmi3
+from fmus.kit.build.provenance import annotate
 from fmus.kit.build.toolchain import FOLDERS_OF_FMI_3
 from fmus.kit.component import Component
 from fmus.kit.layout import ArrayPlace, Clock, Layout
@@ -63,7 +63,7 @@ def describe_fmi3(
     clocks = range(first_clock, first_clock + len(layout.sampled) * can.clocks)
     _append_clocks(root, layout, clocks)
     _append_structure(root, layout, graph, can, clocks)
-    annotate_fmi3(root, cls, graph)
+    annotate(root, cls, graph, 3)
     return serialized(root)
 
 

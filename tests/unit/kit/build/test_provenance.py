@@ -10,7 +10,7 @@ import pytest
 
 from fmus.kit import UserError, stack
 from fmus.kit.build import plan_build
-from fmus.kit.build.provenance import Provenance, annotate_fmi2, read_provenance
+from fmus.kit.build.provenance import Provenance, annotate, read_provenance
 from fmus.kit.law_terms import LawTerm, law_term_effect
 from fmus.kit.sampling import Sampling
 from fmus.kit.sensors import sensor_lag
@@ -23,7 +23,7 @@ from tests.support.oscillator_model import Oscillator
 
 def annotated(cls):
     root = Element("fmiModelDescription")
-    annotate_fmi2(root, cls, trace(cls))
+    annotate(root, cls, trace(cls), 2)
     return root
 
 
