@@ -86,7 +86,7 @@ def bind_function(library: Any, name: str, *arguments: Any) -> Callable[..., int
 
 
 def positions_by_type(names: Sequence[str], variables: Mapping[str, Any]) -> dict[str, list[int]]:
-    """Return the positions of variables among names, by their type."""
+    """Return the positions of variables among names by type, in the order of the calls."""
     positions_of: dict[str, list[int]] = {}
     for position, name in enumerate(names):
         positions_of.setdefault(type_of(variables[name]), []).append(position)

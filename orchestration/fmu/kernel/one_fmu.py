@@ -10,7 +10,7 @@ import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array
-from orchestration.fmu.instance import Fmu
+from orchestration.fmu.instance import Fmu, positions_by_type
 from orchestration.fmu.isolation import describe_rows
 from orchestration.fmu.kernel import library
 from orchestration.fmu.kernel.program import (
@@ -165,11 +165,8 @@ def _add_transfers(
     of other types are copied from or to their columns.
     """
     columns = _reals_first(fmu, names)
-    positions_of: dict[str, list[int]] = {}  # by type, in the order of the calls
-    for k, name in enumerate(names):
-        positions_of.setdefault(type_of(fmu.variable(name)), []).append(k)
     values = Values.in_rows(table)
-    for kind, positions in positions_of.items():
+    for kind, positions in positions_by_type(names, fmu.variables).items():
         call = fmu.bound(f"fmi2{verb}{kind.capitalize()}")
         references = [fmu.variable(names[k]).valueReference for k in positions]
         places = [columns.index(k) for k in positions]
