@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from inspect import isfunction, signature
+from itertools import chain
 from math import inf, prod
 from typing import Any, NamedTuple
 
@@ -106,7 +107,12 @@ class Layout:
     @property
     def variables(self) -> tuple[Declaration, ...]:
         """Every declared variable in memory order, without the derivatives."""
-        return (*self.parameters, *self.inputs, *self.states, *self.discretes, *self.outputs)
+        return (*chain(*self.arguments), *self.outputs)
+
+    @property
+    def arguments(self) -> tuple[tuple[Declaration, ...], ...]:
+        """Groups of the variables that laws are functions of, besides the time."""
+        return self.parameters, self.inputs, self.states, self.discretes
 
     @property
     def names(self) -> list[str]:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
-from types import TracebackType
-from typing import Protocol, Self
+from typing import Protocol
 
 import numpy as np
 
@@ -13,17 +13,8 @@ from fmus.kit.arrays import Array
 from orchestration.fmu.signal import Value
 
 
-class RepeatedRuns(Protocol):
+class RepeatedRuns(AbstractContextManager["RepeatedRuns"], Protocol):
     """A model that is opened once and run many times; a context manager."""
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
 
     @property
     def inputs(self) -> list[str]:

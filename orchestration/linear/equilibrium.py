@@ -20,7 +20,7 @@ from fmus.kit.declare import Declaration
 from fmus.kit.errors import UserError, suggestion
 from fmus.kit.interrupt import uninterrupted
 from fmus.kit.symbolic import Graph
-from orchestration.linear.operating_point import OperatingPoint, groups_of, with_outputs
+from orchestration.linear.operating_point import OperatingPoint, with_outputs
 from orchestration.reporting import option
 
 _MOST_STEPS = 100
@@ -162,7 +162,7 @@ def _equations(
     """Return the equations, with values for all variables that are known."""
     constants = _integrals(graph) - targets.keys()
     names = {*start.states, *start.discretes, *request.free} - constants
-    variables = [variable for group in groups_of(graph) for variable in group]
+    variables = [variable for group in graph.layout.arguments for variable in group]
     places = [k for k, variable in enumerate(variables) if variable.name in names]
     unknowns = [variables[k] for k in places]
     nominal = np.array([variable.nominal for variable in unknowns])

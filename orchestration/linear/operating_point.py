@@ -10,7 +10,6 @@ import numpy as np
 
 from fmus.kit import UserError
 from fmus.kit.arrays import Array, Signals
-from fmus.kit.declare import Declaration
 from fmus.kit.interrupt import uninterrupted
 from fmus.kit.record import CompiledModel
 from fmus.kit.symbolic import Graph
@@ -74,7 +73,7 @@ class OperatingPoint:
     def arguments(self, graph: Graph) -> list[Array]:
         """Return the arguments of the functions of a graph."""
         values = self.parameters | self.inputs | self.states | self.discretes
-        vectors = [np.array([values[v.name] for v in group]) for group in groups_of(graph)]
+        vectors = [np.array([values[v.name] for v in group]) for group in graph.layout.arguments]
         return [np.array([self.time]), *vectors]
 
     def updated(self, values: Mapping[str, float]) -> OperatingPoint:
@@ -86,12 +85,6 @@ class OperatingPoint:
         return replace(
             self, parameters=parameters, inputs=inputs, states=states, discretes=discretes
         )
-
-
-def groups_of(graph: Graph) -> tuple[Sequence[Declaration], ...]:
-    """Return parameters, inputs, states and discrete states, as the functions of a graph do."""
-    layout = graph.layout
-    return layout.parameters, layout.inputs, layout.states, layout.discretes
 
 
 def rest_notes(
@@ -172,7 +165,7 @@ def start_point(graph: Graph, settings: Mapping[str, float]) -> OperatingPoint:
     """
     parameters, inputs, states, discretes = (
         {v.name: float(value) for v, value in zip(group, vector, strict=True)}
-        for group, vector in zip(groups_of(graph), graph.point(**settings), strict=True)
+        for group, vector in zip(graph.layout.arguments, graph.point(**settings), strict=True)
     )
     return OperatingPoint(0.0, parameters, inputs, states, discretes)
 

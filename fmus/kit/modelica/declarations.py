@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from fmus.kit.component import Component
-from fmus.kit.declare import Declaration, DiscreteDeclaration, StateDeclaration
+from fmus.kit.declare import Declaration
 from fmus.kit.modelica.annotations import placements
 from fmus.kit.modelica.connectors import SIGNALS, connector_class, signal_class
-from fmus.kit.modelica.names import comment, identifier, real, string
+from fmus.kit.modelica.names import comment, identifier, modification, real, string
 from fmus.kit.modelica.registers import Register
 from fmus.kit.units import to_modelica
 
@@ -46,12 +46,17 @@ def declarations(
         if p.name not in elements
     ]
     lines += [line for register in registers for line in _array_declarations(cls, register)]
-    lines += _input_declarations(cls, places)
-    lines += _state_declarations(cls, places, elements) if states else []
     lines += [
-        declaration(signal_class(v.type, "Output"), v, {}, annotation=places[v.name])
-        for v in (cls.layout.outputs if states else cls.layout.shown)
+        _signal(v, "Input", {"start": literal(v.start, v.type)}, places) for v in cls.layout.inputs
     ]
+    if states:
+        starts = cls.layout.start_of
+        for v in (*cls.layout.states, *cls.layout.discretes):
+            if v.name not in elements:
+                start = {"start": identifier(starts[v.name]), "fixed": "true"}
+                lines.append(_signal(v, "Output", start, places))
+    outputs = cls.layout.outputs if states else cls.layout.shown
+    lines += [_signal(v, "Output", {}, places) for v in outputs]
     for port in cls.ports:
         about = comment(f"of {port.name}")
         for name in port.connectors:
@@ -60,15 +65,12 @@ def declarations(
     return lines
 
 
-def _input_declarations(cls: type[Component], places: Mapping[str, str]) -> list[str]:
-    """Write the declarations of inputs: as connectors, except those of ports."""
-    at_ports = {name for port in cls.ports for name in port.variables}
-    lines = []
-    for v in cls.layout.inputs:
-        prefix = SIGNALS[v.type] if v.name in at_ports else signal_class(v.type, "Input")
-        start = {"start": literal(v.start, v.type)}
-        lines.append(declaration(prefix, v, start, annotation=places.get(v.name, "")))
-    return lines
+def _signal(
+    v: Declaration, causality: str, attributes: Mapping[str, str], places: Mapping[str, str]
+) -> str:
+    """Declare a variable: as a connector if it has a place on the icon."""
+    prefix = signal_class(v.type, causality) if v.name in places else SIGNALS[v.type]
+    return declaration(prefix, v, attributes, annotation=places.get(v.name, ""))
 
 
 def _array_declarations(cls: type[Component], register: Register) -> list[str]:
@@ -90,22 +92,6 @@ def _array_declarations(cls: type[Component], register: Register) -> list[str]:
         f"{comment(f'values of {register.name} at the start')};",
         f"Real {register.array}{size}(start={start}, each fixed=true, {unit}){comment(state.doc)};",
     ]
-
-
-def _state_declarations(
-    cls: type[Component], places: Mapping[str, str], omitted: Collection[str]
-) -> list[str]:
-    """Write the declarations of continuous and discrete states, with their start values."""
-    layout = cls.layout
-    states: list[StateDeclaration | DiscreteDeclaration] = [*layout.states, *layout.discretes]
-    lines = []
-    for state in states:
-        if state.name in omitted:
-            continue
-        prefix = signal_class(state.type, "Output") if state.output else SIGNALS[state.type]
-        start = {"start": identifier(layout.start_of[state.name]), "fixed": "true"}
-        lines.append(declaration(prefix, state, start, annotation=places.get(state.name, "")))
-    return lines
 
 
 def declaration(
@@ -146,10 +132,9 @@ def declaration(
     if v.type != "boolean":
         limits = {"min": v.min, "max": v.max}
         modifiers |= {k: literal(x, v.type) for k, x in limits.items() if math.isfinite(x)}
-    items = ", ".join(f"{key}={text}" for key, text in modifiers.items())
-    listed = f"({items})" if items else ""
+    declared = f"{prefix} {identifier(name or v.name)}{modification(modifiers)}"
     assigned = f" = {value}" if value else ""
-    return f"{prefix} {identifier(name or v.name)}{listed}{assigned}{comment(v.doc)}{annotation};"
+    return f"{declared}{assigned}{comment(v.doc)}{annotation};"
 
 
 def literal(value: float, type: str) -> str:

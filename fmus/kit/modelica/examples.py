@@ -25,6 +25,7 @@ from fmus.kit.modelica.names import (
     comment,
     identifier,
     indented,
+    modification,
     real,
     wrapped,
 )
@@ -173,18 +174,16 @@ class _Model:
             cls = self.members[member]
             at_ports = {name for port in cls.ports for name in port.variables}
             modifiers = {
-                p.name: literal(float(declared.values[p.name]), p.type)
+                identifier(p.name): literal(float(declared.values[p.name]), p.type)
                 for p in cls.layout.parameters
                 if p.name in declared.values
             }
             for v in cls.layout.inputs:
                 if v.name not in at_ports and (member, v.name) not in connected:
                     constant = literal(float(declared.values.get(v.name, v.start)), v.type)
-                    modifiers[v.name] = given.get((member, v.name), constant)
+                    modifiers[identifier(v.name)] = given.get((member, v.name), constant)
             package = f"{PACKAGE}.{EXAMPLES}" if declared.effects else PACKAGE
-            items = ", ".join(f"{identifier(name)}={text}" for name, text in modifiers.items())
-            modifier = f"({items})" if items else ""
-            yield f"{package}.{class_name(cls.name)} {identifier(member)}{modifier}"
+            yield f"{package}.{class_name(cls.name)} {identifier(member)}{modification(modifiers)}"
 
     def _sources(self) -> Iterator[str]:
         """Declare the sources at ports, and references."""

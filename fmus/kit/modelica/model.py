@@ -22,6 +22,7 @@ from fmus.kit.modelica.names import (
     comment,
     identifier,
     indented,
+    modification,
     real,
     string,
     wrapped,
@@ -118,7 +119,7 @@ class TracedModel:
         sampled = [self._sampled(k, taken) for k in range(len(self.layout.sampled))]
         protected = [self.auxiliary(a) for a in continuous.auxiliaries]
         for part in sampled:
-            protected += [self.auxiliary(a, "start=0.0, fixed=true") for a in part.auxiliaries]
+            protected += [self.auxiliary(a, is_sampled=True) for a in part.auxiliaries]
         protected += [f"Boolean {name};" for name in events]
         name = class_name(self.cls.name)
         lines = [
@@ -136,14 +137,14 @@ class TracedModel:
         lines += [f"  {annotation(self.cls)}", f"end {name};"]
         return "\n".join(lines) + "\n"
 
-    def auxiliary(self, auxiliary: Definition, start: str = "") -> str:
-        """Write the declaration of an auxiliary variable, with attributes of its start."""
+    def auxiliary(self, auxiliary: Definition, is_sampled: bool = False) -> str:
+        """Declare an auxiliary variable, which starts at zero if it is sampled."""
+        attributes = {"start": "0.0", "fixed": "true"} if is_sampled else {}
         unit = self.units.get(auxiliary.law, "")
-        of_unit = f"unit={string(to_modelica(unit))}" if unit and unit != "1" else ""
-        items = ", ".join(filter(None, (start, of_unit)))
-        attributes = f"({items})" if items else ""
+        if unit and unit != "1":
+            attributes["unit"] = string(to_modelica(unit))
         about = summary(getattr(self.cls, auxiliary.law)) if auxiliary.law else ""
-        return f"Real {auxiliary.text}{attributes}{comment(about)};"
+        return f"Real {auxiliary.text}{modification(attributes)}{comment(about)};"
 
     def _continuous(self, taken: set[str], events: Sequence[str]) -> EquationSet:
         """Write the equations of rates, outputs and events.
@@ -214,7 +215,7 @@ class TracedModel:
         """
         layout = self.layout
         arguments = [[symbol("time")]]
-        for group in (layout.parameters, layout.inputs, layout.states, layout.discretes):
+        for group in layout.arguments:
             arguments.append([symbol(texts[v.name], v.type == "boolean") for v in group])
         laws = ca.vertcat(ca.SX(0, 1), *self.laws.values())
         intermediates = ca.vertcat(ca.SX(0, 1), *(value for _, value in self.intermediates))

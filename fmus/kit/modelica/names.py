@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 
 from fmus.kit.errors import UserError
 
@@ -72,6 +72,12 @@ def comment(text: str) -> str:
     """Write the comment of an element with a space before it; return an empty text for none."""
     plain = text.replace("``", "")  # literals of a docstring
     return f" {string(plain)}" if text else ""
+
+
+def modification(values: Mapping[str, str]) -> str:
+    """Write the modification of an element by values, in brackets; an empty text for none."""
+    items = ", ".join(f"{name}={value}" for name, value in values.items())
+    return f"({items})" if items else ""
 
 
 def indented(lines: Iterable[str]) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import chain
 from math import isclose
 from typing import NamedTuple
 
@@ -171,10 +172,9 @@ def units_of_laws(cls: type[Component], laws: Iterable[str]) -> dict[str, str]:
     dict of str to str
         Unit by law, in its usual spelling; empty if it is not determined.
     """
-    layout = cls.layout
     declared = {required.law: Unit(required.powers) for required in required_units(cls)}
     calls = Calls(cls)
-    for v in (*layout.parameters, *layout.inputs, *layout.states, *layout.discretes):
+    for v in chain(*cls.layout.arguments):
         if v.type == "real":
             calls.instance.__dict__[v.name] = Symbol(units.powers_of_names(v.unit))
     calls.instance.time = Symbol({"s": 1.0})

@@ -271,9 +271,8 @@ def _model_lines(number: int, member: Graph | FmuMember, functions: list[ca.Func
     prefix = f"laws_{number}"
     layout = member.layout
     updates = [f"{prefix}_update_{i}" for i in range(len(layout.sampled))]
-    groups = (layout.parameters, layout.inputs, layout.states, layout.discretes, layout.outputs)
     sizes = work_sizes(functions).values() if functions else (0, 0, 0, 0)
-    counts = [*map(len, (*groups, layout.sampled)), *sizes]
+    counts = [*map(len, (*layout.arguments, layout.outputs, layout.sampled)), *sizes]
     return [
         *variable_tables(layout, prefix),
         f"static Law *const {prefix}_updates[] = {{{', '.join([*updates, 'NULL'])}}};",

@@ -156,12 +156,11 @@ def _at_random_points(
     The second values are at points that differ from the first only in moving arguments.
     """
     draw = random.Random(_SEED)  # NumPy's generators may change from version to version
-    groups = (layout.parameters, layout.inputs, layout.states, layout.discretes)
 
     def arguments_at_points() -> list[npt.NDArray[np.float64]]:
         times = [draw.random() for _ in range(_POINTS)]
         columns = [times]
-        for group in groups:
+        for group in layout.arguments:
             columns.append([_draw_typical(v, draw) for v in group for _ in range(_POINTS)])
         return [np.reshape(column, (-1, _POINTS)) for column in columns]
 

@@ -26,6 +26,8 @@ from fmus.kit.symbolic.digest import digest
 from fmus.kit.symbolic.instructions import column
 from fmus.kit.symbolic.switching import event_indicators
 
+_ARGUMENTS = ("time", "parameters", "inputs", "states", "discretes")
+
 
 @dataclass(frozen=True)
 class Graph:
@@ -64,7 +66,7 @@ class Graph:
     @property
     def arguments(self) -> list[ca.SX]:
         """Arguments of every generated function."""
-        return [self.time, self.parameters, self.inputs, self.states, self.discretes]
+        return [getattr(self, name) for name in _ARGUMENTS]
 
     @property
     @uninterrupted()
@@ -125,11 +127,8 @@ class Graph:
         ]
         if tangent:
             seeds = [
-                ca.SX.sym("dtime"),
-                ca.SX.sym("dparameters", self.parameters.numel()),
-                ca.SX.sym("dinputs", self.inputs.numel()),
-                ca.SX.sym("dstates", self.states.numel()),
-                ca.SX.sym("ddiscretes", self.discretes.numel()),
+                ca.SX.sym(f"d{name}", symbols.numel())
+                for name, symbols in zip(_ARGUMENTS, arguments, strict=True)
             ]
             known = ca.vertcat(*arguments)
             seed = ca.vertcat(*seeds)
@@ -231,14 +230,13 @@ class Graph:
             If there is no variable of a name.
         """
         layout = self.layout
-        groups = (layout.parameters, layout.inputs, layout.states, layout.discretes)
-        unknown = set(values) - {v.name for group in groups for v in group}
+        unknown = set(values) - {v.name for group in layout.arguments for v in group}
         if unknown:
             raise UserError(f"{self.name}: no parameter, input or state named {min(unknown)!r}")
         known = {v.name: v.start for v in (*layout.parameters, *layout.inputs)} | values
         starts = {state: known[parameter] for state, parameter in layout.start_of.items()}
         point = starts | known
-        return [np.array([float(point[v.name]) for v in group]) for group in groups]
+        return [np.array([float(point[v.name]) for v in group]) for group in layout.arguments]
 
 
 def trace(cls: type[Component]) -> Graph:
@@ -282,10 +280,9 @@ def _traced(cls: type[Component], component: Component) -> Graph:
     """Return the graph of an instance, whose variables are set to symbols."""
     layout = cls.layout
     component.time = ca.SX.sym("time")
-    parameters = _set_symbols(component, layout.parameters)
-    inputs = _set_symbols(component, layout.inputs)
-    states = _set_symbols(component, layout.states)
-    discretes = _set_symbols(component, layout.discretes)
+    parameters, inputs, states, discretes = (
+        _set_symbols(component, group) for group in layout.arguments
+    )
     updates = []
     for _, members in layout.sampled:
         laws = component.laws([d.update for d in members])
@@ -373,7 +370,7 @@ class _Unknowns:
     @cached_property
     def first(self) -> _FirstReferences:
         layout = self.graph.layout
-        groups = (layout.parameters, layout.inputs, layout.states, layout.discretes, layout.outputs)
+        groups = (*layout.arguments, layout.outputs)
         return _FirstReferences(*itertools.accumulate(map(len, groups), initial=0))
 
     def outputs(self) -> dict[int, list[int]]:
