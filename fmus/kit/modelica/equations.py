@@ -9,13 +9,11 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from fmus.kit.modelica.expressions import ExpressionNode, Writer, described
+from fmus.kit.modelica.expressions import EQUALITIES, ExpressionNode, Writer, described
 from fmus.kit.modelica.names import identifier
 
 _RELATION = re.compile("[<>]")
 _SIGNS = {ca.OP_NEG, ca.OP_NOT}
-# operations whose text has the operands twice, as Modelica has no equality of Reals
-_OPERANDS_WRITTEN_TWICE = {ca.OP_EQ, ca.OP_NE}
 
 
 @dataclass(frozen=True)
@@ -138,7 +136,8 @@ def _nodes_with_names(
         if has_name:
             named.append(node)
         written = 1 if has_name else uses[node]
-        per_text = 2 if node.operation in _OPERANDS_WRITTEN_TWICE else 1
+        # Modelica has no equality of Reals, in whose place the operands stand twice
+        per_text = 2 if node.operation in EQUALITIES else 1
         for operand in node.operands:
             uses[operand] += per_text * written
     return named[::-1]

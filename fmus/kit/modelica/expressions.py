@@ -43,22 +43,24 @@ _FUNCTIONS = {
 }
 _LONGEST_NAME = 40  # composed of names of operands
 _SYMBOL, _CONSTANT, _IF = -1, -2, -3  # further kinds of nodes, which are no CasADi operations
-# how the value of an operation is called, and what stands between the names of its operands
+# what the value of an operation is called
 _NOUNS = {
-    ca.OP_ADD: ("sum", "plus"),
-    ca.OP_SUB: ("difference", "minus"),
-    ca.OP_MUL: ("product", "times"),
-    ca.OP_DIV: ("quotient", "over"),
-    ca.OP_SQ: ("square", ""),
-    ca.OP_TWICE: ("twice", ""),
-    ca.OP_INV: ("reciprocal", ""),
-    ca.OP_NEG: ("negative", ""),
-    ca.OP_POW: ("power", ""),
-    ca.OP_CONSTPOW: ("power", ""),
-    ca.OP_IF_ELSE_ZERO: ("choice", ""),
-    _IF: ("choice", ""),
+    ca.OP_ADD: "sum",
+    ca.OP_SUB: "difference",
+    ca.OP_MUL: "product",
+    ca.OP_DIV: "quotient",
+    ca.OP_SQ: "square",
+    ca.OP_TWICE: "twice",
+    ca.OP_INV: "reciprocal",
+    ca.OP_NEG: "negative",
+    ca.OP_POW: "power",
+    ca.OP_CONSTPOW: "power",
+    ca.OP_IF_ELSE_ZERO: "choice",
+    _IF: "choice",
 }
-_EQUALITIES = {ca.OP_EQ, ca.OP_NE}
+# what stands between the names of its operands, instead of the noun before them
+_BETWEEN = {ca.OP_ADD: "plus", ca.OP_SUB: "minus", ca.OP_MUL: "times", ca.OP_DIV: "over"}
+EQUALITIES = {ca.OP_EQ, ca.OP_NE}
 
 
 class _Form(NamedTuple):
@@ -110,7 +112,7 @@ _FORMS_OF_TRUTHS = {
     ca.OP_IF_ELSE_ZERO: _Form("{} and {}", _AND, (_AND, _AND), 2),
     _IF: _Form(_TEXT_OF_CHOICE, _CHOICE, _BRANCHES, 3),
 }
-_TRUTHS = {ca.OP_LT, ca.OP_LE, ca.OP_AND, ca.OP_OR, ca.OP_NOT, *_EQUALITIES}
+_TRUTHS = {ca.OP_LT, ca.OP_LE, ca.OP_AND, ca.OP_OR, ca.OP_NOT, *EQUALITIES}
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,14 +194,15 @@ def described(node: ExpressionNode, names: Mapping[ExpressionNode, str]) -> str:
         operation, such as ``product``, if they have none or are long.
     """
     function = _FUNCTIONS.get(node.operation, "").rpartition(".")[2]
-    noun, between = _NOUNS.get(node.operation, (f"{function}_value", ""))
+    noun = _NOUNS.get(node.operation, f"{function}_value")
     operands = [names.get(o, o.text) for o in node.operands]
     words = [re.sub(r"^pre\((.*)\)$", r"\1", text) for text in operands]
     if not all(words):
         return noun
-    name = (
-        f"_{between}_".join(words) if between else "_".join([noun.removesuffix("_value"), *words])
-    )
+    if node.operation in _BETWEEN:
+        name = f"_{_BETWEEN[node.operation]}_".join(words)
+    else:
+        name = "_".join([noun.removesuffix("_value"), *words])
     return name if len(name) <= _LONGEST_NAME else noun
 
 
@@ -297,7 +300,7 @@ def _with_both_branches(condition: ExpressionNode, yes: ExpressionNode) -> Expre
 def _form(node: ExpressionNode) -> _Form:
     """Return the text of an operation by the types of its operands."""
     has_truths = node.is_boolean
-    if node.operation in _EQUALITIES:
+    if node.operation in EQUALITIES:
         has_truths = all(o.is_boolean for o in node.operands)
     if has_truths and node.operation in _FORMS_OF_TRUTHS:
         return _FORMS_OF_TRUTHS[node.operation]
