@@ -47,24 +47,12 @@ class DelayLine:
         return f"{self.name}_delay"
 
     @property
-    def _latest(self) -> str:
-        return f"{self.delay}_sample"
-
-    @property
-    def _instant(self) -> str:
-        return f"{self.delay}_instant"
-
-    @property
-    def _started(self) -> str:
-        return f"{self.delay}_started"
-
-    @property
-    def _begin(self) -> str:
-        return f"{self.delay}_begin"
-
-    @property
     def _changes(self) -> list[str]:
-        return [f"{self.delay}_change_{k}" for k in range(1, DELAY_SAMPLES + 1)]
+        return [self._own(f"change_{k}") for k in range(1, DELAY_SAMPLES + 1)]
+
+    def _own(self, part: str) -> str:
+        """Return the name of a variable of the line."""
+        return f"{self.delay}_{part}"
 
     def delayed(self, component: Any, value: Any) -> Any:
         """Return the delayed value: the present one less all changes within the time of the delay.
@@ -80,7 +68,7 @@ class DelayLine:
         if self.is_held:
             delay = delay + 0.5 * minimum(delay, self.period)
         # change since the latest sample: linear in time, over a time that is not zero
-        age = maximum(component.time - getattr(component, self._instant), 1e-9 * self.period)
+        age = maximum(component.time - getattr(component, self._own("instant")), 1e-9 * self.period)
         undone = minimum(delay / age, 1.0) * self._change_since_sample(component, value)
         # changes in the periods before it: linear from sample to sample
         periods = (delay - age) / self.period
@@ -90,8 +78,8 @@ class DelayLine:
 
     def elapsed(self, component: Any) -> Any:
         """Return the time since the start, s; 0 before the first sample."""
-        since = maximum(component.time - getattr(component, self._begin), 0.0)
-        return where(getattr(component, self._started), since, 0.0)
+        since = maximum(component.time - getattr(component, self._own("begin")), 0.0)
+        return where(getattr(component, self._own("started")), since, 0.0)
 
     def variables(self, doc: str) -> dict[str, Any]:
         """Return the variables by name; the first one is the delay.
@@ -112,14 +100,16 @@ class DelayLine:
         )
         at_sample = partial(Discrete, period=self.period, is_memory=True)
         declared = {
-            self._latest: partial(at_sample, doc=f"{self.name} at the latest sample", **self.about),
-            self._instant: partial(
+            self._own("sample"): partial(
+                at_sample, doc=f"{self.name} at the latest sample", **self.about
+            ),
+            self._own("instant"): partial(
                 at_sample, unit="s", doc=f"time of the latest sample of {self.name}"
             ),
-            self._started: partial(
-                at_sample, unit="1", type="boolean", doc=f"whether {self._latest} is known"
+            self._own("started"): partial(
+                at_sample, unit="1", type="boolean", doc=f"whether {self._own('sample')} is known"
             ),
-            self._begin: partial(
+            self._own("begin"): partial(
                 Discrete, "s", period=ONCE, is_memory=True, doc="time of the start"
             ),
         }
@@ -132,10 +122,10 @@ class DelayLine:
     def updates(self) -> dict[str, Law]:
         """Return the update laws of the variables by name, from the instance and the value."""
         laws: dict[str, Law] = {
-            self._latest: lambda component, value: value,
-            self._instant: lambda component, value: component.time,
-            self._started: lambda component, value: 1.0,
-            self._begin: lambda component, value: component.time,
+            self._own("sample"): lambda component, value: value,
+            self._own("instant"): lambda component, value: component.time,
+            self._own("started"): lambda component, value: 1.0,
+            self._own("begin"): lambda component, value: component.time,
         }
         # at a sample the register shifts by one place
         shifted = [self._change_since_sample, *map(_held, self._changes[:-1])]
@@ -144,8 +134,8 @@ class DelayLine:
 
     def _change_since_sample(self, component: Any, value: Any) -> Any:
         # none before there is a sample
-        started = getattr(component, self._started)
-        return value - where(started, getattr(component, self._latest), value)
+        started = getattr(component, self._own("started"))
+        return value - where(started, getattr(component, self._own("sample")), value)
 
 
 def _held(name: str) -> Law:
