@@ -73,7 +73,7 @@ def test_the_docstring_has_every_option():
     assert text.startswith(
         "Look for something.\n\nParameters\n----------\nrecord : str\n    Where.\n"
     )
-    assert "\nhold : sequence of str\n    Parameters that are known and not fitted.\n" in text
+    assert "\nhold : sequence of str\n    Parameters that are known and not fitted." in text
     assert '\ntime : float in s or str such as "10s", optional\n' in text
     assert text.endswith("\n\nReturns\n-------\ndict")
 
