@@ -333,10 +333,11 @@ def _logarithm(errors: Array) -> Array:
 
 
 def _best_of_each_kind(trials: Sequence[_Trial]) -> Iterator[_Trial]:
-    """Yield the best of each kind, each with other columns."""
+    """Yield the best of each kind, of inputs and of outputs, each with other columns."""
     taken: dict[object, int] = {}
     for trial in sorted(trials, key=_implausibility):
-        kind, source = trial.reading.kind, trial.reading.source
+        kind = trial.reading.kind, trial.reading.is_command
+        source = trial.reading.source
         if taken.get(kind, 0) < _OF_A_KIND and source not in taken:
             taken[kind] = taken.get(kind, 0) + 1
             taken[source] = 1
@@ -385,13 +386,21 @@ def _refined(trial: _Trial | None) -> _Trial | None:
 
 
 def _shifted(trial: _Trial) -> _Trial | None:
-    """Return a trial with the values of its reading that are best; None if none is better."""
+    """Return a trial with the values of its reading that are best; None if none is better.
+
+    With the parameters as they are or a step further, since they have made up for a wrong shift.
+    """
     change = _best_change(trial)
     moved = None if change is None else _moved(trial, change)
     if moved is None:
         return None
-    misfit = _misfit(moved.problem, trial.point)
-    return replace(moved, misfit=misfit) if misfit < trial.misfit else None
+    points = [trial.point]
+    runs = _runs(moved.problem, trial.point)
+    if runs is not None:
+        points.append(_stepped(moved.problem, trial.point, runs)[0])
+    tried = [replace(moved, point=p, misfit=_misfit(moved.problem, p)) for p in points]
+    best = min(tried, key=lambda t: t.misfit)
+    return best if best.misfit < trial.misfit else None
 
 
 def _best_change(trial: _Trial) -> Array | None:

@@ -327,8 +327,11 @@ def blocks_of(
     states = tuple(v.name for v in layout.states)
     discretes = tuple(v.name for v in layout.discretes)
     inputs = tuple(v.name for v in layout.inputs)
-    matrices = (function or jacobians(graph)).call(point.arguments(graph))
-    rates, outputs, *sampled = (matrix.full() for matrix in matrices)
+    function = function or jacobians(graph)
+    rates, outputs, *sampled = (m.full() for m in function.call(point.arguments(graph)))
+    half = _half_between_samples(graph, point)
+    if half:  # rates act over the time between samples, which its middle stands for
+        rates = function.call(replace(point, time=point.time - half).arguments(graph))[0].full()
     updates = _updates(graph, point, sampled)
     columns = (*states, *discretes, *inputs)
     signals = dict(zip(columns, np.eye(len(columns)), strict=True))
@@ -340,6 +343,16 @@ def blocks_of(
     blocks = LinearBlocks(states, discretes, inputs, rates, updates, signals)
     check_finite(blocks, graph.name, point)
     return blocks
+
+
+def _half_between_samples(graph: Graph, point: OperatingPoint) -> float:
+    """Return half the period, s, of the register of a delay, which laws read at its age; else 0."""
+    periods = [
+        point.seconds(clock.period)
+        for clock, members in graph.layout.sampled
+        if any(member.is_memory for member in members)
+    ]
+    return 0.5 * min((period for period in periods if period != ONCE), default=0.0)
 
 
 def check_finite(blocks: LinearBlocks, model: str, point: OperatingPoint) -> None:
@@ -364,9 +377,9 @@ def _updates(
     place_of = {discrete.name: k for k, discrete in enumerate(layout.discretes)}
     updates = []
     for (clock, members), matrix in zip(layout.sampled, matrices, strict=True):
-        if clock.period == ONCE:
-            continue
         period = point.seconds(clock.period)
+        if period == ONCE:
+            continue
         shift = sum(point.seconds(name) for name in clock.shift)
         rows = tuple(place_of[member.name] for member in members)
         updates.append(SampledUpdate(str(clock.period), period, shift, rows, matrix[list(rows)]))

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmus.kit import UserError, files
+from fmus.kit import Component, UserError, files
+from fmus.kit.declare import ONCE
+from fmus.kit.effects import unstack
 from orchestration.experiment.subjects import find_system, with_classes
 from orchestration.fmu import Model
 from orchestration.fmu.model import built
@@ -105,12 +107,26 @@ def _at_point(member: Member, prefix: str, point: OperatingPoint) -> Member:
     if member.cls is None:
         return member
     known = point.parameters | point.states | point.discretes
+    anew = _begun_anew(member.cls)
     changed = dict(member.parameters)
     for parameter in member.cls.layout.parameters:
         value = known[prefix + (parameter.starts or parameter.name)]
-        if value != parameter.start:
+        if parameter.type == "boolean":
+            value = float(round(value))  # of an equilibrium, which is solved for
+        if value != parameter.start and parameter.starts not in anew:
             changed[parameter.name] = value
     return replace(member, parameters=changed)
+
+
+def _begun_anew(cls: type[Component]) -> set[str]:
+    """Return what is relative to the start of a run: at rest it is as if it began there.
+
+    It is what is sampled once, and the states of effects that do so.
+    """
+    sampled = cls.layout.sampled
+    once = {z.name for clock, members in sampled if clock.period == ONCE for z in members}
+    effects = [e for e in unstack(cls)[1] if once.intersection(z.name for z in e.layout.discretes)]
+    return once.union(state.name for effect in effects for state in effect.layout.states)
 
 
 def write_files(design: ControllerDesign, folder: Path) -> list[Path]:

@@ -8,7 +8,7 @@ drift have a constant rate instead, and all others stay at rest: the rates F do 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -29,6 +29,7 @@ _HALVINGS = 20
 _ROUNDING = 1e-15  # least step, relative to the largest unknown, both in nominal values
 _INDEPENDENT = 1e-10  # least singular value of independent equations, relative to the largest
 _VISIBLE = 1e-6  # least share in a null direction of an unknown that is undetermined
+_REST = "the rate of {} = 0"
 _MORE_STARTS = 32  # of free signals, where the search from the given ones ends without a solution
 _WIDTH = 10.0  # of the range of starts of a signal that declares none, in nominal values
 
@@ -90,19 +91,16 @@ def trim(graph: Graph, near: OperatingPoint, request: TrimRequest) -> OperatingP
     targets = {name: value for name, value in request.fixed.items() if name not in inputs}
     _check(graph, request, targets)
     start = replace(near, inputs=near.inputs | constants)
-    equations = _equations(graph, start, request, targets)
-    solution, residual = _search(equations)
-    errors = np.append(np.abs(residual), 0.0)
-    worst = int(errors.argmax())
-    if not errors[worst] <= _SOLVED:
-        raise UserError(
-            f"{graph.name}: no equilibrium found; {equations.rows[worst]} cannot be met together"
-            " with the others (fix less, free an input, let a state drift:"
-            f" {option('drift')}, or start nearer to one: {option('settings')} of a free input)"
-        )
+    constant = _integrals(graph) - targets.keys()
+    equations, solution = _solved(graph, start, request, targets, constant)
     undetermined = _undetermined(equations, solution)
-    for name in undetermined:
-        if name in request.free:
+    if not undetermined.isdisjoint(request.free):
+        # a sensor may see what no law depends on, such as where a damper stands
+        constant |= undetermined & _at_rest_anyhow(equations, solution)
+        equations, solution = _solved(graph, start, request, targets, constant)
+        undetermined = _undetermined(equations, solution)
+    for name in request.free:
+        if name in undetermined:
             raise UserError(
                 f"{graph.name}: {option('free', [name])}: the equilibrium does not determine {name}"
             )
@@ -115,9 +113,36 @@ def trim(graph: Graph, near: OperatingPoint, request: TrimRequest) -> OperatingP
         point,
         trimmed=True,
         drift=drift,
-        undetermined=tuple(undetermined),
+        undetermined=tuple(name for name in names if name in undetermined),
         outside=_outside(equations, solution),
     )
+
+
+def _solved(
+    graph: Graph,
+    start: OperatingPoint,
+    request: TrimRequest,
+    targets: Mapping[str, float],
+    constant: Collection[str],
+) -> tuple[_Equations, Array]:
+    """Return the equations of an equilibrium with constant states, and their solution.
+
+    Raises
+    ------
+    UserError
+        If there is none.
+    """
+    equations = _equations(graph, start, request, targets, constant)
+    solution, residual = _search(equations)
+    errors = np.append(np.abs(residual), 0.0)
+    worst = int(errors.argmax())
+    if not errors[worst] <= _SOLVED:
+        raise UserError(
+            f"{graph.name}: no equilibrium found; {equations.rows[worst]} cannot be met together"
+            " with the others (fix less, free an input, let a state drift:"
+            f" {option('drift')}, or start nearer to one: {option('settings')} of a free input)"
+        )
+    return equations, solution
 
 
 def _outside(equations: _Equations, x: Array) -> dict[str, tuple[float, float]]:
@@ -157,11 +182,14 @@ def _check(graph: Graph, request: TrimRequest, targets: Mapping[str, float]) -> 
 
 
 def _equations(
-    graph: Graph, start: OperatingPoint, request: TrimRequest, targets: Mapping[str, float]
+    graph: Graph,
+    start: OperatingPoint,
+    request: TrimRequest,
+    targets: Mapping[str, float],
+    constant: Collection[str],
 ) -> _Equations:
     """Return the equations, with values for all variables that are known."""
-    constants = _integrals(graph) - targets.keys()
-    names = {*start.states, *start.discretes, *request.free} - constants
+    names = {*start.states, *start.discretes, *request.free}.difference(constant)
     variables = [variable for group in graph.layout.arguments for variable in group]
     places = [k for k, variable in enumerate(variables) if variable.name in names]
     unknowns = [variables[k] for k in places]
@@ -207,7 +235,7 @@ def _laws(
     layout = graph.layout
     for k, state in enumerate(layout.states):
         if state.name not in request.drift:
-            yield f"the rate of {state.name} = 0", graph.rates[k] / state.nominal
+            yield _REST.format(state.name), graph.rates[k] / state.nominal
     sampled = graph.discretes  # after the samples of all clocks, one after the other
     index = layout.parameter_index
     for (clock, _), update in zip(layout.sampled, graph.updates, strict=True):
@@ -310,14 +338,22 @@ def _evaluate(equations: _Equations, x: Array) -> tuple[Array, Array]:
     return residual.full().ravel(), jacobian.full()
 
 
-def _undetermined(equations: _Equations, x: Array) -> list[str]:
+def _at_rest_anyhow(equations: _Equations, x: Array) -> set[str]:
+    """Return the states that move by their rates alone, and whose rates no unknown moves."""
+    _, jacobian = _evaluate(equations, x)
+    rows = dict(zip(equations.rows, jacobian, strict=True))
+    names = {v.name for v in equations.unknowns}
+    return {name for name in names if not rows.get(_REST.format(name), np.ones(1)).any()}
+
+
+def _undetermined(equations: _Equations, x: Array) -> set[str]:
     """Return the unknowns that have a share in the null space of the equations at a solution."""
     _, jacobian = _evaluate(equations, x)
     if not jacobian.size:
-        return [v.name for v in equations.unknowns]
+        return {v.name for v in equations.unknowns}
     row_sizes = np.abs(jacobian).max(axis=1, keepdims=True)
     _, sizes, directions = np.linalg.svd(jacobian / np.where(row_sizes > 0.0, row_sizes, 1.0))
     rank = int((sizes > _INDEPENDENT * sizes.max(initial=0.0)).sum())
     shares = np.abs(directions[rank:]).max(axis=0, initial=0.0)
     pairs = zip(equations.unknowns, shares, strict=True)
-    return [unknown.name for unknown, share in pairs if share > _VISIBLE]
+    return {unknown.name for unknown, share in pairs if share > _VISIBLE}

@@ -4,6 +4,10 @@ import numpy as np
 import pytest
 
 import ppy_rig as ppy
+from fmus.kit import stack
+from fmus.kit.inputs import input_delay
+from fmus.kit.sensors import sensor_lag
+from fmus.ppy_actuator.model import PpyActuator
 from orchestration.experiment.system_model import system_model
 from orchestration.system import checking
 from tests.support.hosts import build_one_state_fmu, build_pythonfmu
@@ -25,6 +29,29 @@ def test_the_loop_that_runs_is_the_loop_of_the_design():
     assert step.measured[0] == pytest.approx(5e-5, rel=1e-9)
     assert step.command.min() == -0.2, "the limit acts"
     assert step.command.max() <= 0.3
+
+
+@pytest.mark.parametrize("kind", ["trim", "run"])
+def test_a_loop_with_delay_and_lag_begins_at_its_operating_point(kind):
+    """It stays there, and answers to a step no earlier than its command does."""
+    lag = sensor_lag(PpyActuator, "displacement")
+    values = {"current_delay": 0.1, "displacement_lag_time": 0.05}
+    cls = stack(PpyActuator, input_delay(PpyActuator, "current"), lag, defaults=values)
+    place = HELD if kind == "trim" else {"settings": {"current": 1e-4}, "at": ["1s"]}
+    found = ppy.design(cls, **SIGNALS, **AT, **place)
+    rest = found.point.inputs["reference"]
+    time = 0.02 * np.arange(100)
+    size = found.step_size
+    still, moved = (
+        ppy.run(found.system, time, {"reference": np.full(time.size, level)})
+        for level in (rest, rest + size)
+    )
+    rested, stepped = (one.signals["plant.displacement"] for one in (still, moved))
+    assert np.abs(rested - rest).max() < 0.02 * size
+    assert np.abs((stepped - rested)[:6]).max() < 1e-3 * size, "not before the dead time of 0.1 s"
+    assert stepped[-1] - rested[-1] > 0.1 * size
+    cut = ppy.linearise(found.system, cut="plant.displacement").margins()
+    np.testing.assert_allclose(cut, found.margins(), rtol=1e-6)
 
 
 def test_every_input_of_the_controller_is_stated():

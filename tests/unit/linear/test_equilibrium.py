@@ -16,9 +16,12 @@ from fmus.kit import (
     clip,
     exp,
     log,
+    stack,
     where,
 )
+from fmus.kit.sensors import sensor_lag
 from fmus.kit.symbolic import trace
+from fmus.ppy_actuator.model import PpyActuator
 from orchestration.linear.equilibrium import TrimRequest, trim
 from orchestration.linear.operating_point import point_at, start_point
 from orchestration.master.reference import fuse
@@ -180,3 +183,15 @@ def test_an_equilibrium_outside_of_a_range_says_so():
 def test_what_no_opening_reaches_is_no_equilibrium():
     with pytest.raises(UserError, match="no equilibrium found"):
         trimmed(trace(Level), {"height": 1.5}, ["valve"])
+
+
+def test_a_sensor_that_sees_where_a_damper_stands_determines_no_other_current():
+    """The damper without a force stays where it is; the lag of the sensor is at rest."""
+    request = TrimRequest({"displacement": 5e-5}, ["current"])
+    lag = sensor_lag(PpyActuator, "displacement")
+    plain, lagged = (
+        trim(graph, point_at(graph, 0.0, {}), request)
+        for graph in (trace(PpyActuator), trace(stack(PpyActuator, lag)))
+    )
+    assert lagged.inputs["current"] == pytest.approx(plain.inputs["current"])
+    assert lagged.undetermined == plain.undetermined == ()

@@ -8,6 +8,7 @@ from scipy.signal import cont2discrete
 
 from fmus import component
 from fmus.kit import Component, Input, Output, Parameter, State, UserError, stack
+from fmus.kit.inputs import input_delay
 from fmus.kit.sampling import Sampling
 from fmus.kit.sensors import sensor_lag, transport_delay
 from fmus.kit.symbolic import trace
@@ -114,6 +115,25 @@ def test_a_sensor_is_late_at_every_operating_point(name, is_late):
             ([80.0], np.polymul([600.0, 1.0], [SENSOR, 1.0])), PERIOD
         )
         expected = np.polyval(numerator[0], z) / np.polyval(denominator, z)
+    np.testing.assert_allclose(found, expected, rtol=2e-3)
+
+
+@pytest.mark.parametrize("name", ["start", "run"])
+@pytest.mark.parametrize("delay", [40.0, 50.0])
+def test_a_command_is_late_at_every_operating_point(name, delay):
+    """Against g / (T s + 1), held and sampled, behind a dead time of whole samples."""
+    effect = input_delay(Lag, "drive", sampling=Sampling(PERIOD, 100.0))
+    graph = trace(stack(Lag, effect, defaults={"drive_delay": delay}))
+    path = blocks_of(graph, point_at(graph, POINTS[name][0], {})).between(["drive"], ["measured"])
+    matrices = assemble(path, ["measured"], PERIOD)
+    z = np.exp(2j * np.pi * np.geomspace(1e-4, 1e-2, 7) * PERIOD)
+    column = matrices.B[:, -1:]
+    found = [
+        (matrices.C @ np.linalg.solve(w * np.eye(len(column)) - matrices.A, column))[0, 0]
+        for w in z
+    ]
+    whole = np.exp(-PERIOD / 600.0)
+    expected = 80.0 * (1.0 - whole) / (z - whole) * z ** -(delay / PERIOD)
     np.testing.assert_allclose(found, expected, rtol=2e-3)
 
 
