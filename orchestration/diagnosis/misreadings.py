@@ -388,14 +388,15 @@ def _refined(trial: _Trial | None) -> _Trial | None:
 def _shifted(trial: _Trial) -> _Trial | None:
     """Return a trial with the values of its reading that are best; None if none is better.
 
-    With the parameters as they are or a step further, since they have made up for a wrong shift.
+    With the parameters as they are; of an input that acts late, whose dead time they have made up
+    for, also a step further.
     """
     change = _best_change(trial)
     moved = None if change is None else _moved(trial, change)
     if moved is None:
         return None
     points = [trial.point]
-    runs = _runs(moved.problem, trial.point)
+    runs = _runs(moved.problem, trial.point) if trial.reading.is_command else None
     if runs is not None:
         points.append(_stepped(moved.problem, trial.point, runs)[0])
     tried = [replace(moved, point=p, misfit=_misfit(moved.problem, p)) for p in points]
