@@ -14,10 +14,9 @@ from scipy.ndimage import binary_dilation, median_filter
 
 from fmus.kit.arrays import Array, Mask
 from orchestration.diagnosis.local_values import LocalValues
-from orchestration.diagnosis.recording import jumps_of
-from orchestration.diagnosis.remainder import noise_of
 from orchestration.diagnosis.runs import Record
 from orchestration.diagnosis.subject import Subject
+from orchestration.records.quality import jumps_of, noise_of
 
 _JUMP = 12.0  # times the usual change of the error, which noise with heavy tails hardly reaches
 _SUDDEN = 2.5  # times the usual change beside it: the error of a model goes on changing

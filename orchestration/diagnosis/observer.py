@@ -19,10 +19,10 @@ import numpy as np
 
 from fmus.kit.arrays import Array, Mask
 from orchestration.diagnosis.fitting import Point, Problem, StartPrior, mean_squares
-from orchestration.diagnosis.remainder import noise_of
 from orchestration.diagnosis.responses import kalman_gains, steps_along
 from orchestration.diagnosis.runs import Course, Linearisation, Record
 from orchestration.diagnosis.terms import Term
+from orchestration.records.quality import noise_of
 
 _SHARES = 10.0 ** np.arange(-5.0, 1.1, 0.5)  # of the rates, that disturbances are tried to be
 _NEAR = 10.0 ** np.array([-4.0, -2.0, -1.0, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0])  # then, of each

@@ -13,28 +13,21 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import solveh_banded
-from scipy.ndimage import binary_dilation, median_filter, uniform_filter1d
+from scipy.ndimage import uniform_filter1d
 
 from fmus.kit.arrays import Array, Mask
 from orchestration.diagnosis.fitting import effective_samples
 from orchestration.diagnosis.law_model import LawModel
 from orchestration.diagnosis.readings import TIME
-from orchestration.diagnosis.remainder import noise_of
 from orchestration.diagnosis.runs import Record
+from orchestration.records.quality import jumps_of, noise_of, outliers_of
 
 _APART = 4.0  # standard deviations of the noise between levels: normal samples have no such gap
 _STILL = 1.5  # of the noise, up to which an input is at its levels
 _WHITE = 0.8  # share of samples of noise that are independent, of the clock or about levels
-_JUMP = 6.0  # standard deviations of the noise, by which an input jumps beside its slope
-_NEIGHBOURS = 5  # differences of samples that show its slope
+_FEWEST = 6  # samples of an input that can be smoothed
 _PLACE = 50  # samples over which an input is about as smooth
-_SMALL = 1e-3  # of the spread of an input, below which it has no noise beside its jumps
-_FAR = 8.0  # standard deviations of the noise, beyond which a single value is an outlier
-_BEND = 5.0  # distances of its neighbours, from which on a value is no bend of a smooth error
-_FEW = 0.05  # share of the samples, up to which some are outliers
-_TO_DEVIATION = 1.4826  # of the median of moduli, for normal noise
 _NOISY = 1e-6  # of a step or of a spread: less is rounding
 _JITTER = 0.3  # of a step, deviation of stamps of an even clock: within half a step they have 0.29
 _STIFFNESS = 10.0 ** np.arange(-3.0, 8.0)  # weights of squared third differences
@@ -78,41 +71,17 @@ def with_quiet_inputs(model: LawModel, record: Record) -> Record:
 def without_outliers(model: LawModel, record: Record, errors: Array) -> Record:
     """Return a record with gaps for outliers, by the errors (n, ny) that a model leaves.
 
-    These are single values far from what a model leaves beside them, but for those near a jump of
-    an input, where the model may be a sample late; and none of an output of which many are.
+    See `outliers_of`.
     """
-    jumps = np.zeros(len(record.time), dtype=bool)
-    for values in record.inputs.T:
-        jumps[1:] |= jumps_of(values)
-    near = binary_dilation(jumps, iterations=_NEIGHBOURS // 2)
     outputs = record.outputs.copy()
     for error, column in zip(errors.T, outputs.T, strict=True):
-        (known,) = np.nonzero(np.isfinite(error))
-        if known.size <= _NEIGHBOURS:
-            continue
-        far = _alone(error[known]) & ~near[known]
-        if far.mean() < _FEW:
-            column[known[far]] = np.nan
+        column[outliers_of(error, record.inputs)] = np.nan
     lost = np.isfinite(record.outputs) & ~np.isfinite(outputs)
     # a name for each of its values
     names = [model.outputs[j].name for j in np.nonzero(lost)[1]]
     if not names:
         return record
     return replace(record, outputs=outputs, denoised=(*record.denoised, *names))
-
-
-def _alone(errors: Array) -> Mask:
-    """Return which errors (n,) are far from the two before and the two after, which are near.
-
-    A bend of a smooth error is as near to these as they are to each other.
-    """
-    padded = np.pad(errors, _NEIGHBOURS // 2, mode="reflect")
-    beside = np.delete(sliding_window_view(padded, _NEIGHBOURS), _NEIGHBOURS // 2, axis=1)
-    middle = np.median(beside, axis=1)
-    away = np.abs(errors - middle)
-    # but for one of them, which may be an outlier too
-    apart = np.sort(np.abs(beside - middle[:, np.newaxis]), axis=1)[:, -2]
-    return (away > _FAR * _TO_DEVIATION * np.median(away)) & (away > _BEND * apart)
 
 
 def _levels(values: Array, noise: float) -> Array | None:
@@ -137,9 +106,9 @@ def _smooth(values: Array, noise: float) -> Array:
     and traces are estimated by a random probe.
     """
     count = len(values)
-    if count <= _NEIGHBOURS:
+    if count < _FEWEST:
         return values
-    penalty = _penalty(count, _jumps(values, noise))
+    penalty = _penalty(count, jumps_of(values, noise))
     probe = np.random.default_rng(0).choice([-1.0, 1.0], count)
     tried = np.empty((len(_STIFFNESS), count))
     free = np.empty(len(_STIFFNESS))
@@ -154,18 +123,6 @@ def _smooth(values: Array, noise: float) -> Array:
     errors = uniform_filter1d(squares, _PLACE, axis=1, mode="nearest")
     errors -= 2.0 * means[best] / free[best] * free[:, np.newaxis]
     return np.asarray(np.take_along_axis(tried, errors.argmin(axis=0)[np.newaxis], axis=0)[0])
-
-
-def jumps_of(values: Array) -> Mask:
-    """Return between which samples (n - 1,) an input jumps beside its slope."""
-    return _jumps(values, max(noise_of(values), _SMALL * float(np.std(values))))
-
-
-def _jumps(values: Array, noise: float) -> Mask:
-    """Return between which samples (n - 1,) there is a jump beside the slope."""
-    rises = np.diff(values)
-    slopes = median_filter(rises, _NEIGHBOURS, mode="nearest")
-    return np.asarray(np.abs(rises - slopes) > _JUMP * noise)
 
 
 def _penalty(count: int, jumps: Mask) -> Array:

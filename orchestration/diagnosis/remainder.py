@@ -10,7 +10,7 @@ import numpy as np
 from fmus.kit.arrays import Array, Indices
 from orchestration.diagnosis.comparison import Judged
 from orchestration.diagnosis.fitting import effective_samples, repeats
-from orchestration.records.quality import resolution_of
+from orchestration.records.quality import noise_of, resolution_of
 
 _SLOW = 0.5  # correlation of neighbouring samples from which on most of a remainder is slow
 _CHANCE = 3.0  # standard errors, up to which noise is white, and does not recur
@@ -18,7 +18,6 @@ _LARGE = 0.15  # of the spread, from which on what is left is no noise of a usua
 _COMMON = 0.1  # the same of the part that neighbouring samples have in common
 _WIDTHS = 1.5  # of the noise, from which on what is left is more than noise
 _MOVES = 0.5  # of what is left, by which a model moves from sample to sample at most
-_TO_DEVIATION = 1.4826  # of the median of moduli, for normal noise
 
 
 @dataclass(frozen=True)
@@ -189,15 +188,6 @@ def undersampled(judged: Judged) -> list[str]:
 def with_gaps(pieces: Sequence[Array]) -> Array:
     """Return pieces (n, ny) one after the other, each with a gap behind it."""
     return np.concatenate([np.pad(p, ((0, 1), (0, 0)), constant_values=np.nan) for p in pieces])
-
-
-def noise_of(error: Array) -> float:
-    """Return the standard deviation of white noise in an error (n,), by its second differences."""
-    bends = np.diff(error, 2)
-    bends = bends[np.isfinite(bends)]
-    if not bends.size:
-        return 0.0
-    return float(_TO_DEVIATION * np.median(np.abs(bends)) / np.sqrt(6.0))
 
 
 def _rounding(pieces: Sequence[Array]) -> float:

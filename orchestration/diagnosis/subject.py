@@ -30,9 +30,10 @@ from orchestration.diagnosis.observer import Observer, Place, growth_of, observe
 from orchestration.diagnosis.prediction import Prediction, predict
 from orchestration.diagnosis.readings import Reading, ReadingKind
 from orchestration.diagnosis.recording import evenly, with_quiet_inputs, without_outliers
-from orchestration.diagnosis.remainder import noise_of, with_gaps
+from orchestration.diagnosis.remainder import with_gaps
 from orchestration.diagnosis.runs import Record, Setting
 from orchestration.diagnosis.terms import Shape, Term
+from orchestration.records.quality import noise_of
 
 _PART = 2.0 / 3.0  # of a single record that is fitted
 _START = 0.1  # of a record: what nothing drives after it is a free response

@@ -26,6 +26,7 @@ from orchestration.identify.grey_box import Fit, fit_records, held_warnings
 from orchestration.identify.metrics import finite_or_none, fit_percent, rms
 from orchestration.identify.noise import WHITENESS_SAMPLES, Whiteness, whiteness
 from orchestration.records import Record, Source, read_record, read_runs, record_labels
+from orchestration.records.quality import outliers_of
 from orchestration.reporting import Displayable, one_line, option
 
 if TYPE_CHECKING:
@@ -516,4 +517,22 @@ def _assess(
             whiteness(residual) if is_long_enough else None,
         )
     limits = LimitOutputs.among(model.outputs, model.parameters)
-    return assessed, tuple(limits.remarks(data.time, simulated, parameters))
+    remarks = limits.remarks(data.time, simulated, parameters)
+    return assessed, (*remarks, *_outlier_remarks(data, assessed))
+
+
+def _outlier_remarks(data: FitData, assessed: Mapping[str, GoodnessOfFit]) -> Iterator[str]:
+    """Yield a remark on single values of an output that are far from the others, with their share.
+
+    They count in all figures: a record is compared as it is.
+    """
+    inputs = np.column_stack([np.zeros(len(data.time)), *data.inputs.values()])
+    for name, goodness in assessed.items():
+        far = outliers_of(goodness.residual, inputs)
+        if far.any():
+            y = np.where(far, np.nan, goodness.measured)
+            yield (
+                f"{name} has single values far from those beside them: {far.sum()}, the first at"
+                f" {data.time[far.argmax()]:.6g} s; they count, and without them the fit is"
+                f" {fit_percent(y, goodness.simulated):.4g} %"
+            )

@@ -5,4 +5,7 @@ from .causality import ahead_of_inputs as ahead_of_inputs
 from .fault import FAULTS as FAULTS
 from .fault import Channels as Channels
 from .fault import Fault as Fault
+from .outliers import jumps_of as jumps_of
+from .outliers import noise_of as noise_of
+from .outliers import outliers_of as outliers_of
 from .resampling import as_measured as as_measured

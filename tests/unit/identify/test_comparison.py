@@ -62,6 +62,22 @@ def test_figures_are_those_of_their_definition(model, record):
     assert not judged.whiteness.is_white
 
 
+def test_single_values_far_from_the_others_are_remarked_with_their_share(model, record):
+    assert not any("single values" in one for one in comparing.compare(model, record).remarks)
+    spoilt = record.signals["voltage"].copy()
+    moves = np.flatnonzero(np.diff(INPUTS["current"]) + np.diff(INPUTS["force"]))
+    places = [k for k in range(50, 600, 10) if np.abs(moves - k).min() > 5][:2]
+    spoilt[places] += 3.0
+    signals = record.signals | {"voltage": spoilt}
+    *_, remark = comparing.compare(model, replace(record, signals=signals)).remarks
+    others = np.delete(np.arange(TIME.size), places)
+    y, simulated = spoilt[others], exact_voltage(0.43, 2.35, 2.7)[others]
+    fit = 100 * (1 - np.linalg.norm(y - simulated) / np.linalg.norm(y - y.mean()))
+    assert remark.startswith("voltage has single values far from those beside them: 2, the first")
+    assert f"at {TIME[places[0]]:.6g} s" in remark
+    assert float(remark.split()[-2]) == pytest.approx(fit, abs=0.02)
+
+
 def test_settings_change_the_model_and_a_fit_starts_there(model, record):
     result = comparing.compare(model, record, {"R1": 0.5, "R2": 2.35}, ["R1", "C"])
     assert result.before["voltage"].simulated == pytest.approx(
