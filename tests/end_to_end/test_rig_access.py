@@ -255,10 +255,13 @@ def test_without_keys_the_user_drives_and_another_login_may_only_stop(tmp_path):
 
 
 def test_keys_can_be_given_up_which_the_log_says(tmp_path):
+    begun = time.time()
     with Server(tmp_path, "Logged", "--no-keys") as server:
         endpoint = server.wait_ready()
         server.wait_line("WARNING: --no-keys: everybody on this machine may drive the rig")
-        assert not local_key.path(endpoint).exists()
+        path = local_key.path(endpoint)
+        # a server of another test that was killed may have left one of its port
+        assert not path.exists() or path.stat().st_mtime < begun
         assert refusal(endpoint) == ""
 
 

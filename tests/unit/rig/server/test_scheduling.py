@@ -124,18 +124,19 @@ def test_a_process_that_the_machine_does_not_run_is_told_from_one_that_hangs(
     bodies = [program("IDLE" if is_beside_another else "OTHER", body)]
     bodies += [program("OTHER", "while True: pass")] * is_beside_another
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-    processes = [subprocess.Popen([sys.executable, "-c", body], **pipes) for body in bodies]
+    processes = []
     try:
-        for process in processes:
-            process.stdout.readline()
+        for body in bodies:  # one by one: beside the other the idle one would not begin
+            processes.append(subprocess.Popen([sys.executable, "-c", body], **pipes))
+            processes[-1].stdout.readline()
         time.sleep(0.2)  # until they have begun
         processor = ProcessorTime(processes[0].pid)
         seen = []
-        for number in range(5):  # other work of this core may be in the way
+        for number in range(3):  # other work of this core may be in the way
             processor.note(number)
             time.sleep(0.2)
             seen.append(processor.was_withheld(0.2))
-        assert seen.count(withheld) >= 3
+        assert seen.count(withheld) >= 2
     finally:
         for process in processes:
             process.kill()
