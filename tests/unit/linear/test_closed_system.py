@@ -37,7 +37,7 @@ def test_a_loop_with_delay_and_lag_begins_at_its_operating_point(kind):
     lag = sensor_lag(PpyActuator, "displacement")
     values = {"current_delay": 0.1, "displacement_lag_time": 0.05}
     cls = stack(PpyActuator, input_delay(PpyActuator, "current"), lag, defaults=values)
-    place = HELD if kind == "trim" else {"settings": {"current": 1e-4}, "at": ["1s"]}
+    place = HELD if kind == "trim" else {"settings": {"current": 0.1}, "at": ["300s"]}
     found = ppy.design(cls, **SIGNALS, **AT, **place)
     rest = found.point.inputs["reference"]
     time = 0.02 * np.arange(100)
