@@ -500,13 +500,8 @@ def input_delay(
 
     Parameters
     ----------
-    component : type[Component]
-    input : str
-        Name of a real input.
-    scale : float, optional
-        Typical magnitude of the input; by default its nominal value.
-    sampling : Sampling, optional
-        Sampling of the record that the effect is made for.
+    component, input, scale, sampling
+        See :func:`backlash`.
 
     Returns
     -------
