@@ -115,6 +115,11 @@ class Diagnosis:
         return self.found.subject.problem.model.cls
 
     @property
+    def has_equations(self) -> bool:
+        """True if the model is a component, and no FMU whose equations are unknown."""
+        return self.model.cls is not None
+
+    @property
     def observer(self) -> Observer | None:
         """The observer by whose predictions models are judged; None if free runs judge them."""
         return self.found.subject.observer
@@ -162,10 +167,8 @@ class Diagnosis:
     @cached_property
     def component(self) -> type[Component]:
         """The final model as a component, with fitted values as defaults."""
-        has_equations = self.model.cls is not None
-        made = extended_component(
-            self.final.fit, self.terms, self.reading if has_equations else None
-        )
+        reading = self.reading if self.has_equations else None
+        made = extended_component(self.final.fit, self.terms, reading)
         files = ", ".join(dict.fromkeys(record.source.name for record in self.records))
         read = "" if self.reading is None else f", in which {self.reading.sentence}"
         made.remark = f"Fitted to {ascii(files)[1:-1]}{read}\n{made.remark}".strip()

@@ -289,8 +289,8 @@ def _model_in(written: Mapping[str, str]) -> str:
 
 def _built(diagnosis: Diagnosis, name: str) -> str:
     """Return the option that builds a model: an FMU without equations is a part of a system."""
-    has_equations = diagnosis.model.cls is not None
-    return str(option("fmu", f"{name}.fmu") if has_equations else option("ssp", f"{name}.ssp"))
+    of_equations = option("fmu", f"{name}.fmu")
+    return str(of_equations if diagnosis.has_equations else option("ssp", f"{name}.ssp"))
 
 
 def _next_of_misread(diagnosis: Diagnosis, reading: Reading, written: Mapping[str, str]) -> str:
@@ -299,7 +299,7 @@ def _next_of_misread(diagnosis: Diagnosis, reading: Reading, written: Mapping[st
     check = "" if diagnosis.verdict == "cause" else "check file and wiring; if it is so, "
     model = _model_in(written)
     fitted = f"{model} is" if model else f"{_built(diagnosis, 'fitted')} builds"
-    if reading.dead_time and diagnosis.model.cls is not None:
+    if reading.dead_time and diagnosis.has_equations:
         return (
             f"it is a dead time, or the column is early: then {ways} ({files(diagnosis)}), and"
             f" diagnose it again; {fitted} the model with the dead time, which takes the values as"
